@@ -17,9 +17,8 @@ import knitlab.cube.query  # noqa: F401, registers cube.knitlab
 
 if TYPE_CHECKING:
     from knitlab import plot
-    from knitlab.api.cubes import claims, compare, explore, find, query
+    from knitlab.api.cubes import claims, compare, explore, export, find, query
     from knitlab.api.design import design
-    from knitlab.api.exporting import export
     from knitlab.api.knitting import knit
     from knitlab.api.laboratory import calibrate, fit, import_records
     from knitlab.api.simulation import Design, NotConverged, evaluate, simulate
@@ -77,9 +76,8 @@ __all__ = [
     "status",
 ]
 _NAMES_OF_MODULES = {
-    "api.cubes": ("claims", "compare", "explore", "find", "query"),
+    "api.cubes": ("claims", "compare", "explore", "export", "find", "query"),
     "api.design": ("design",),
-    "api.exporting": ("export",),
     "api.knitting": ("knit",),
     "api.laboratory": ("calibrate", "fit", "import_records"),
     "api.simulation": ("Design", "NotConverged", "evaluate", "simulate"),

@@ -6,6 +6,7 @@ from typing import Any
 
 from knitlab.api.cubes import Wanted
 from knitlab.api.sweeps import RESULTS
+from knitlab.figures.figure_files import draw_into
 from knitlab.inverse.design import BUDGET, Designed, run_design
 from knitlab.inverse.request import checked_request, read_request
 from knitlab.inverse.trial import ShapeFunction
@@ -138,18 +139,15 @@ def draw(designed: Designed) -> list[Path]:
     Returns:
         The files, in ``figures/`` of its folder.
     """
-    from knitlab.figures.figure_files import save
     from knitlab.figures.found_designs import found_figure, pareto_figure
-    from knitlab.figures.style import print_style
 
-    files = []
-    with print_style():
-        drawn = {"wanted": found_figure(designed.found, "candidates", bands=True)}
-        if (conflict := designed.conflict) is not None:
-            shown = conflict.distances, conflict.targets, conflict.candidates
-            drawn["pareto"] = pareto_figure(*shown)
-        for name, figure in drawn.items():
-            for suffix in ("pdf", "png"):
-                files.append(designed.folder / "figures" / f"{name}.{suffix}")
-                save(figure, files[-1])
-    return files
+    folder, conflict = designed.folder / "figures", designed.conflict
+    wanted, pareto = (
+        [folder / f"{name}.{suffix}" for suffix in ("pdf", "png")] for name in ("wanted", "pareto")
+    )
+    draw_into(lambda: found_figure(designed.found, "candidates", bands=True), *wanted)
+    if conflict is None:
+        return wanted
+    shown = conflict.distances, conflict.targets, conflict.candidates
+    draw_into(lambda: pareto_figure(*shown), *pareto)
+    return wanted + pareto

@@ -14,6 +14,7 @@ from knitlab.api.simulation import Design, case_of_design
 from knitlab.cube.cube_file import CUBE, cube_path, design_dims, is_case, open_cube
 from knitlab.cube.selection import chosen_places, selected
 from knitlab.fabric.settings import ModelOptions
+from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
 from knitlab.knitting.chart import Face, StitchChart
@@ -110,7 +111,7 @@ class KnitSample:
         check_output(path)
         suffix = path.suffix.lower()
         if suffix in STILL_SUFFIXES:
-            _save_figure(self.chart_figure(), path)
+            draw_into(self.chart_figure, path)
         else:
             with atomic_write(path) as temporary:
                 text = self.program if suffix == KNITOUT else self.chart.table()
@@ -128,7 +129,7 @@ class KnitSample:
         """
         path = Path(path)
         check_still(path)
-        _save_figure(self.sheet_figure(), path)
+        draw_into(self.sheet_figure, path)
         return path
 
 
@@ -229,14 +230,6 @@ def check_output(path: Path) -> None:
     if path.suffix.lower() not in known:
         problem = f"has no suffix of knitout or a chart; give {', '.join(known)}"
         raise fault(f"output {path}", problem)
-
-
-def _save_figure(figure: "Figure", path: Path) -> None:
-    from knitlab.figures.figure_files import save
-    from knitlab.figures.style import print_style
-
-    with print_style():
-        save(figure, path)
 
 
 def single_design(

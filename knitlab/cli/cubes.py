@@ -1,27 +1,18 @@
 """Commands on cubes: ``query``, ``find``, ``compare``, ``map``, ``claims``, ``explore``."""
 
 import re
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
-from knitlab.cli.options import (
-    COUNT,
-    PATH,
-    cubes_argument,
-    echo_problem,
-    format_option,
-    output_option,
-    select_option,
-)
+from knitlab.cli import options
 from knitlab.sweep.figure_names import FIGURE_NAMES, check_still
 
 
 @click.command()
-@cubes_argument
-@select_option
+@options.cubes
+@options.select
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
 @click.option(
     "--sort",
@@ -30,7 +21,7 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_still
     help="Sort by a variable, ascending; -NAME descends. Repeatable.",
 )
 @click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
-@format_option
+@options.table_format
 def query(
     cubes: tuple[Path, ...],
     selections: dict[str, Any],
@@ -54,7 +45,7 @@ def query(
 
 
 @click.command()
-@cubes_argument
+@options.cubes
 @click.option(
     "--target",
     "targets",
@@ -69,9 +60,9 @@ def query(
     metavar="TARGET",
     help='Target that must be met, such as "knit_cell_x < 20". Repeatable.',
 )
-@click.option("--most", type=COUNT, default=10, help="Designs to list.")
-@format_option
-@output_option("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
+@click.option("--most", type=options.COUNT, default=10, help="Designs to list.")
+@options.table_format
+@options.output("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
 def find(
     cubes: tuple[Path, ...],
     targets: tuple[str, ...],
@@ -100,20 +91,18 @@ def find(
     for reason, count in found.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)
     if output is not None and len(found.table):
-        from knitlab.figures.figure_files import save
+        from knitlab.figures.figure_files import draw_into
         from knitlab.figures.found_designs import found_figure
-        from knitlab.figures.style import print_style
 
-        with print_style():
-            save(found_figure(found), output)
+        draw_into(lambda: found_figure(found), output)
         click.echo(f"figure  {output}", err=True)
 
 
 @click.command()
-@click.argument("simulation", type=PATH)
-@click.argument("experiments", type=PATH, nargs=-1, required=True)
-@select_option
-@format_option
+@click.argument("simulation", type=options.PATH)
+@click.argument("experiments", type=options.PATH, nargs=-1, required=True)
+@options.select
+@options.table_format
 def compare(
     simulation: Path, experiments: tuple[Path, ...], selections: dict[str, Any], style: str
 ) -> None:
@@ -134,8 +123,8 @@ def compare(
     f"{', '.join(FIGURE_NAMES)}.",
 )
 @click.argument("kind")
-@cubes_argument
-@output_option(
+@options.cubes
+@options.output(
     "File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.", required=True
 )
 @click.option("--x", metavar="DIM", help="Dimension across a grid.")
@@ -144,7 +133,7 @@ def compare(
 @click.option(
     "--window", metavar="STRAIN:STRAIN", help="Strains over which sensor shows slope and linearity."
 )
-@select_option
+@options.select
 def draw_map(
     kind: str,
     cubes: tuple[Path, ...],
@@ -153,22 +142,16 @@ def draw_map(
     **shown: str | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
-    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn
-
-    options = {name: value for name, value in shown.items() if value is not None}
-    with suppress(OSError):  # draw_figure explains why a cube cannot be read
-        if is_drawn(output, fingerprint_of_figure(kind, cubes, selections, options)):
-            click.echo(f"figure  {output}")
-            return
     from knitlab.figures.drawing import draw_figure
 
-    click.echo(f"figure  {draw_figure(kind, cubes, output, selections, options)}")
+    chosen = {name: value for name, value in shown.items() if value is not None}
+    click.echo(f"figure  {draw_figure(kind, cubes, output, selections, chosen)}")
 
 
 @click.command()
-@cubes_argument
-@select_option
-@output_option("Report to write: .html contains its figures; .md has them in a folder beside it.")
+@options.cubes
+@options.select
+@options.output("Report to write: .html contains its figures; .md has them in a folder beside it.")
 def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | None) -> None:
     """Judge the paper's claims by CUBES: each claim holds, fails, or is not measured.
 
@@ -189,12 +172,12 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
         for path in files:
             click.echo(f"{'page' if path == output else 'figure':6}  {path}")
         for fault in faults:
-            echo_problem(fault)
+            options.echo_problem(fault)
 
 
 @click.command()
-@cubes_argument
-@output_option("The page; it is one file.", default=Path("explorer.html"))
+@options.cubes
+@options.output("The page; it is one file.", default=Path("explorer.html"))
 def explore(cubes: tuple[Path, ...], output: Path) -> None:
     """Write a page on which CUBES can be explored in a browser, without a network.
 

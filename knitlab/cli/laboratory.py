@@ -6,20 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from knitlab.cli.options import (
-    COUNT,
-    FILE,
-    PATH,
-    SOME_CASE_NOT_OK,
-    CommandGroup,
-    check_toml,
-    draw_beside,
-    echo_problem,
-    output_option,
-    results_option,
-    select_option,
-    set_option,
-)
+from knitlab.cli import options
 
 if TYPE_CHECKING:
     from knitlab.laboratory.description import RecordKind
@@ -28,9 +15,11 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
 
 @click.command()
-@click.argument("curve", type=FILE)
+@click.argument("curve", type=options.FILE)
 @click.option("--stripe", "knit", type=click.Choice(["rib", "garter"]), required=True)
-@click.option("-n", "stitches", type=COUNT, required=True, help="Stitches across the stripe.")
+@click.option(
+    "-n", "stitches", type=options.COUNT, required=True, help="Stitches across the stripe."
+)
 @click.option(
     "--period", type=MILLIMETRES, required=True, help="Relaxed peak-to-peak distance [mm]."
 )
@@ -51,12 +40,10 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 )
 @click.option(
     "--spring-curve",
-    type=FILE,
+    type=options.FILE,
     help="Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
 )
-@output_option(
-    "Stripe entry to write, .toml, with figures beside it. [default: STRIPE-N.toml]",
-)
+@options.output("Stripe entry to write, .toml, with figures beside it. [default: STRIPE-N.toml]")
 def calibrate(
     curve: Path,
     knit: Literal["rib", "garter"],
@@ -75,21 +62,19 @@ def calibrate(
     network, or the stress with the row's --width. Measure until the folds are open and the springs
     stretch, to about 200 % strain: below that the three cannot be determined separately.
     """
-    from knitlab.io.errors import fault
-    from knitlab.io.table_file import read_tension_curve
-
-    output = output or Path(f"{knit}-{stitches}.toml")
-    check_toml(output)
-    if (law == "tabulated") != (spring_curve is not None):
-        raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
-    measured = read_tension_curve(curve, width, thickness)
-
     from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.fits import calibration_figure
+    from knitlab.io.errors import fault
+    from knitlab.io.table_file import read_tension_curve
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report, report_comparison, write_stripe_file
     from knitlab.sweep.parameters import defaults
 
+    output = output or Path(f"{knit}-{stitches}.toml")
+    options.check_toml(output)
+    if (law == "tabulated") != (spring_curve is not None):
+        raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
+    measured = read_tension_curve(curve, width, thickness)
     springs: Any = law
     if spring_curve is not None:
         table = read_tension_curve(spring_curve)
@@ -107,21 +92,19 @@ def calibrate(
     for line in [*report(fitted), *(report_comparison(fitted, linear) if linear else [])]:
         click.echo(line)
     for warning in fitted.warnings:
-        echo_problem(warning)
+        options.echo_problem(warning)
     if fitted.usable:
         used_size = cell_size or defaults().model.cell_size
         write_stripe_file(output, knit, stitches, fitted, curve, used_size)
         click.echo(f"stripe   {output}")
     else:
-        echo_problem("no stripe is written, as this fit cannot be used")
-    curves = (fitted.strain, fitted.force, fitted.fitted_force)
-    linear_force = None if linear is None else linear.fitted_force
-    draw_beside(output, lambda: calibration_figure(*curves, title, linear_force))
+        options.echo_problem("no stripe is written, as this fit cannot be used")
+    options.draw_beside(output, lambda: calibration_figure(fitted, title, linear))
     if not fitted.usable:
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
-@click.group(name="import", cls=CommandGroup)
+@click.group(name="import", cls=options.CommandGroup)
 def import_group() -> None:
     """Import laboratory records as a cube, to compare with simulations."""
 
@@ -130,8 +113,8 @@ def _add_import(kind: "RecordKind", records: str) -> None:
     help = f"Import the {records} described by DESCRIPTION, a TOML file."
 
     @import_group.command(name=kind, help=help)
-    @click.argument("description", type=FILE)
-    @results_option
+    @click.argument("description", type=options.FILE)
+    @options.results
     def command(description: Path, results: Path) -> None:
         from knitlab.api import laboratory as api
 
@@ -147,10 +130,10 @@ _add_import("capacitance", "log of an LCR meter")
 
 
 @click.command()
-@click.argument("experiment", type=PATH)
+@click.argument("experiment", type=options.PATH)
 @click.argument("workflow")
-@set_option
-@select_option
+@options.settings
+@options.select
 @click.option(
     "--looseness",
     type=click.FloatRange(min=0, max=2, min_open=True),
@@ -169,45 +152,56 @@ _add_import("capacitance", "log of an LCR meter")
     default=4,
     help="Largest number of starts to try until the test is matched.",
 )
-@output_option("Stripes to write, .toml, with figures beside it.", default=Path("fitted.toml"))
+@options.output("Stripes to write, .toml, with figures beside it.", default=Path("fitted.toml"))
 def fit(
     experiment: Path,
     workflow: str,
     settings: tuple[str, ...],
     selections: dict[str, Any],
     output: Path,
-    **options: Any,
+    **numbers: Any,
 ) -> None:
     """Fit k_s, k_t and theta_0 of both stripes to an imported EXPERIMENT on a whole fabric.
 
     The sample is the only case of WORKFLOW with the design of the experiment. It is simulated
     about ten to thirty times.
     """
+    from knitlab.api import laboratory as api
     from knitlab.cube.cube_file import open_cube
     from knitlab.cube.selection import selected
+<<<<<<< HEAD
 
     check_toml(output)
     cube = selected(open_cube(experiment), selections)
 
     from knitlab.api import laboratory as api
+=======
+>>>>>>> trunk
     from knitlab.figures.fits import fit_figure
     from knitlab.laboratory.fit import report, write_stripes
     from knitlab.sweep.plan import make_plan
 
+    options.check_toml(output)
+    cube = selected(open_cube(experiment), selections)
+
     def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
-    fitted = api.fit(cube, make_plan(workflow, settings), step=report_step, **options)
+    fitted = api.fit(cube, make_plan(workflow, settings), step=report_step, **numbers)
     for line in report(fitted):
         click.echo(line)
     for warning in fitted.warnings:
-        echo_problem(warning)
+        options.echo_problem(warning)
     write_stripes(output, fitted, experiment)
     click.echo(f"stripes  {output}")
     title = f"{fitted.before.label}, fitted to {experiment}"
+<<<<<<< HEAD
     draw_beside(output, lambda: fit_figure(fitted, title))
+=======
+    options.draw_beside(output, lambda: fit_figure(fitted, title))
+>>>>>>> trunk
     if not fitted.converged:
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
 COMMANDS = (calibrate, import_group, fit)

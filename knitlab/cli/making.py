@@ -6,35 +6,20 @@ from typing import Any
 
 import click
 
-from knitlab.cli.options import (
-    COUNT,
-    FILE,
-    MOST_LINES,
-    PATH,
-    SOME_CASE_NOT_OK,
-    echo_problem,
-    format_option,
-    output_option,
-    read_machine_values,
-    repeats_option,
-    results_option,
-    select_option,
-    set_option,
-    workers_option,
-)
+from knitlab.cli import options
 
 
 @click.command()
-@click.argument("file", metavar="TARGETS.toml", type=FILE)
-@results_option
+@click.argument("file", metavar="TARGETS.toml", type=options.FILE)
+@options.results
 @click.option(
     "--budget",
     default="60",
     metavar="N|MINUTESmin",
     help="Largest number of simulations of coarse sweep and searches, or a time such as 30min.",
 )
-@workers_option(0)
-@format_option
+@options.workers(0)
+@options.table_format
 def design(file: Path, results: Path, budget: str, workers: int, style: str) -> None:
     """Find the stripes and sizes that come closest to the targets of a TOML file, by simulation.
 
@@ -46,13 +31,13 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     from knitlab.api import design as api
     from knitlab.cube.cube_file import CUBE
     from knitlab.cube.query import formatted
-    from knitlab.inverse.summary import summary
+    from knitlab.inverse.design import summary
 
     try:
         designed = api.design(file, budget=budget, workers=workers, results=results, progress=True)
     except KeyboardInterrupt:
         click.echo("stopped: finished simulations are kept; run again to continue", err=True)
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
     if style == "table":
         for number, target in enumerate(designed.request.wanted, start=1):
             kind = "target" if number <= len(designed.request.targets) else "subject to"
@@ -66,16 +51,18 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     for path in api.draw(designed):
         click.echo(f"figure  {path}", err=True)
     if not designed.met:
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
 @click.command()
 @click.argument("design", metavar="DESIGN|CUBE")
-@select_option
-@set_option
-@repeats_option
+@options.select
+@options.settings
+@options.repeats
 @click.option(
-    "--needles", type=COUNT, help="Needles to fill with whole repeats, twice as long as wide."
+    "--needles",
+    type=options.COUNT,
+    help="Needles to fill with whole repeats, twice as long as wide.",
 )
 @click.option(
     "--face",
@@ -94,7 +81,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     "--output",
     "outputs",
     multiple=True,
-    type=FILE,
+    type=options.FILE,
     help="File: .k knitout; .svg, .png or .pdf the stitch chart; .csv the chart as a table."
     " Repeatable.",
 )
@@ -102,7 +89,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     "--sheet",
     "sheets",
     multiple=True,
-    type=FILE,
+    type=options.FILE,
     help="File for the specification sheet, .pdf, .svg or .png. Repeatable.",
 )
 @click.option("--check", is_flag=True, help="Check the knitout, and compare it with the chart.")
@@ -132,7 +119,7 @@ def knit(
     for path in sheets:
         check_still(path)
     single = single_design(design, settings, selections)
-    sample = knitted(single, repeats, needles, face, read_machine_values(changes))
+    sample = knitted(single, repeats, needles, face, options.read_machine_values(changes))
     for name, value in sample.specification.rows():
         click.echo(f"{name:13} {value}")
     for remark in sample.specification.remarks:
@@ -146,22 +133,22 @@ def knit(
     checked = sample.check()
     for note in checked.notes:
         click.echo(f"{'check':13} {note}")
-    for fault in checked.faults[:MOST_LINES]:
-        echo_problem(fault)
-    if len(checked.faults) > MOST_LINES:
-        click.echo(f"… and {len(checked.faults) - MOST_LINES} more", err=True)
+    for fault in checked.faults[: options.MOST_LINES]:
+        options.echo_problem(fault)
+    if len(checked.faults) > options.MOST_LINES:
+        click.echo(f"… and {len(checked.faults) - options.MOST_LINES} more", err=True)
     if checked.faults:
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
 @click.command()
-@click.argument("cube", type=PATH)
-@select_option
-@output_option(
+@click.argument("cube", type=options.PATH)
+@options.select
+@options.output(
     "File to write, .vtu, .ply, .obj, .stl or .glb; .pvd is a series over the strain.",
     required=True,
 )
-@repeats_option
+@options.repeats
 @click.option("--triangles", is_flag=True, help="Divide every grid cell into two triangles.")
 @click.option(
     "--thickness",
@@ -182,7 +169,7 @@ def export(
     Shapes are in the case files beside a cube. Of a single file the strain is 0 unless it is
     selected; a series has every strain that was reached.
     """
-    from knitlab.api import exporting as api
+    from knitlab.api import cubes as api
 
     exported = api.export(
         cube,

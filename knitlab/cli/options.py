@@ -131,31 +131,29 @@ def check_toml(output: Path) -> None:
 
 def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:
     """Save a figure beside a file, as PDF and PNG."""
-    from knitlab.figures.figure_files import save
-    from knitlab.figures.style import print_style
+    from knitlab.figures.figure_files import draw_into
 
-    with print_style():
-        figure = draw()
-        for suffix in (".pdf", ".png"):
-            save(figure, output.with_suffix(suffix))
-            click.echo(f"figure   {output.with_suffix(suffix)}")
+    files = [output.with_suffix(suffix) for suffix in (".pdf", ".png")]
+    draw_into(draw, *files)
+    for file in files:
+        click.echo(f"figure   {file}")
 
 
-cubes_argument = click.argument("cubes", type=PATH, nargs=-1, required=True)
-results_option = click.option(
+cubes = click.argument("cubes", type=PATH, nargs=-1, required=True)
+results = click.option(
     "--results",
     type=FOLDER,
     default=Path("results"),
     help="Folder that holds a folder of results for each workflow.",
 )
-set_option = click.option(
+settings = click.option(
     "--set",
     "settings",
     multiple=True,
     metavar="KEY=VALUE",
     help="Override a setting of the workflow; a comma makes a list. Repeatable.",
 )
-select_option = click.option(
+select = click.option(
     "--select",
     "selections",
     multiple=True,
@@ -163,23 +161,23 @@ select_option = click.option(
     callback=_parsed(read_selections),
     help="Keep one value of a coordinate, or several with commas. Repeatable.",
 )
-repeats_option = click.option(
+repeats = click.option(
     "--repeats",
     metavar="NxM",
     callback=_parsed(_two_counts),
     help="Repeats of the pattern along the warp and the weft, such as 4x2.",
 )
-format_option = click.option(
+table_format = click.option(
     "--format", "style", type=click.Choice(["table", "csv", "json"]), default="table"
 )
 
 
-def output_option(help: str, **options: Any) -> Decorator:
+def output(help: str, **options: Any) -> Decorator:
     """The option ``--output`` of a command that writes one file."""
     return click.option("-o", "--output", type=FILE, help=help, **options)
 
 
-def workers_option(default: int | None, shown: str | bool = True) -> Decorator:
+def workers(default: int | None, shown: str | bool = True) -> Decorator:
     """The option ``--workers``, with the default of a command and how to show it."""
     return click.option(
         "--workers",

@@ -8,16 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from knitlab.cli.options import (
-    FOLDER,
-    MOST_LINES,
-    PATH,
-    SOME_CASE_NOT_OK,
-    echo_problem,
-    results_option,
-    set_option,
-    workers_option,
-)
+from knitlab.cli import options
 
 if TYPE_CHECKING:
     from knitlab.io.errors import Fault
@@ -32,7 +23,7 @@ def workflow_options(command: Callable[..., None]) -> Callable[..., None]:
         callback=lambda _, __, scale: () if scale is None else (f"scale={scale:g}",),
         help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
     )
-    return click.argument("workflow")(set_option(scale_option(results_option(command))))
+    return click.argument("workflow")(options.settings(scale_option(options.results(command))))
 
 
 @click.command()
@@ -51,18 +42,18 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
         made.write(folder / PLAN)
     status = folder_status(folder, made.record(), made.designs, check=False)
     click.echo(made.title)
-    for number, batch in enumerate(made.batches[:MOST_LINES], start=1):
+    for number, batch in enumerate(made.batches[: options.MOST_LINES], start=1):
         click.echo(
             f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
             f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
         )
-        for case_id in batch.cases[:MOST_LINES]:
+        for case_id in batch.cases[: options.MOST_LINES]:
             case = made.cases[case_id]
             click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}")
-        if len(batch.cases) > MOST_LINES:
-            click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
-    if len(made.batches) > MOST_LINES:
-        click.echo(f"… and {len(made.batches) - MOST_LINES} more batches")
+        if len(batch.cases) > options.MOST_LINES:
+            click.echo(f"  … and {len(batch.cases) - options.MOST_LINES} more")
+    if len(made.batches) > options.MOST_LINES:
+        click.echo(f"… and {len(made.batches) - options.MOST_LINES} more batches")
     for design, reason in made.excluded.items():
         _echo_excluded(made.dims, design, reason)
     strains = made.applied_strain
@@ -96,7 +87,7 @@ def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> N
 
 @click.command()
 @workflow_options
-@workers_option(None, shown="all cores, for several batches")
+@options.workers(None, shown="all cores, for several batches")
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
 @click.option(
     "--retries",
@@ -129,7 +120,7 @@ def run(
     scale: tuple[str, ...],
     keep_going: bool,
     shard: str | None,
-    **options: Any,
+    **run_options: Any,
 ) -> None:
     """Simulate the missing cases of WORKFLOW, build its cube and draw its figures.
 
@@ -143,21 +134,23 @@ def run(
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.run import RunOptions, run_plan
 
-    part = None if shard is None else Shard.of(shard)
+    own_shard = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, overrides)
     _echo_warnings(made)
-    chosen = RunOptions(fail_fast=not keep_going, shard=part, show_progress=True, **options)
+    chosen = RunOptions(
+        fail_fast=not keep_going, shard=own_shard, show_progress=True, **run_options
+    )
     folder = results / made.workflow
     done = run_plan(made, folder, chosen)
     drawn: list[Path] = []
     faults: list[Fault] = []
-    if part is None:
+    if own_shard is None:
         from knitlab.figures.drawing import draw_figures
 
         drawn, faults = draw_figures(made.figures, folder)
     for design, reason in made.excluded.items():
         _echo_excluded(made.dims, design, reason)
-    of_shard = f" in shard {part}" if part else ""
+    of_shard = f" in shard {own_shard}" if own_shard else ""
     click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there{of_shard}")
     if done.joined:
         click.echo(f"cube    {folder / CUBE}")
@@ -166,11 +159,11 @@ def run(
     for path in drawn:
         click.echo(f"figure  {path}")
     for fault in faults:
-        echo_problem(fault)
+        options.echo_problem(fault)
     for line in done.remarks(made.dims, folder):
         click.echo(line, err=True)
     if not done.all_ok:
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
@@ -198,11 +191,11 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=PATH)
+@click.argument("folders", nargs=-1, required=True, type=options.PATH)
 @click.option(
     "-o",
     "--results",
-    type=FOLDER,
+    type=options.FOLDER,
     default=Path("results"),
     help="Folder that holds a folder of results for each workflow; what is there is kept.",
 )
@@ -223,12 +216,12 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     click.echo(f"{sum(done.counts.values())} designs: {_counted(done.counts)}")
     click.echo(f"cube    {done.folder / CUBE}")
     if done.damaged:
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
 @click.command()
 @click.argument("workflow")
-@results_option
+@options.results
 @click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, for scripts.")
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
@@ -238,25 +231,25 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     """
     from knitlab.sweep.status import workflow_status
 
-    found = workflow_status(workflow, results, check)
+    state = workflow_status(workflow, results, check)
     if as_json:
-        click.echo(json.dumps(found.record(), indent=1))
+        click.echo(json.dumps(state.record(), indent=1))
         return
-    click.echo(f"{len(found.designs)} cases: {_counted(found.counts)}")
-    for path in found.changed:
+    click.echo(f"{len(state.designs)} cases: {_counted(state.counts)}")
+    for path in state.changed:
         click.echo(f"changed since the plan: {path}")
-    not_ok = [case_id for case_id, word in found.statuses.items() if word != "ok"]
-    for case_id in not_ok[:MOST_LINES]:
-        reason = found.failures.get(case_id, "")
-        state = f"{found.statuses[case_id]}: {reason}" if reason else found.statuses[case_id]
-        click.echo(f"  {found.label(case_id)}  {case_id}  {state}")
-    if len(not_ok) > MOST_LINES:
-        click.echo(f"  … and {len(not_ok) - MOST_LINES} more; --json lists them all")
+    not_ok = [case_id for case_id, word in state.statuses.items() if word != "ok"]
+    for case_id in not_ok[: options.MOST_LINES]:
+        reason = state.failures.get(case_id, "")
+        word = f"{state.statuses[case_id]}: {reason}" if reason else state.statuses[case_id]
+        click.echo(f"  {state.label(case_id)}  {case_id}  {word}")
+    if len(not_ok) > options.MOST_LINES:
+        click.echo(f"  … and {len(not_ok) - options.MOST_LINES} more; --json lists them all")
 
 
 @click.command()
 @click.argument("case_id")
-@results_option
+@options.results
 def reproduce(case_id: str, results: Path) -> None:
     """Run one case in this process, and show how every state was reached.
 
@@ -266,7 +259,7 @@ def reproduce(case_id: str, results: Path) -> None:
     from knitlab.api.sweeps import reproduce as reproduce_case
 
     if not reproduce_case(case_id, results=results, report=click.echo):
-        sys.exit(SOME_CASE_NOT_OK)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
 COMMANDS = (plan, run, merge, status, reproduce)

@@ -125,11 +125,8 @@ def is_measured(cube: xr.Dataset) -> bool:
 def model_options(cube: xr.Dataset) -> dict[str, Any]:
     """The model options that all designs of a cube share, by name."""
     stated = {str(name): value for name, value in cube.attrs.items()}
-    return {
-        name.removeprefix(READING): value
-        for name, value in stated.items()
-        if name.startswith(READING)
-    }
+    names = [name for name in stated if name.startswith(READING)]
+    return {name.removeprefix(READING): stated[name] for name in names}
 
 
 def is_case(dataset: xr.Dataset) -> bool:

@@ -15,7 +15,6 @@ from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow, root_me
 from knitlab.cube.target import Target, check_window
 from knitlab.io.errors import fault, unknown
 
-COVERED = {True: "yes", False: "no", None: "unknown"}
 Numbers = Float[np.ndarray, " design"]
 
 
@@ -32,8 +31,8 @@ class Reached:
             square over the window.
         worst: the same for the worst fabric within the spread over a design's siblings; equal to
             ``off_by`` if the spread is unknown.
-        covered: whether the spread over a design's siblings overlaps the target at every strain;
-            ``None`` if the spread is unknown.
+        in_spread: whether the spread over a design's siblings overlaps the target at every
+            strain: ``yes``, ``no``, or ``unknown`` as the spread is.
         band: lowest and highest values of the siblings, like ``values``; empty for a number.
     """
 
@@ -43,7 +42,7 @@ class Reached:
     obtained: Numbers
     off_by: Numbers
     worst: Numbers
-    covered: tuple[bool | None, ...]
+    in_spread: np.ndarray
     band: tuple[np.ndarray, ...] = ()
 
     def __repr__(self) -> str:
@@ -60,13 +59,9 @@ class Reached:
 
     def in_order(self, order: np.ndarray) -> "Reached":
         """The candidates in another order, or a subset of them."""
-        names = ("values", "obtained", "off_by", "worst")
-        return replace(
-            self,
-            **{name: getattr(self, name)[order] for name in names},
-            covered=tuple(self.covered[place] for place in order),
-            band=tuple(edge[order] for edge in self.band),
-        )
+        names = ("values", "obtained", "off_by", "worst", "in_spread")
+        ordered = {name: getattr(self, name)[order] for name in names}
+        return replace(self, **ordered, band=tuple(edge[order] for edge in self.band))
 
 
 @dataclass(frozen=True)
@@ -136,7 +131,7 @@ def find_designs(
     for number, each in enumerate(ordered, start=1):
         table[f"value_{number}"] = each.obtained
         table[f"off_by_{number}"] = each.off_by
-        table[f"in_spread_{number}"] = [COVERED[covers] for covers in each.covered]
+        table[f"in_spread_{number}"] = each.in_spread
     for constraint in required:
         table[constraint.target.label] = constraint.obtained[order]
     return Found(table, ordered, {reason: count for reason, count in passed_over.items() if count})
@@ -149,8 +144,8 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
         # NaN where a cube does not have it.
         values, none = designs[target.name].to_numpy(float, na_value=np.nan), np.zeros(0)
         off_by = target.excess(values, none)
-        unknown_spread = (None,) * len(values)
-        return Reached(target, none, values[:, None], values, off_by, off_by, unknown_spread)
+        in_spread = np.full(len(values), "unknown")
+        return Reached(target, none, values[:, None], values, off_by, off_by, in_spread)
     at, curves = _curves(cubes, target.name, target.window)
     band = [
         _curves(cubes, name, target.window)[1]
@@ -167,8 +162,14 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
         obtained = read[0][:, 0]
         excess = [target.excess(item, at)[:, 0] for item in read]
         off_by, worst = excess[0], np.fmax.reduce(excess)
-    covered = _covered(target, at, read[1:], len(curves))
-    return Reached(target, at, curves, obtained, off_by, worst, covered, tuple(band))
+    in_spread = np.full(len(curves), "unknown")
+    if band:
+        lowest, highest = np.minimum(*read[1:]), np.maximum(*read[1:])
+        low, high = target.bounds(at)
+        overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
+        known = np.isfinite(lowest).all(axis=1)
+        in_spread = np.select([~known, overlaps], ["unknown", "yes"], "no")
+    return Reached(target, at, curves, obtained, off_by, worst, in_spread, tuple(band))
 
 
 def _lies_along_strain(
@@ -204,16 +205,3 @@ def _curves(
         for strains, rows in read
     ]
     return at, np.concatenate(combined)
-
-
-def _covered(
-    target: Target, at: np.ndarray, band: Sequence[np.ndarray], designs: int
-) -> tuple[bool | None, ...]:
-    """Whether the bands of designs overlap the target at every strain."""
-    if not band:
-        return (None,) * designs
-    lowest, highest = np.minimum(*band), np.maximum(*band)
-    low, high = target.bounds(at)
-    known = np.isfinite(lowest).all(axis=1)
-    overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
-    return tuple(bool(a) if b else None for a, b in zip(overlaps, known, strict=True))

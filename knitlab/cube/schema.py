@@ -27,6 +27,12 @@ FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": Capacit
 """Variables whose values are flags, and their flags."""
 
 
+Kind = Literal[
+    "all", "dynamics", "stripe", "patches", "sensitivities", "capacitor", "unloading",
+    "robustness", "contact", "laboratory", "design", "stripes", "cloth", "candidate",
+]  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Variable:
     """One variable, as a case holds it; a cube adds the dimensions of its designs.
@@ -49,16 +55,21 @@ class Variable:
     long_name: str
     description: str = ""
     in_cube: bool = True
-    of: Literal[
-        "all", "dynamics", "stripe", "patches", "sensitivities", "capacitor", "unloading",
-        "robustness", "contact", "laboratory", "design", "stripes", "cloth", "candidate",
-    ] = "all"  # fmt: skip
+    of: Kind = "all"
 
     @property
     def attributes(self) -> dict[str, str]:
         """Its CF attributes."""
         described = {"description": self.description} if self.description else {}
         return {"units": self.units, "long_name": self.long_name, **described}
+
+
+def _variable(
+    dims: tuple[str, ...], label: str, description: str = "", in_cube: bool = True, of: Kind = "all"
+) -> Variable:
+    """A variable from its long name and unit, ``reaction force [N]``; without one the unit is 1."""
+    long_name, _, units = label.removesuffix("]").partition(" [")
+    return Variable(dims, units or "1", long_name, description, in_cube, of)
 
 
 DESIGN_DIMS = ("n_stripe", "n_subunit")
@@ -72,36 +83,34 @@ SIMULATION = "simulation"
 """Source of a simulated cube; that of an experiment is its name."""
 
 COORDINATES = {
-    "n_stripe": Variable(("n_stripe",), "1", "stitches across a rib stripe"),
-    "n_subunit": Variable(("n_subunit",), "1", "stitches along a garter stripe"),
-    "knit": Variable(("knit",), "1", "knit of a pure stripe"),
-    "n": Variable(("n",), "1", "stitches across a stripe"),
-    "boundary": Variable(("boundary",), "1", "clamped sample, or periodic fabric"),
-    "source": Variable((), "1", "simulation, or the name of an experiment"),
-    "cycle": Variable(("cycle",), "1", "cycle of a tensile test"),
-    "applied_strain": Variable(
+    "n_stripe": _variable(("n_stripe",), "stitches across a rib stripe"),
+    "n_subunit": _variable(("n_subunit",), "stitches along a garter stripe"),
+    "knit": _variable(("knit",), "knit of a pure stripe"),
+    "n": _variable(("n",), "stitches across a stripe"),
+    "boundary": _variable(("boundary",), "clamped sample, or periodic fabric"),
+    "source": _variable((), "simulation, or the name of an experiment"),
+    "cycle": _variable(("cycle",), "cycle of a tensile test"),
+    "applied_strain": _variable(
         ("applied_strain",),
-        "1",
         "applied strain",
         "displacement of the driven end over the relaxed length",
     ),
-    "cell_y": Variable(("cell_y",), "1", "unit cell along the warp"),
-    "cell_x": Variable(("cell_x",), "1", "unit cell along the weft"),
-    "stripe_parameter": Variable(
+    "cell_y": _variable(("cell_y",), "unit cell along the warp"),
+    "cell_x": _variable(("cell_x",), "unit cell along the weft"),
+    "stripe_parameter": _variable(
         ("stripe_parameter",),
-        "1",
         "parameter of the rib or of the garter stripe",
         "rib_period is the paper's w, garter_period its h; k_s of springs, k_t, theta_0 of folds",
     ),
-    "boundary_point": Variable(
-        ("boundary_point",), "1", "position along a boundary, over its length from end to end"
+    "boundary_point": _variable(
+        ("boundary_point",), "position along a boundary, over its length from end to end"
     ),
-    "node_y": Variable(("node_y",), "1", "node row along the warp"),
-    "node_x": Variable(("node_x",), "1", "node column along the weft"),
-    "component": Variable(("component",), "1", "component of a position"),
-    "candidate": Variable(("candidate",), "1", "candidate of a design"),
-    "time": Variable(("time",), "ms", "time since the flat sheet was released"),
-    "snapshot": Variable(("snapshot",), "ms", "time since the flat sheet was released"),
+    "node_y": _variable(("node_y",), "node row along the warp"),
+    "node_x": _variable(("node_x",), "node column along the weft"),
+    "component": _variable(("component",), "component of a position"),
+    "candidate": _variable(("candidate",), "candidate of a design"),
+    "time": _variable(("time",), "time since the flat sheet was released [ms]"),
+    "snapshot": _variable(("snapshot",), "time since the flat sheet was released [ms]"),
 }
 
 _STATE = ("applied_strain",)
@@ -145,269 +154,245 @@ _SENSING = (
     " unfolding not yet complete"
 )
 
-_number = partial(Variable, ())
-_curve = partial(Variable, _STATE)
-_derivative = partial(Variable, _PARAMETERS, description=_LOGARITHMIC, of="sensitivities")
-_of_stripes = partial(Variable, (), of="stripes")
-_of_cloth = partial(Variable, (), "mm", of="cloth")
-_of_patches = partial(Variable, (), "mm", of="patches")
-_of_siblings = partial(Variable, _STATE, description=_SIBLINGS, of="robustness")
-_of_laboratory = partial(Variable, _STATE, of="laboratory")
-_of_motion = partial(Variable, in_cube=False, of="dynamics")
-_sensor_number = partial(Variable, (), of="capacitor")
-_sensor_curve = partial(Variable, _STATE, of="capacitor")
+_number = partial(_variable, ())
+_curve = partial(_variable, _STATE)
+_derivative = partial(_variable, _PARAMETERS, description=_LOGARITHMIC, of="sensitivities")
+_of_stripes = partial(_variable, (), of="stripes")
+_of_cloth = partial(_variable, (), of="cloth")
+_of_patches = partial(_variable, (), of="patches")
+_of_siblings = partial(_variable, _STATE, description=_SIBLINGS, of="robustness")
+_of_laboratory = partial(_variable, _STATE, of="laboratory")
+_of_motion = partial(_variable, in_cube=False, of="dynamics")
+_sensor_number = partial(_variable, (), of="capacitor")
+_sensor_curve = partial(_variable, _STATE, of="capacitor")
 
 VARIABLES = {
-    "status": _number("1", "status of the design"),
-    "case_id": _number("1", "identifier of the case", "names its file under cases/"),
-    "code": _number("1", "fingerprint of the code that computed the design"),
-    "periods": _number("1", "stripe periods along a patch"),
-    "unit_cells_y": _number("1", "unit cells along the warp", _SAMPLE, of="design"),
-    "unit_cells_x": _number("1", "unit cells along the weft", _SAMPLE, of="design"),
-    "rib_period": _of_stripes("mm", "period of the rib stripe", "the paper's w"),
-    "rib_k_s": _of_stripes("N/mm", "extensional stiffness of the rib stripe"),
-    "rib_theta_0": _of_stripes("rad", "rest angle of the rib stripe"),
-    "rib_k_t": _of_stripes("N", "torsional stiffness of the rib stripe"),
-    "garter_period": _of_stripes("mm", "period of the garter stripe", "the paper's h"),
-    "garter_k_s": _of_stripes("N/mm", "extensional stiffness of the garter stripe"),
-    "garter_theta_0": _of_stripes("rad", "rest angle of the garter stripe"),
-    "garter_k_t": _of_stripes("N", "torsional stiffness of the garter stripe"),
-    "strain_xx": Variable(_CELLS, "1", "local transverse strain"),
-    "strain_yy": Variable(_CELLS, "1", "local axial strain"),
-    "mean_strain_xx": _curve("1", "mean transverse strain", "mean over the central unit cells"),
-    "mean_strain_yy": _curve("1", "mean axial strain", "mean over the central unit cells"),
+    "status": _number("status of the design"),
+    "case_id": _number("identifier of the case", "names its file under cases/"),
+    "code": _number("fingerprint of the code that computed the design"),
+    "periods": _number("stripe periods along a patch"),
+    "unit_cells_y": _number("unit cells along the warp", _SAMPLE, of="design"),
+    "unit_cells_x": _number("unit cells along the weft", _SAMPLE, of="design"),
+    "rib_period": _of_stripes("period of the rib stripe [mm]", "the paper's w"),
+    "rib_k_s": _of_stripes("extensional stiffness of the rib stripe [N/mm]"),
+    "rib_theta_0": _of_stripes("rest angle of the rib stripe [rad]"),
+    "rib_k_t": _of_stripes("torsional stiffness of the rib stripe [N]"),
+    "garter_period": _of_stripes("period of the garter stripe [mm]", "the paper's h"),
+    "garter_k_s": _of_stripes("extensional stiffness of the garter stripe [N/mm]"),
+    "garter_theta_0": _of_stripes("rest angle of the garter stripe [rad]"),
+    "garter_k_t": _of_stripes("torsional stiffness of the garter stripe [N]"),
+    "strain_xx": _variable(_CELLS, "local transverse strain"),
+    "strain_yy": _variable(_CELLS, "local axial strain"),
+    "mean_strain_xx": _curve("mean transverse strain", "mean over the central unit cells"),
+    "mean_strain_yy": _curve("mean axial strain", "mean over the central unit cells"),
     "poisson_ratio": _curve(
-        "1",
         "Poisson's ratio",
         "-mean_strain_xx / mean_strain_yy; undefined at zero strain, and where the central cells"
         " have taken less than a fifth of the applied strain",
     ),
     "poisson_ratio_min": _number(
-        "1", "lowest Poisson's ratio", "over all strains; missing unless all of them converged"
+        "lowest Poisson's ratio", "over all strains; missing unless all of them converged"
     ),
-    "applied_strain_at_min": _number("1", "applied strain at the lowest Poisson's ratio"),
-    "knit_cell_x": _of_cloth("finished unit cell in cloth along the weft", _KNIT_CELL),
-    "knit_cell_y": _of_cloth("finished unit cell in cloth along the warp", _KNIT_CELL),
-    "knit_wavelength_x": _of_cloth("wavelength in cloth along the weft", _KNIT_WAVE),
-    "knit_wavelength_y": _of_cloth("wavelength in cloth along the warp", _KNIT_WAVE),
-    "knit_width": _of_cloth("finished width of the sample in cloth", _KNIT_SAMPLE),
-    "knit_length": _of_cloth("finished length of the sample in cloth", _KNIT_SAMPLE),
+    "applied_strain_at_min": _number("applied strain at the lowest Poisson's ratio"),
+    "knit_cell_x": _of_cloth("finished unit cell in cloth along the weft [mm]", _KNIT_CELL),
+    "knit_cell_y": _of_cloth("finished unit cell in cloth along the warp [mm]", _KNIT_CELL),
+    "knit_wavelength_x": _of_cloth("wavelength in cloth along the weft [mm]", _KNIT_WAVE),
+    "knit_wavelength_y": _of_cloth("wavelength in cloth along the warp [mm]", _KNIT_WAVE),
+    "knit_width": _of_cloth("finished width of the sample in cloth [mm]", _KNIT_SAMPLE),
+    "knit_length": _of_cloth("finished length of the sample in cloth [mm]", _KNIT_SAMPLE),
     "reaction_force": _curve(
-        "N", "reaction force", "over the whole width of the sample or periodic cell"
+        "reaction force [N]", "over the whole width of the sample or periodic cell"
     ),
     "poisson_ratio_sensitivity": _derivative(
-        "1", "logarithmic sensitivity of Poisson's ratio to a stripe parameter"
+        "logarithmic sensitivity of Poisson's ratio to a stripe parameter"
     ),
     "reaction_force_sensitivity": _derivative(
-        "N", "logarithmic sensitivity of the reaction force to a stripe parameter"
+        "logarithmic sensitivity of the reaction force to a stripe parameter [N]"
     ),
-    "energy_stretch": _curve("N mm", "energy of the extensional springs"),
-    "energy_fold": _curve("N mm", "energy of the torsional springs"),
-    "energy_wall": _curve("N mm", "energy of the wall penalty"),
+    "energy_stretch": _curve("energy of the extensional springs [N mm]"),
+    "energy_fold": _curve("energy of the torsional springs [N mm]"),
+    "energy_wall": _curve("energy of the wall penalty [N mm]"),
     "energy_contact": _curve(
-        "N mm", "energy of the contact", "of the barrier between plies", of="contact"
+        "energy of the contact [N mm]", "of the barrier between plies", of="contact"
     ),
-    "residual_force": _curve("N", "largest residual force on a free unknown"),
+    "residual_force": _curve("largest residual force on a free unknown [N]"),
     "iterations": _curve(
-        "1", "steps of the solver, or time steps by dynamics", "retried strain steps included"
+        "steps of the solver, or time steps by dynamics", "retried strain steps included"
     ),
     "factorisations": _curve(
-        "1", "factorisations", "of the stiffness, for all of the steps", in_cube=False
+        "factorisations", "of the stiffness, for all of the steps", in_cube=False
     ),
     "kinetic_energy_peak": _curve(
-        "N mm", "largest kinetic energy on the way to a strain", of="dynamics"
+        "largest kinetic energy on the way to a strain [N mm]", of="dynamics"
     ),
     "kinetic_energy_left": _number(
-        "1",
         "kinetic energy left when relaxed",
         "at the end of the motion, over the largest while relaxing from the flat sheet",
         of="dynamics",
     ),
     "relaxation_force_left": _number(
-        "1",
         "force left when relaxed",
         "largest on a node at the end of the motion, over that on the flat sheet",
         of="dynamics",
     ),
-    "relaxation_time": _number("ms", "duration of the relaxation", of="dynamics"),
+    "relaxation_time": _number("duration of the relaxation [ms]", of="dynamics"),
     "snapped": _curve(
-        "1",
         "whether the fabric snapped on the way to a strain",
         "1 where the fabric left its branch of equilibria: even in the smallest strain step, more"
         " than branch_limit of the work was lost; not looked for by dynamics",
     ),
     "hinges_past_pi": _curve(
-        "1",
         "hinges folded past half a turn",
         "there the fabric passes through itself, which the model does not prevent",
     ),
     "self_intersections": _curve(
-        "1",
         "pairs of grid cells that pass through each other",
         "each cell as two triangles; in periodic fabric, each pair once per period. The model does"
         " not prevent it",
     ),
     "row_force": _curve(
-        "N", "force for one row of the sheet", "a row is one grid cell wide", of="stripe"
+        "force for one row of the sheet [N]", "a row is one grid cell wide", of="stripe"
     ),
     "zigzag_force": _curve(
-        "N", "force of the two-dimensional zigzag", "at its energy minimum", of="stripe"
+        "force of the two-dimensional zigzag [N]", "at its energy minimum", of="stripe"
     ),
     "zigzag_residual": _curve(
-        "N", "largest residual force on a free node of the zigzag", of="stripe"
+        "largest residual force on a free node of the zigzag [N]", of="stripe"
     ),
-    "zigzag_iterations": _curve("1", "minimiser steps of the zigzag", of="stripe"),
+    "zigzag_iterations": _curve("minimiser steps of the zigzag", of="stripe"),
     "capacitor_status": _sensor_curve(
-        "1",
         "whether the capacitance can be measured",
         "the capacitance is missing unless this is measured",
     ),
     "capacitance": _sensor_curve(
-        "pF", "capacitance", "between the electrodes; on periodic fabric, of electrode_length"
+        "capacitance [pF]", "between the electrodes; on periodic fabric, of electrode_length"
     ),
     "capacitance_ratio": _sensor_curve(
-        "1", "capacitance over that at applied_strain_opened", "C over C0"
+        "capacitance over that at applied_strain_opened", "C over C0"
     ),
     "mutual_capacitance": _sensor_curve(
-        "pF",
-        "mutual capacitance",
+        "mutual capacitance [pF]",
         "minus C12 of Maxwell's matrix, as a guarded meter measures it, without leads; missing on"
         " periodic fabric without a grounded plane, where it is the capacitance",
     ),
     "capacitance_error": _sensor_curve(
-        "1",
         "estimated error of the capacitance over itself",
         "from two panel sizes; standard error of a measured one",
     ),
     "capacitance_wedge": _sensor_curve(
-        "pF", "capacitance by the wedge integral", "a fast estimate, also for closed folds"
+        "capacitance by the wedge integral [pF]", "a fast estimate, also for closed folds"
     ),
     "electrode_gap": _sensor_curve(
-        "mm",
-        "shortest distance between the electrodes",
+        "shortest distance between the electrodes [mm]",
         "0 where they pass through each other; searched up to the size of a grid cell",
     ),
     "electrode_length": _sensor_number(
-        "mm", "relaxed length of the electrodes", "to which the capacitance applies"
+        "relaxed length of the electrodes [mm]", "to which the capacitance applies"
     ),
     "fold_between": _sensor_curve(
-        "rad", "mean fold angle at and between the electrodes", "of the folds parallel to them"
+        "mean fold angle at and between the electrodes [rad]", "of the folds parallel to them"
     ),
     "applied_strain_opened": _sensor_number(
-        "1",
         "applied strain at which sensing begins",
         "the first strain of the longest interval in which the capacitance is measured",
     ),
     "applied_strain_unfolded": _sensor_number(
-        "1",
         "applied strain at which unfolding is complete",
         "fold_between has fallen to the fraction of its relaxed value given in electrodes.toml, or"
         " to its minimum; missing if neither happens within the test",
     ),
-    "sensing_end": _sensor_number("1", "applied strain at which sensing ends", _SENSING),
+    "sensing_end": _sensor_number("applied strain at which sensing ends", _SENSING),
     "sensitivity": _sensor_number(
-        "pF", "sensitivity", f"mean |dC/de| over the central 20 % of the strain range, {_SENSING}"
+        "sensitivity [pF]", f"mean |dC/de| over the central 20 % of the strain range, {_SENSING}"
     ),
     "gauge_factor": _sensor_number(
-        "1", "gauge factor", f"change of capacitance over itself and over strain, {_SENSING}"
+        "gauge factor", f"change of capacitance over itself and over strain, {_SENSING}"
     ),
     "humidity_strain": _sensor_number(
-        "1",
         "strain that reads like a change of the permittivity by 5 %",
         f"at the mean slope of the capacitance, {_SENSING}",
     ),
-    "linearity": _sensor_number("1", "R² of a straight line", _SENSING),
+    "linearity": _sensor_number("R² of a straight line", _SENSING),
     "working_range": _sensor_number(
-        "1",
         "working range",
         f"width of the widest strain window in which a line has the required R², {_SENSING}",
     ),
-    "working_start": _sensor_number("1", "applied strain at which the working range begins"),
-    "working_slope": _sensor_number("pF", "slope of the line over the working range"),
-    "capacitance_unloading": _curve("pF", "capacitance during unloading", of="unloading"),
+    "working_start": _sensor_number("applied strain at which the working range begins"),
+    "working_slope": _sensor_number("slope of the line over the working range [pF]"),
+    "capacitance_unloading": _curve("capacitance during unloading [pF]", of="unloading"),
     "hysteresis": _number(
-        "1",
         "hysteresis of the capacitance",
         "largest difference between loading and unloading, over the range of the capacitance",
         of="unloading",
     ),
-    "poisson_ratio_low": _of_siblings("1", "lowest Poisson's ratio of the siblings"),
-    "poisson_ratio_high": _of_siblings("1", "highest Poisson's ratio of the siblings"),
-    "reaction_force_low": _of_siblings("N", "lowest reaction force of the siblings"),
-    "reaction_force_high": _of_siblings("N", "highest reaction force of the siblings"),
+    "poisson_ratio_low": _of_siblings("lowest Poisson's ratio of the siblings"),
+    "poisson_ratio_high": _of_siblings("highest Poisson's ratio of the siblings"),
+    "reaction_force_low": _of_siblings("lowest reaction force of the siblings [N]"),
+    "reaction_force_high": _of_siblings("highest reaction force of the siblings [N]"),
     "siblings": _curve(
-        "1", "siblings that reached a strain", "without the case itself", of="robustness"
+        "siblings that reached a strain", "without the case itself", of="robustness"
     ),
     "relaxed_branches": _number(
-        "1",
         "distinct relaxed energies",
         "of the unperturbed fabric, relaxed from its start and from the shapes of its siblings",
         of="robustness",
     ),
     "mean_strain_xx_error": _of_laboratory(
-        "1", "standard error of the mean transverse strain", _SCATTER
+        "standard error of the mean transverse strain", _SCATTER
     ),
-    "mean_strain_yy_error": _of_laboratory(
-        "1", "standard error of the mean axial strain", _SCATTER
-    ),
-    "poisson_ratio_error": _of_laboratory("1", "standard error of Poisson's ratio", _SCATTER),
-    "reaction_force_error": _of_laboratory("N", "standard error of the reaction force", _SCATTER),
+    "mean_strain_yy_error": _of_laboratory("standard error of the mean axial strain", _SCATTER),
+    "poisson_ratio_error": _of_laboratory("standard error of Poisson's ratio", _SCATTER),
+    "reaction_force_error": _of_laboratory("standard error of the reaction force [N]", _SCATTER),
     "force_per_width": _of_laboratory(
-        "N/mm", "reaction force per width", "of the relaxed sample between the clamps"
+        "reaction force per width [N/mm]", "of the relaxed sample between the clamps"
     ),
-    "markers_lost": _of_laboratory("1", "markers lost", "corners of unit cells that are not seen"),
+    "markers_lost": _of_laboratory("markers lost", "corners of unit cells that are not seen"),
     "cells_lost": _of_laboratory(
-        "1", "unit cells lost", "cells with a corner that is not seen; no mean includes them"
+        "unit cells lost", "cells with a corner that is not seen; no mean includes them"
     ),
     "distance": _number(
-        "1",
         "distance from the targets of a design",
         "root mean square over the targets, each over its tolerance",
         of="candidate",
     ),
     "distance_worst": _number(
-        "1",
         "distance from the targets within the spread",
         "the largest distance within the spread",
         of="candidate",
     ),
-    "relaxed_cell_x": _number("mm", "relaxed unit cell along the weft"),
-    "relaxed_cell_y": _number("mm", "relaxed unit cell along the warp"),
-    "flat_cell_x": _number("mm", "flat unit cell along the weft"),
-    "flat_cell_y": _number("mm", "flat unit cell along the warp"),
-    "wavelength_x": _of_patches("wavelength of the boundary along the weft", _WAVE),
-    "wavelength_y": _of_patches("wavelength of the boundary along the warp", _WAVE),
-    "wave_amplitude_x": _of_patches("amplitude of the boundary along the weft", _WAVE),
-    "wave_amplitude_y": _of_patches("amplitude of the boundary along the warp", _WAVE),
-    "boundary_x": Variable(
-        _POINTS, "mm", "offset of the boundary along the weft", _TRACED, of="patches"
+    "relaxed_cell_x": _number("relaxed unit cell along the weft [mm]"),
+    "relaxed_cell_y": _number("relaxed unit cell along the warp [mm]"),
+    "flat_cell_x": _number("flat unit cell along the weft [mm]"),
+    "flat_cell_y": _number("flat unit cell along the warp [mm]"),
+    "wavelength_x": _of_patches("wavelength of the boundary along the weft [mm]", _WAVE),
+    "wavelength_y": _of_patches("wavelength of the boundary along the warp [mm]", _WAVE),
+    "wave_amplitude_x": _of_patches("amplitude of the boundary along the weft [mm]", _WAVE),
+    "wave_amplitude_y": _of_patches("amplitude of the boundary along the warp [mm]", _WAVE),
+    "boundary_x": _variable(
+        _POINTS, "offset of the boundary along the weft [mm]", _TRACED, of="patches"
     ),
-    "boundary_y": Variable(
-        _POINTS, "mm", "offset of the boundary along the warp", _TRACED, of="patches"
+    "boundary_y": _variable(
+        _POINTS, "offset of the boundary along the warp [mm]", _TRACED, of="patches"
     ),
-    "boundary_length_x": _of_patches("length of the boundary along the weft", _TRACED),
-    "boundary_length_y": _of_patches("length of the boundary along the warp", _TRACED),
-    "rib_width_centre": _of_patches("width of a rib patch at its centre", _ACROSS),
-    "rib_width_edge": _of_patches("width of a rib patch at its edges", _ACROSS),
-    "garter_height_centre": _of_patches("height of a garter patch at its centre", _ACROSS),
-    "garter_height_edge": _of_patches("height of a garter patch at its edges", _ACROSS),
-    "position": Variable(
-        ("applied_strain", "node_y", "node_x", "component"), "mm", "node position", in_cube=False
+    "boundary_length_x": _of_patches("length of the boundary along the weft [mm]", _TRACED),
+    "boundary_length_y": _of_patches("length of the boundary along the warp [mm]", _TRACED),
+    "rib_width_centre": _of_patches("width of a rib patch at its centre [mm]", _ACROSS),
+    "rib_width_edge": _of_patches("width of a rib patch at its edges [mm]", _ACROSS),
+    "garter_height_centre": _of_patches("height of a garter patch at its centre [mm]", _ACROSS),
+    "garter_height_edge": _of_patches("height of a garter patch at its edges [mm]", _ACROSS),
+    "position": _variable(
+        ("applied_strain", "node_y", "node_x", "component"), "node position [mm]", in_cube=False
     ),
-    "length_x": _curve("mm", "length of the fabric along the weft", in_cube=False),
-    "length_y": _curve("mm", "length of the fabric along the warp", in_cube=False),
-    "kinetic_energy": _of_motion(("time",), "N mm", "kinetic energy"),
-    "potential_energy": _of_motion(("time",), "N mm", "elastic energy"),
-    "dissipated_work": _of_motion(("time",), "N mm", "work done against the drag"),
+    "length_x": _curve("length of the fabric along the weft [mm]", in_cube=False),
+    "length_y": _curve("length of the fabric along the warp [mm]", in_cube=False),
+    "kinetic_energy": _of_motion(("time",), "kinetic energy [N mm]"),
+    "potential_energy": _of_motion(("time",), "elastic energy [N mm]"),
+    "dissipated_work": _of_motion(("time",), "work done against the drag [N mm]"),
     "snapshot_position": _of_motion(
-        ("snapshot", "node_y", "node_x", "component"), "mm", "node position while relaxing"
+        ("snapshot", "node_y", "node_x", "component"), "node position while relaxing [mm]"
     ),
-    "snapshot_length_x": _of_motion(
-        ("snapshot",), "mm", "length of periodic fabric along the weft"
-    ),
-    "snapshot_length_y": _of_motion(
-        ("snapshot",), "mm", "length of periodic fabric along the warp"
-    ),
+    "snapshot_length_x": _of_motion(("snapshot",), "length of periodic fabric along the weft [mm]"),
+    "snapshot_length_y": _of_motion(("snapshot",), "length of periodic fabric along the warp [mm]"),
 }
 INTEGERS = (
     *("iterations", "factorisations", "hinges_past_pi", "self_intersections"),

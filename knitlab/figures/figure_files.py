@@ -5,7 +5,7 @@ Matplotlib is imported only to write, so that a run with nothing to do is fast.
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -99,6 +99,16 @@ def save(drawing: "Drawing", output: Path, fingerprint: str = "") -> None:
             FigureCanvasAgg(drawing)
             key = "Keywords" if suffix == ".pdf" else "Description"
             drawing.savefig(temporary, metadata={key: mark})
+
+
+def draw_into(draw: Callable[[], "Drawing"], *outputs: Path) -> None:
+    """Draw a figure in the style for print, and write it into files."""
+    from knitlab.figures.style import print_style
+
+    with print_style():
+        drawing = draw()
+        for output in outputs:
+            save(drawing, output)
 
 
 def _write_png(canvas: "FigureCanvasAgg", output: Path, mark: str) -> None:

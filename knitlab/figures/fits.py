@@ -1,16 +1,13 @@
 """Fits of the stripes: to the tension curve of a stripe, and to a test of a whole fabric."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS
-
-if TYPE_CHECKING:
-    from knitlab.laboratory.fit import Fit
+from knitlab.laboratory.fit import Fit
+from knitlab.measure.calibration import Calibration
 
 LABELS = (
     "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
@@ -22,42 +19,36 @@ BEFORE, SHADE = "0.55", "0.9"
 
 
 def calibration_figure(
-    strain: np.ndarray,
-    force: np.ndarray,
-    fitted_force: np.ndarray,
-    title: str,
-    linear_force: np.ndarray | None = None,
+    fitted: Calibration, title: str, linear: Calibration | None = None
 ) -> Figure:
-    """Curve and fit above, residual of each fit below in its colour; forces of one row [N].
-
-    ``linear_force`` is of the zigzag of linear springs, if the fit has another law.
-    """
+    """Curve and fit above, residuals below; also those of linear springs if they are not fitted."""
     figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    above.plot(strain, force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
-    if linear_force is not None:
-        above.plot(strain, linear_force, color=LINEAR, ls="--", label="with linear springs")
-        below.plot(strain, 1000 * (force - linear_force), "x", ms=2.5, color=LINEAR)
-    above.plot(strain, fitted_force, color=FITTED, label="zigzag, fitted")
+    strain = fitted.strain
+    above.plot(strain, fitted.force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
+    if linear is not None:
+        label = "with linear springs"
+        above.plot(strain, linear.fitted_force, color=LINEAR, ls="--", label=label)
+        below.plot(strain, 1000 * linear.residuals, "x", ms=2.5, color=LINEAR)
+    above.plot(strain, fitted.fitted_force, color=FITTED, label="zigzag, fitted")
     above.set(ylabel="force for one row [N]")
     above.set_title(title, fontsize=7)
     above.legend()
     below.axhline(0, color="0.7", lw=0.6)
-    below.plot(strain, 1000 * (force - fitted_force), ".", ms=3, color=FITTED)
+    below.plot(strain, 1000 * fitted.residuals, ".", ms=3, color=FITTED)
     below.set(xlabel="applied strain [1]", ylabel="residual [mN]")
     figure.align_ylabels([above, below])
     return figure
 
 
-def fit_figure(fit: "Fit", title: str) -> Figure:
+def fit_figure(fit: Fit, title: str) -> Figure:
     """Curves above, residuals in standard errors below, and the factors beside them."""
     figure = Figure(figsize=(TWO_COLUMNS, 3.6), layout="constrained")
     grid = figure.add_gridspec(2, 4, height_ratios=(2.5, 1), width_ratios=(1, 1, 1, 0.9))
-    target, (before, after) = fit.target, fit.curves
-    strain = np.asarray(target.applied_strain)
+    strain, (before, after) = np.asarray(fit.target.applied_strain), fit.curves
     for column, label in enumerate(LABELS):
         above, below = (figure.add_subplot(grid[row, column]) for row in (0, 1))
-        values, errors = target.values[column], target.errors[column]
+        values, errors = fit.target.values[column], fit.target.errors[column]
         above.plot(strain, before[column], color=BEFORE, label="simulated, tables")
         above.plot(strain, after[column], color=FITTED, label="simulated, fitted")
         above.plot(strain, values, "--", color="black", label="measured")
@@ -78,7 +69,7 @@ def fit_figure(fit: "Fit", title: str) -> Figure:
     return figure
 
 
-def _draw_factors(axes: Axes, fit: "Fit") -> None:
+def _draw_factors(axes: Axes, fit: Fit) -> None:
     """Factors with two standard errors."""
     names = list(fit.factors)
     for row, name in enumerate(names):

@@ -19,7 +19,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault
 from knitlab.simulation.case import Case
 from knitlab.simulation.tensile_tests import Progress
-from knitlab.sweep.workers import BatchError, Task, pool_of
+from knitlab.sweep.workers import Task, pool_of
 
 TRIALS, SEARCHES = "trials", "searches"
 """Folders of the case files of trials, and of the results of searches, in that of a design."""
@@ -41,10 +41,10 @@ MOST_FAILED = 3
 """Number of trials that may fail before gradients are given up."""
 UNIFORM = 12**-0.5
 """Standard deviation of a uniform distribution between the bounds, over their distance."""
-HARDLY = 0.5
-"""Fraction of that above which a value counts as hardly determined."""
 ATTEMPTS = 3
 """How often a search is started if its worker dies."""
+HARDLY = 0.5
+"""Fraction of that above which a value counts as hardly determined."""
 
 
 @dataclass(frozen=True)
@@ -362,18 +362,21 @@ def run_searches(
         progress(by_start[case_id].design, distance)
 
     task = Task(partial(_run_search, by_start), folder)
-    errors: dict[str, BatchError] = {}
+    failed: dict[str, str] = {}
     pending = list(starts)
     with pool_of(task, min(workers, len(searches)), None, False, reported) as pool:
         for attempt in range(1, ATTEMPTS + 1):
-            ended = pool([(starts[case_id],) for case_id in pending])
-            failed = {batch[0].case_id: error for batch, error in ended if error is not None}
-            pending = [key for key, error in failed.items() if error.lost and attempt < ATTEMPTS]
-            errors |= {key: error for key, error in failed.items() if key not in pending}
-    if errors:
+            errors = {
+                batch[0].case_id: error
+                for batch, error in pool([(starts[case_id],) for case_id in pending])
+                if error is not None
+            }
+            pending = [key for key, error in errors.items() if error.lost and attempt < ATTEMPTS]
+            failed |= {key: error.reason for key, error in errors.items() if key not in pending}
+    if failed:
         raise BadInput(
-            Fault(f"search from {starts[case_id].label}", error.reason)
-            for case_id, error in errors.items()
+            Fault(f"search from {starts[case_id].label}", reason)
+            for case_id, reason in failed.items()
         )
     files = [folder / SEARCHES / f"{case_id}.json" for case_id in by_start]
     return [RESULT.validate_json(file.read_bytes()) for file in files]

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,8 +27,10 @@ Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""
 
 FITTED = ("k_s", "k_t", "theta_0")
-"""Fitted parameters, in this order; all except the angle are fitted as logarithms."""
 FITTED_IF_STIFFENING = (*FITTED, "stiffening_strain")
+"""Fitted parameters, in this order."""
+AS_LOGARITHM = np.array([True, True, False, True])
+"""Which of them are fitted as logarithms: all except the angle."""
 UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
 """Units as in the paper's tables, except for k_t, which is N mm for an edge."""
 ENTRY_UNITS = {"period": "mm", **UNITS}
@@ -161,16 +163,19 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
         raise ValueError("the force is zero throughout; give a curve under tension")
     if not np.sum(strain * force) > 0:
         raise ValueError("the force falls with strain; give tension as positive")
-    compiled, jacobian = (
-        lambda unknowns, function=function: np.asarray(function(curve, unknowns, period, strain))
-        for function in (_force, _force_slopes)
-    )
-    bounds = _bounds(fitted)
+
+    def forces(unknowns: Unknowns) -> Points:
+        return np.asarray(_force(curve, unknowns, period, strain))
+
+    bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
+    starts = _unknowns(_starts(period, strain, force)[:, : len(fitted)])
+    if law != "stiffening":
+        starts = starts[:: len(STARTING_STRAINS)]
     fits = [
         least_squares(
-            lambda unknowns: (compiled(unknowns) - force) / scale,
+            lambda unknowns: (forces(unknowns) - force) / scale,
             np.clip(start, *bounds),
-            jac=lambda unknowns: jacobian(unknowns) / scale,
+            jac=lambda x: np.asarray(_force_slopes(curve, x, period, strain)) / scale,
             bounds=bounds,
             x_scale="jac",
             ftol=1e-12,
@@ -178,7 +183,7 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
             gtol=1e-12,
             max_nfev=300,
         )
-        for start in _starts(period, strain, force, fitted)
+        for start in starts
     ]
     best = min(fits, key=lambda fit: fit.cost)
     agreeing = sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)
@@ -186,19 +191,20 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
     errors = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(errors, errors)
     reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(fitted))
-    values, lows, highs = (_numbers(best.x + shift, fitted) for shift in (0, -reach, reach))
-    slopes = np.array([1.0 if name == "theta_0" else values[name] for name in fitted])
+    lows, values, highs = _values(best.x + np.outer([-1, 0, 1], reach))
+    intervals = np.stack([lows, highs], axis=-1)
     # An interior angle of a fold is between 0 and π.
-    lows["theta_0"], highs["theta_0"] = np.clip([lows["theta_0"], highs["theta_0"]], 0, np.pi)
+    intervals[2] = np.clip(intervals[2], 0, np.pi)
+    standard_errors = errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
     return Calibration(
         period=period,
-        values=values,
-        standard_errors=dict(zip(fitted, (errors * slopes).tolist(), strict=True)),
-        intervals={name: (float(lows[name]), float(highs[name])) for name in fitted},
+        values=dict(zip(fitted, values.tolist(), strict=True)),
+        standard_errors=dict(zip(fitted, standard_errors.tolist(), strict=True)),
+        intervals=dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
         correlations=correlations,
         strain=strain,
         force=force,
-        fitted_force=compiled(best.x),
+        fitted_force=forces(best.x),
         starts=(len(fits), agreeing),
         converged=bool(best.success),
         iterations=int(best.njev),
@@ -303,41 +309,29 @@ def _force(
 _force_slopes = jax.jit(jax.jacfwd(_force, argnums=1), static_argnums=0)
 
 
-def _unknowns(values: Mapping[str, float]) -> Unknowns:
-    return np.array(
-        [value if name == "theta_0" else np.log(value) for name, value in values.items()]
-    )
+def _unknowns(values: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*any fitted"]:
+    return np.where(AS_LOGARITHM[: values.shape[-1]], np.log(values), values)
 
 
-def _bounds(fitted: Sequence[str]) -> Float[np.ndarray, "2 fitted"]:
-    return np.array([_unknowns({name: BOUNDS[name][side] for name in fitted}) for side in (0, 1)])
-
-
-def _numbers(unknowns: Unknowns, fitted: Sequence[str]) -> dict[str, float]:
+def _values(unknowns: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*any fitted"]:
     with np.errstate(over="ignore"):
-        return {
-            name: float(value if name == "theta_0" else np.exp(value))
-            for name, value in zip(fitted, unknowns, strict=True)
-        }
+        return np.where(AS_LOGARITHM[: unknowns.shape[-1]], np.exp(unknowns), unknowns)
 
 
-def _starts(period: float, strain: Points, force: Points, fitted: Sequence[str]) -> list[Unknowns]:
+def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "start 4"]:
     """Starts around the stiffness estimated from the curve's size and from its first half."""
     half = strain <= (strain[0] + strain[-1]) / 2
     opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
-    # Without stiffening the last number of a start is not used.
-    strains = STARTING_STRAINS if "stiffening_strain" in fitted else STARTING_STRAINS[:1]
     starts = []
     for angle, stiff, soft, stiffening in itertools.product(
-        STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, strains
+        STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, STARTING_STRAINS
     ):
         cell = period / (4 * np.sin(angle / 2))
         # For a fold that opens slightly: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
         k_t = max(opening, 1e-9) * cell * np.cos(angle / 2) / (2 * np.tan(angle / 2))
         k_s = np.max(np.abs(force)) / (0.1 * cell)
-        start = stiff * k_s, soft * k_t, angle, stiffening
-        starts.append(_unknowns(dict(zip(fitted, start, strict=False))))
-    return starts
+        starts.append((stiff * k_s, soft * k_t, angle, stiffening))
+    return np.array(starts)
 
 
 def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "fitted fitted"]:
@@ -355,7 +349,8 @@ def _warnings(
     fitted = FITTED_IF_STIFFENING[: len(fit.x)]
     if not fit.success:
         warnings.append(f"the fit did not converge ({fit.message}); do not use it")
-    to_bound = np.abs(_bounds(fitted) - fit.x).min(axis=0)
+    bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
+    to_bound = np.abs(bounds - fit.x).min(axis=0)
     for name, error, distance in zip(fitted, errors, to_bound, strict=True):
         low, high = BOUNDS[name]
         if distance < AT_BOUND:

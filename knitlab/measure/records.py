@@ -109,17 +109,14 @@ def resampled(
         np.append(middles, 2 * at[-1] - middles[-1]),
     )
     series = np.reshape(values, (len(strain), math.prod(np.shape(values)[1:])))
-    found = np.full((3, len(at), series.shape[1]), np.nan)
-    for place, centre in enumerate(at):
-        window = (strain >= low[place]) & (strain <= high[place])
-        width = high[place] - low[place]
-        found[:, place] = _at_zero((strain[window] - centre) / width, series[window])
-        for missing in np.flatnonzero(np.isnan(found[0, place])):
-            known = np.isfinite(series[:, missing])
-            found[0, place, missing] = _between(
-                centre, strain[known], series[known, missing], width
-            )
-    return Resampled(*found.reshape(3, len(at), *np.shape(values)[1:]))
+    fits = np.full((3, len(at), series.shape[1]), np.nan)
+    for fit, centre, first, last in zip(fits.swapaxes(0, 1), at, low, high, strict=True):
+        window, width = (strain >= first) & (strain <= last), last - first
+        fit[:] = _at_zero((strain[window] - centre) / width, series[window])
+        for column in np.flatnonzero(np.isnan(fit[0])):
+            known = np.isfinite(series[:, column])
+            fit[0, column] = _between(centre, strain[known], series[known, column], width)
+    return Resampled(*fits.reshape(3, len(at), *np.shape(values)[1:]))
 
 
 def _at_zero(
@@ -128,9 +125,9 @@ def _at_zero(
     """Values at zero of polynomials fitted to series, their standard errors, and the noise."""
     known = np.isfinite(series)
     value = np.where(known, series, 0.0)
-    found = np.full((3, series.shape[1]), np.nan)
+    fits = np.full((3, series.shape[1]), np.nan)
     if not len(offset):
-        return found
+        return fits
     first = np.where(known, offset[:, None], np.inf).min(axis=0)
     last = np.where(known, offset[:, None], -np.inf).max(axis=0)
     covered = np.maximum(first, -last) <= DRAWN_OUT * np.ptp(offset)
@@ -138,7 +135,7 @@ def _at_zero(
         powers = offset[:, None] ** np.arange(degree + 1)
         normal = np.einsum("np,nq,ns->spq", powers, powers, known)
         curvatures, vectors = np.linalg.eigh(normal)
-        fitted = covered & np.isnan(found[0]) & (known.sum(axis=0) >= fewest)
+        fitted = covered & np.isnan(fits[0]) & (known.sum(axis=0) >= fewest)
         fitted &= curvatures[:, 0] > LEAST_CURVATURE * curvatures[:, -1]
         # A mean is only for records at rest, all at one strain.
         fitted &= degree > 0 or np.ptp(offset) <= AT_REST
@@ -150,8 +147,8 @@ def _at_zero(
         freedom = known[:, fitted].sum(axis=0) - degree - 1
         noise = np.sqrt((left**2).sum(axis=0) / freedom)
         leverage = (vectors[:, 0] ** 2 / curvatures).sum(axis=1)
-        found[:, fitted] = coefficients[:, 0], noise * np.sqrt(leverage), noise
-    return found
+        fits[:, fitted] = coefficients[:, 0], noise * np.sqrt(leverage), noise
+    return fits
 
 
 def _between(centre: float, strain: Record, values: Record, reach: float) -> float:

@@ -116,11 +116,11 @@ def _pierced(
         height = ((quads - corners[0]) * normal).sum(axis=1)
         # Most quadrilaterals are on one side of the plane.
         both = (height.min(axis=0) < -tolerance) & (height.max(axis=0) > tolerance)
-        place = np.flatnonzero(both & ~pierced)
+        pairs = np.flatnonzero(both & ~pierced)
         for start, end in SEGMENTS:
-            above, below = height[start, place], height[end, place]
+            above, below = height[start, pairs], height[end, pairs]
             crossing = (above * below < 0) & (np.minimum(abs(above), abs(below)) > tolerance)
-            pair, above, below = place[crossing], above[crossing], below[crossing]
+            pair, above, below = pairs[crossing], above[crossing], below[crossing]
             fraction = above / (above - below)
             point = quads[start][:, pair] * (1 - fraction) + quads[end][:, pair] * fraction
             inside = np.ones(len(pair), bool)

@@ -6,7 +6,7 @@ Formats without fields of faces get colours of nodes, by knit and electrode.
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -52,20 +52,12 @@ def _write_vtu(mesh: SurfaceMesh, path: Path) -> None:
     _meshio(mesh, mesh.node_fields, fields).write(path, "vtu")
 
 
-def _write_obj(mesh: SurfaceMesh, path: Path) -> None:
-    _meshio(mesh).write(path, "obj")
-
-
 def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
     fields = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
     for name, values in mesh.node_fields.items():
         # Names have no brackets and spaces: height_mm for height [mm].
         fields[re.sub(r"\W+", "_", name.removesuffix(" [1]")).strip("_")] = values
     _meshio(mesh, fields).write(path, "ply")
-
-
-def _write_stl(mesh: SurfaceMesh, path: Path) -> None:
-    _trimesh(mesh).export(path, "stl")
 
 
 def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
@@ -85,21 +77,16 @@ def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
     scene.export(path, "glb")
 
 
-class MeshFormat(NamedTuple):
-    """What writes a mesh into a file, and whether that can hold quads, or needs triangles."""
-
-    write: Callable[[SurfaceMesh, Path], None]
-    quads: bool
-
-
-FORMATS = {
-    ".vtu": MeshFormat(_write_vtu, quads=True),
-    ".obj": MeshFormat(_write_obj, quads=True),
-    ".ply": MeshFormat(_write_ply, quads=True),
-    ".stl": MeshFormat(_write_stl, quads=False),
-    ".glb": MeshFormat(_write_glb, quads=False),
+FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
+    ".vtu": _write_vtu,
+    ".obj": lambda mesh, path: _meshio(mesh).write(path, "obj"),
+    ".ply": _write_ply,
+    ".stl": lambda mesh, path: _trimesh(mesh).export(path, "stl"),
+    ".glb": _write_glb,
 }
-"""By the suffix of a file."""
+"""What writes a mesh into a file, by its suffix."""
+TRIANGLES = (".stl", ".glb")
+"""Suffixes of formats that cannot hold quads."""
 SERIES = ".pvd"
 """Suffix of a series of meshes."""
 
@@ -111,7 +98,7 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
         CannotWrite: if it cannot be written.
     """
     with atomic_write(path) as temporary:
-        FORMATS[path.suffix.lower()].write(mesh, temporary)
+        FORMATS[path.suffix.lower()](mesh, temporary)
 
 
 def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:

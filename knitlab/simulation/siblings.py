@@ -78,17 +78,17 @@ def spread(
     A sibling counts at the strains that it reached. Energies are the relaxed one of the case, then
     those that its siblings led it to; NaN for what did not converge [N mm].
     """
-    found: dict[str, Any] = {"relaxed_branches": float(branches(energies))}
+    spreads: dict[str, Any] = {"relaxed_branches": float(branches(energies))}
     for name in SPREAD:
         length = len(values[name])
         rows = np.full((1 + len(siblings), length), np.nan)
         for row, its in zip(rows, [values, *siblings], strict=True):
             reached = np.asarray(its.get(name, ()))[:length]
             row[: len(reached)] = reached
-        found[f"{name}_low"] = np.fmin.reduce(rows)
-        found[f"{name}_high"] = np.fmax.reduce(rows)
-        found["siblings"] = np.isfinite(rows[1:]).sum(axis=0).astype(float)
-    return found
+        spreads[f"{name}_low"] = np.fmin.reduce(rows)
+        spreads[f"{name}_high"] = np.fmax.reduce(rows)
+        spreads["siblings"] = np.isfinite(rows[1:]).sum(axis=0).astype(float)
+    return spreads
 
 
 def branches(energies: Sequence[float]) -> int:

@@ -102,28 +102,30 @@ def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Confi
 
     That is an imperfect sheet, by a seed, or a tiling of relaxed periodic fabric.
     """
-    found: list[Configuration | None] = [None] * len(cases)
+    shapes: list[Configuration | None] = [None] * len(cases)
     if imperfection is not None:
-        found = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
+        shapes = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
     tiled = {
-        place: case.periodic_cell
-        for place, case in enumerate(cases)
+        number: case.periodic_cell
+        for number, case in enumerate(cases)
         if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
     }
     if not tiled:
-        return found
+        return shapes
     tilings = starts_from_periodic(
-        [cases[place].assemble() for place in tiled],
+        [cases[number].assemble() for number in tiled],
         [cell.assemble() for cell in tiled.values()],
         [cell.equilibrium_solver for cell in tiled.values()],
         imperfection,
         [contact_of(cell) for cell in tiled.values()],
     )
-    for place, start in zip(tiled, tilings, strict=True):
-        contact = contact_of(cases[place])
-        if start is not None and (contact is None or contact.holds(np.asarray(start.flattened()))):
-            found[place] = start
-    return found
+    for number, tiling in zip(tiled, tilings, strict=True):
+        contact = contact_of(cases[number])
+        if tiling is not None and (
+            contact is None or contact.holds(np.asarray(tiling.flattened()))
+        ):
+            shapes[number] = tiling
+    return shapes
 
 
 def contact_of(case: Case) -> "Barrier | None":
@@ -168,7 +170,7 @@ def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
     return stretch_by_dynamics(
         moving_fabrics(cases),
         [case.applied_strain for case in cases],
-        lambda place, done: progress(cases[place].case_id, done),
+        lambda number, done: progress(cases[number].case_id, done),
     )
 
 
@@ -186,18 +188,17 @@ def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
 
 def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
     """Tests of the siblings of cases of one mesh shape, each case's in order."""
-    tests: list[list[SiblingTest]] = [[] for _ in cases]
+    tests: dict[str, list[SiblingTest]] = {case.case_id: [] for case in cases}
     for number in range(1, max(case.robustness for case in cases) + 1):
-        places = [place for place, case in enumerate(cases) if case.robustness >= number]
-        originals = [cases[place] for place in places]
+        originals = [case for case in cases if case.robustness >= number]
         siblings = [sibling(case, number) for case in originals]
         names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
         report = partial(_report_of_sibling, progress, number, names)
-        found = tensile_tests(siblings, report, imperfection=number)
-        energies = _branch_energies(originals, found)
-        for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
-            tests[place].append(SiblingTest(case, test, energy))
-    return tests
+        tested = tensile_tests(siblings, report, imperfection=number)
+        energies = _branch_energies(originals, tested)
+        for case, its, test, energy in zip(originals, siblings, tested, energies, strict=True):
+            tests[case.case_id].append(SiblingTest(its, test, energy))
+    return [tests[case.case_id] for case in cases]
 
 
 def _report_of_sibling(

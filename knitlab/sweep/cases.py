@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from knitlab.equilibrium.settings import SolverSettings
 from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern
-from knitlab.fabric.settings import Boundary, largest_thickness
+from knitlab.fabric.settings import ModelOptions, largest_thickness
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
@@ -128,10 +129,7 @@ def _cases(
         "robustness": protocol.robustness if protocol.method == "equilibrium" else 0,
         "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
-    if protocol.method != "dynamics" and solver.drag:
-        _check_drag(workflow, model_options.boundary, source)
-    if model_options.contact != "none":
-        _check_contact(workflow, solver.drag, source)
+    _check_together(workflow, model_options, solver, source)
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
         return changed_stripe(parameters.stripes.stripe(knit, stitches), changes)
@@ -222,33 +220,33 @@ def _capacitor(
     return replace(numbers, layout=overridden(layout, section))
 
 
-def _check_drag(workflow: Workflow, boundary: Boundary, source: Source) -> None:
-    """Refuse drag where it has no meaning."""
-    boundaries = workflow.stripes.boundaries if workflow.stripes else (boundary,)
-    if "periodic" in boundaries:
+def _check_together(
+    workflow: Workflow, options: ModelOptions, solver: SolverSettings, source: Source
+) -> None:
+    """Refuse drag and contact where they have no meaning."""
+    by_dynamics = workflow.protocol.method == "dynamics"
+    sensitivities = workflow.protocol.sensitivities
+    boundaries = workflow.stripes.boundaries if workflow.stripes else (options.boundary,)
+    key = "solver.drag"
+    if solver.drag and not by_dynamics and "periodic" in boundaries:
         problem = "holds back a sample that moves between clamps; periodic fabric has no place to"
-        raise fault(
-            source("solver.drag"), f"{problem} move from: take boundary = clamped, or drag = 0"
-        )
-    if workflow.protocol.sensitivities:
+        problem += " move from: take boundary = clamped, or drag = 0"
+    elif solver.drag and not by_dynamics and sensitivities:
         problem = "has no sensitivities, which are those of equilibria; take drag = 0"
-        raise fault(source("solver.drag"), problem)
-
-
-def _check_contact(workflow: Workflow, drag: float, source: Source) -> None:
-    """Refuse contact where it is not taken into account."""
-    if workflow.protocol.method == "dynamics":
-        problem = (
-            "needs equilibria, as explicit time steps cannot hold a barrier; take method ="
-            " equilibrium, or contact = none"
-        )
-    elif drag:
-        problem = "is not combined with drag; take drag = 0, or contact = none"
-    elif workflow.protocol.sensitivities:
-        problem = "has no sensitivities; leave them out, or take contact = none"
-    else:
+    elif options.contact == "none":
         return
-    raise fault(source("model.contact"), problem)
+    else:
+        key = "model.contact"
+        if by_dynamics:
+            problem = "needs equilibria, as explicit time steps cannot hold a barrier; take method"
+            problem += " = equilibrium, or contact = none"
+        elif solver.drag:
+            problem = "is not combined with drag; take drag = 0, or contact = none"
+        elif sensitivities:
+            problem = "has no sensitivities; leave them out, or take contact = none"
+        else:
+            return
+    raise fault(source(key), problem)
 
 
 def _check_thickness(case: Case, source: Source) -> None:

@@ -10,9 +10,10 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_values
-from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
-from knitlab.cube.cube_file import READING
+from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
+from knitlab.cube.cube_file import READING, design_dims, open_cube
 from knitlab.cube.schema import VARIABLES, Status, described
+from knitlab.io.errors import BadInput, fault
 from knitlab.io.provenance import provenance
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge, at_gauge, knit_sizes
 from knitlab.simulation.case import Case, Label
@@ -22,10 +23,12 @@ from knitlab.sweep.plan import Plan
 from knitlab.sweep.results_folder import Cell, Design, cells
 
 TEXT_VARIABLES = ("case_id", "code")
+MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
+"""Parameters in which designs of one cube may differ: strains, sample size (which the cube has for
+each design, as ``unit_cells_y`` and ``unit_cells_x``), solver settings, and whether sensitivities,
+unloading or siblings are requested."""
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
-
-
 GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}
 """The cube's attributes that state its gauge [mm]."""
 
@@ -36,6 +39,37 @@ class Entry:
 
     values: Values
     strains: tuple[float, ...]
+
+
+def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
+    """The existing cube, if there is one; BadInput if the plan's designs cannot be added to it."""
+    if not path.exists():
+        return None
+    try:
+        cube = open_cube(path)
+    except BadInput as error:
+        problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
+        raise fault(str(path), problem) from error
+    dims = design_dims(cube)
+    if dims != plan.dims:
+        raise fault(
+            str(path),
+            f"has the dimensions {', '.join(dims)}, but the workflow has {', '.join(plan.dims)};"
+            " name another results folder",
+        )
+    others = set(cells(cube)) - set(plan.designs.values())
+    changed = differences(parameters_of(cube), plan.common)
+    changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
+    if others and changed:
+        listed = "; ".join(map(str, changed))
+        raise fault(
+            str(path),
+            f"holds {len(others)} designs computed otherwise ({listed}); name another"
+            " results folder, or list the values of a setting to make it a dimension",
+        )
+    if not {*UNIT_CELLS, "code"} <= set(cube):
+        raise fault(str(path), "is of another version of knitlab; name another results folder")
+    return cube
 
 
 def build_cube(
@@ -54,7 +88,7 @@ def build_cube(
     combinations that were never requested are ``excluded``. Cases of which the old cube has the
     results of their file are ``kept``; ``damaged`` files must not be read.
     """
-    known = {} if old is None else cells(old)
+    known = cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())

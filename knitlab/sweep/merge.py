@@ -30,7 +30,7 @@ from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.lock import held
-from knitlab.sweep.cube import GAUGE_ATTRIBUTES, build_cube
+from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube
 from knitlab.sweep.plan import joined_plan
 from knitlab.sweep.reproduce import comparison
 from knitlab.sweep.results_folder import (
@@ -45,7 +45,6 @@ from knitlab.sweep.results_folder import (
     survey,
     write_failures,
 )
-from knitlab.sweep.run import MAY_DIFFER
 
 CASES = "cases"
 COMPARED = ("poisson_ratio", "reaction_force")
@@ -107,7 +106,7 @@ class FolderContents:
     @cached_property
     def cells(self) -> dict[Design, Cell]:
         """The designs of its cube."""
-        return {} if self.cube is None else cells(self.cube)
+        return cells(self.cube)
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -217,8 +216,7 @@ def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    stored = {} if old is None else cells(old)
-    states = survey(plan.designs, target, stored, check=False)
+    states = survey(plan.designs, target, cells(old), check=False)
     failed = {
         case_id
         for source in merged

@@ -52,8 +52,10 @@ class Cell:
         return self.status in RUN
 
 
-def cells(cube: xr.Dataset) -> dict[Design, Cell]:
-    """The designs of a cube by their labels, without excluded combinations."""
+def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
+    """The designs of a cube, if there is one, by their labels, without excluded combinations."""
+    if cube is None:
+        return {}
     labels = [cube[dim].values.tolist() for dim in design_dims(cube)]
     status, case_id, code = (cube[name].values for name in ("status", "case_id", "code"))
     found = {}

@@ -3,14 +3,15 @@
 import itertools
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_case
 from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import CUBE, design_dims, open_cube, write_cube
+from knitlab.cube.cube_file import CUBE, write_cube
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
@@ -19,15 +20,13 @@ from knitlab.io.lock import gate, held, running_shards
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import simulate_batch
 from knitlab.sweep.batches import Shard, workers_that_fit
-from knitlab.sweep.cube import UNIT_CELLS, build_cube
+from knitlab.sweep.cube import build_cube, previous_cube
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.results_folder import (
     FAILURES,
     PLAN,
     CaseState,
-    Cell,
-    Design,
     Failure,
     cells,
     earlier_failures,
@@ -37,7 +36,6 @@ from knitlab.sweep.results_folder import (
 )
 from knitlab.sweep.workers import (
     BatchError,
-    Pool,
     SchedulerLost,
     Simulate,
     Task,
@@ -48,10 +46,6 @@ from knitlab.sweep.workers import (
 
 ONE_BY_ONE = 2
 """Number of attempts after which batches are run one by one."""
-MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
-"""Parameters in which designs of one cube may differ: strains, sample size (which the cube has for
-each design, as ``unit_cells_y`` and ``unit_cells_x``), solver settings, and whether sensitivities,
-unloading or siblings are requested."""
 Failed = dict[str, BatchError]
 """Why cases could not be computed, by identifier."""
 
@@ -195,14 +189,14 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     part = plan if shard is None else plan.part(shard)
     with held(results, None if shard is None else (shard.number, shard.count)):
         with gate(results):
-            old = _previous_cube(plan, results / CUBE)
+            old = previous_cube(plan, results / CUBE)
             # Another shard that has its lock may still wait at the gate, without a plan written.
             if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
                 _check_same_plan(plan, results)
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        states = survey(part.designs, results, _cells(old), check=True)
+        states = survey(part.designs, results, cells(old), check=True)
         missing = {
             case_id: part.cases[case_id]
             for case_id, state in states.items()
@@ -210,7 +204,9 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             or (state is not CaseState.done and options.refresh)
         }
         with interrupted_by_signals():
-            simulated, failed, stopped = _simulate(part, results, missing, options)
+            done = _simulate(part, results, missing, options)
+        simulated = tuple(case_id for case_id in missing if case_id in done.ended)
+        failed = done.failed
         if joined := shard is None:
             cube, failures = _join(plan, results, old, states, simulated, failed)
         else:
@@ -226,49 +222,14 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 write_failures(results, [*others, *failures])
                 if joined := not _others_run(results, shard):
                     # Others may have written the cube while this shard was running.
-                    now = _previous_cube(plan, results / CUBE)
-                    found = survey(plan.designs, results, _cells(now), check=True)
+                    now = previous_cube(plan, results / CUBE)
+                    found = survey(plan.designs, results, cells(now), check=True)
                     _join(plan, results, now, found, simulated, failed)
-    run = Run(cube, simulated, states, failures, stopped, joined=joined)
+    run = Run(cube, simulated, states, failures, done.stopped, joined=joined)
     if old is None or not run.stale_parameters:
         return run
     changed = map(str, differences(parameters_of(old), plan.common))
     return replace(run, changed=tuple(changed))
-
-
-def _previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
-    """The existing cube, if there is one; BadInput if the plan's designs cannot be added to it."""
-    if not path.exists():
-        return None
-    try:
-        cube = open_cube(path)
-    except BadInput as error:
-        problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
-        raise fault(str(path), problem) from error
-    dims = design_dims(cube)
-    if dims != plan.dims:
-        raise fault(
-            str(path),
-            f"has the dimensions {', '.join(dims)}, but the workflow has {', '.join(plan.dims)};"
-            " name another results folder",
-        )
-    others = set(_cells(cube)) - set(plan.designs.values())
-    changed = differences(parameters_of(cube), plan.common)
-    changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
-    if others and changed:
-        listed = "; ".join(map(str, changed))
-        raise fault(
-            str(path),
-            f"holds {len(others)} designs computed otherwise ({listed}); name another"
-            " results folder, or list the values of a setting to make it a dimension",
-        )
-    if not {*UNIT_CELLS, "code"} <= set(cube):
-        raise fault(str(path), "is of another version of knitlab; name another results folder")
-    return cube
-
-
-def _cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
-    return {} if cube is None else cells(cube)
 
 
 def _others_run(results: Path, shard: Shard) -> bool:
@@ -287,14 +248,28 @@ def _check_same_plan(plan: Plan, results: Path) -> None:
         )
 
 
+@dataclass
+class _Simulated:
+    """The cases that a run simulated so far, why others failed, and whether it was stopped."""
+
+    ended: set[str] = field(default_factory=set)
+    failed: Failed = field(default_factory=dict)
+    stopped: bool = False
+
+
 def _simulate(
     plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions
-) -> tuple[tuple[str, ...], Failed, bool]:
-    """Simulate missing cases: those that were, why others failed, and whether it was stopped."""
+) -> _Simulated:
+    """Simulate the missing cases, and repeat the batches that need it.
+
+    A batch may be lost because another batch killed the worker that it was assigned to. A batch
+    that was lost twice is therefore run alone, where only itself can kill its worker.
+    """
+    done = _Simulated()
     planned = [batch for batch in plan.batches if not missing.keys().isdisjoint(batch.cases)]
     if not planned:
-        return (), {}, False
-    batches = [
+        return done
+    batches: list[Sequence[Case]] = [
         [missing[case_id] for case_id in batch.cases if case_id in missing] for batch in planned
     ]
     processors = options.processors(len(batches))
@@ -304,56 +279,49 @@ def _simulate(
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(workers, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
-    ended: set[str] = set()
-    failed: Failed = {}
-    stopped = False
-    with ProgressBar(missing, shown=options.show_progress) as bar:
-        try:
-            with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
-                try:
-                    for batch, error in _in_rounds(pool, batches, options.retries):
-                        for case in batch:
-                            bar.ended(case.case_id)
-                            if error:
-                                failed[case.case_id] = error
-                            else:
-                                ended.add(case.case_id)
-                        if options.fail_fast and (error or not _all_ok(results, batch)):
-                            stopped = True
-                            break
-                except KeyboardInterrupt:
-                    bar.write("stopping: the workers end and the cube is written; wait a moment")
-                    raise
-        except KeyboardInterrupt:
-            stopped = True
-        except SchedulerLost:
-            bar.write("stopping: the dask scheduler ended or cannot be reached")
-            stopped = True
-    return tuple(case_id for case_id in missing if case_id in ended), failed, stopped
+    with (
+        ProgressBar(missing, shown=options.show_progress) as bar,
+        _until_stopped(bar, done),  # while the workers end
+        pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool,
+        _until_stopped(bar, done),
+    ):
+        attempts = 0
+        while batches:
+            again: list[Sequence[Case]] = []
+            together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
+            for batch, error in itertools.chain.from_iterable(map(pool, together)):
+                if error and error.cannot_write:
+                    raise error.cannot_write
+                if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
+                    again.append(batch)
+                    continue
+                if error and len(batch) > 1:
+                    again += [[case] for case in batch]
+                    continue
+                for case in batch:
+                    bar.ended(case.case_id)
+                    if error:
+                        done.failed[case.case_id] = error
+                    else:
+                        done.ended.add(case.case_id)
+                if options.fail_fast and (error or not _all_ok(results, batch)):
+                    done.stopped = True
+                    return done
+            batches, attempts = again, attempts + 1
+    return done
 
 
-def _in_rounds(
-    pool: Pool, batches: Sequence[Sequence[Case]], retries: int
-) -> Iterator[tuple[Sequence[Case], BatchError | None]]:
-    """Simulate batches, and repeat those that need it; yields each that has ended for good.
-
-    A batch may be lost because another batch killed the worker that it was assigned to. A batch
-    that was lost twice is therefore run alone, where only itself can kill its worker.
-    """
-    attempts = 0
-    while batches:
-        again: list[Sequence[Case]] = []
-        together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
-        for batch, error in itertools.chain.from_iterable(map(pool, together)):
-            if error and error.cannot_write:
-                raise error.cannot_write
-            if error and (attempts < retries or (error.lost and attempts < ONE_BY_ONE)):
-                again.append(batch)
-            elif error and len(batch) > 1:
-                again += [[case] for case in batch]
-            else:
-                yield batch, error
-        batches, attempts = again, attempts + 1
+@contextmanager
+def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
+    """End a part of a run early, but not the run, if it is interrupted or its scheduler is lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        done.stopped = True
+        bar.write("stopping: the workers end and the cube is written; wait a moment")
+    except SchedulerLost:
+        done.stopped = True
+        bar.write("stopping: the dask scheduler ended or cannot be reached")
 
 
 def _all_ok(results: Path, batch: Sequence[Case]) -> bool:

@@ -102,7 +102,8 @@ def folder_status(
     Raises:
         BadInput: if its ``cube.nc`` is not a cube.
     """
-    stored = cells(open_cube(folder / CUBE, lazily=True)) if (folder / CUBE).exists() else {}
+    cube = open_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
+    stored = cells(cube)
     failures = earlier_failures(folder)
     statuses = {}
     for case_id, state in survey(designs, folder, stored, check).items():

@@ -205,7 +205,7 @@ def test_a_simulated_test_is_exported(tmp_path, design):
 @pytest.mark.slow
 def test_an_export_is_named_without_jax_or_a_mesh_library():
     program = (
-        "import sys, knitlab.cli, knitlab.api.exporting;"
+        "import sys, knitlab.cli, knitlab.api.cubes;"
         "assert not {'jax', 'meshio', 'trimesh', 'matplotlib'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

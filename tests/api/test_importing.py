@@ -77,7 +77,7 @@ found = dot(one, one)
 """,
         """
 import numpy as np
-from knitlab.measure.capacitance.potential import triangle_potential
+from knitlab.measure.capacitance.boundary_elements import triangle_potential
 found = triangle_potential(np.zeros(3), np.eye(3))
 """,
     ],

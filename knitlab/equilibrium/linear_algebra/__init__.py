@@ -3,6 +3,6 @@
 In: a sparsity with the coordinates of its nodes, then matrices of that sparsity. Out: factors.
 
 Read ``multifrontal.py``; ``elimination_order.py`` has nested dissection,
-``symbolic_factorisation.py`` the fronts, ``front_solves.py`` the solves, and ``blas.py`` the calls
-of BLAS and LAPACK.
+``symbolic_factorisation.py`` the fronts, ``triangular_solves.py`` the solves, and ``blas.py`` the
+calls of BLAS and LAPACK.
 """

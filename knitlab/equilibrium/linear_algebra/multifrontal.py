@@ -14,21 +14,18 @@ from math import isfinite
 from threading import Event
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.linalg import LinAlgError, eigh
 
 from knitlab.equilibrium.linear_algebra import blas
 from knitlab.equilibrium.linear_algebra.blas import Call, Matrix, Status, Vector
 from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
     INVERTED_SIZE,
-    Columns,
     Front,
     NestedDissection,
 )
 from knitlab.equilibrium.linear_algebra.triangular_solves import TriangularSolves
 from knitlab.fabric.threads import ALONE, Threads
-
-Precision = type[np.float32] | type[np.float64]
 
 LEAST_CURVATURE = 1e-6
 """Lower bound of the eigenvalues of a convexified front."""
@@ -40,7 +37,7 @@ class Multifrontal:
     """Numeric factorisation of matrices of one sparsity, in memory that is reused.
 
     Allocating new memory for every factor of a large matrix would take as long as the
-    factorisation.
+    factorisation. Only one thread may factorise, solve or change the diagonal at a time.
 
     Args:
         plan: symbolic factorisation of the matrices.
@@ -53,23 +50,16 @@ class Multifrontal:
         self,
         plan: NestedDissection,
         threads: Threads = ALONE,
-        precision: Precision = np.float64,
+        precision: type[np.float32] | type[np.float64] = np.float64,
     ) -> None:
         self.plan = plan
         self._threads = threads if plan.stored > WORTH_SHARING else ALONE
-        self._stored = np.empty(plan.stored, precision)
+        # Columns of the factor, and updates that are not yet added to their parents.
+        self.stored, stack = np.empty(plan.stored, precision), np.empty(plan.stack, precision)
         self._failed = Event()
-        memory = _Memory(self._stored, np.empty(plan.stack, precision), self._failed)
-        self._parts = [_Part(fronts, memory) for fronts in plan.parts]
-        self._solves = TriangularSolves(plan, self._stored, threads)
-
-    def columns(self) -> Iterator[Columns]:
-        """The columns of L of every front: its pivots and their coupling to its boundary."""
-        for part in self.plan.parts:
-            for front in part:
-                pivots, coupling = front.columns(self._stored)
-                triangle = np.tril(pivots)
-                yield np.linalg.inv(triangle) if front.inverted else triangle, coupling
+        self._parts = [_Part(fronts, self.stored, stack, self._failed) for fronts in plan.parts]
+        self._solves = TriangularSolves(plan, self.stored, threads)
+        self.solve, self.change_diagonal = self._solves.solve, self._solves.change_diagonal
 
     def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
         """Factorise a matrix and return whether it succeeded; this overwrites the previous factor.
@@ -81,40 +71,12 @@ class Multifrontal:
                 a front are too small for it.
         """
         self._solves.restart()
-        self._stored[:] = 0
-        self._stored[self.plan.places] = entries
+        self.stored[:] = 0
+        self.stored[self.plan.places] = entries
         self._failed.clear()
         *halves, top = self._parts
         factored = self._threads.each(lambda half: half.factorise(convexified), halves)
         return all(factored) and top.factorise(convexified)
-
-    def solve(self, rhs: Float[np.ndarray, "unknown *case"]) -> Float[np.ndarray, "unknown *case"]:
-        """The x of matrix × x = ``rhs``, for every column of ``rhs`` if it has columns."""
-        if rhs.ndim > 1:
-            columns = [self.solve(column) for column in rhs.T]
-            return np.stack(columns, axis=1) if columns else np.zeros(rhs.shape)
-        return self._solves.solve(rhs)
-
-    def change_diagonal(
-        self, unknowns: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
-    ) -> bool:
-        """Like :meth:`.TriangularSolves.change_diagonal`."""
-        return self._solves.change_diagonal(unknowns, changes)
-
-
-@dataclass(frozen=True, eq=False)
-class _Memory:
-    """Memory of factors and updates.
-
-    Attributes:
-        stored: memory for the columns of the factor.
-        stack: memory for updates that are not yet added to their parents.
-        failed: set when some pivots are not positive definite, so that both halves stop.
-    """
-
-    stored: Float[np.ndarray, " entry"]
-    stack: Float[np.ndarray, " place"]
-    failed: Event
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,19 +99,15 @@ class _Elimination:
 
 
 class _Part:
-    """Fronts that are eliminated one after another.
+    """Fronts that are eliminated one after another, until one fails here or in the other half."""
 
-    Args:
-        fronts: the fronts.
-        memory: memory of their factors and updates.
-    """
-
-    def __init__(self, fronts: Sequence[Front], memory: _Memory) -> None:
-        self._status, self._failed = np.zeros(1, dtype=np.int32), memory.failed
-        inverted = np.empty(INVERTED_SIZE**2, memory.stored.dtype)
-        self._eliminations = [
-            _elimination(front, memory, inverted, self._status) for front in fronts
-        ]
+    def __init__(
+        self, fronts: Sequence[Front], stored: Vector, stack: Vector, failed: Event
+    ) -> None:
+        self._stored, self._stack, self._failed = stored, stack, failed
+        self._status: Status = np.zeros(1, dtype=np.int32)
+        self._inverse = np.empty(INVERTED_SIZE**2, stored.dtype)
+        self._eliminations = [self._elimination(front) for front in fronts]
 
     def factorise(self, convexified: bool) -> bool:
         """Factorise the fronts; returns whether they were positive definite, or were made so."""
@@ -190,39 +148,36 @@ class _Part:
         front.pivots[:] = np.tril(before + (vectors * raised) @ vectors.T)
         return self._factored(front)
 
+    def _elimination(self, front: Front) -> _Elimination:
+        pivots, coupling = front.columns(self._stored)
+        update, status = front.updated(self._stack), self._status
+        targets = pivots, coupling, update
+        added = [
+            (targets[transfer.target][transfer.into], child.updated(self._stack)[transfer.block])
+            for child, transfers in front.children
+            for transfer in transfers
+        ]
+        eliminate: list[Call] = []
+        if front.inverted:
+            eliminate.append(blas.invert(pivots, status))
+            eliminate.append(blas.multiply_by_transposed(coupling, pivots))
+        elif len(front.boundary):
+            eliminate += self._multiply_by_inverse(coupling, pivots)
+        if len(front.boundary):
+            eliminate.append(blas.subtract_square(update, coupling))
+        return _Elimination(pivots, update, added, blas.cholesky(pivots, status), eliminate)
 
-def _elimination(front: Front, memory: _Memory, inverted: Vector, status: Status) -> _Elimination:
-    pivots, coupling = front.columns(memory.stored)
-    update = front.updated(memory.stack)
-    targets = pivots, coupling, update
-    added = [
-        (targets[transfer.target][transfer.into], child.updated(memory.stack)[transfer.block])
-        for child, transfers in front.children
-        for transfer in transfers
-    ]
-    eliminate: list[Call] = []
-    if front.inverted:
-        eliminate += [blas.invert(pivots, status), blas.multiply_by_transposed(coupling, pivots)]
-    elif len(front.boundary):
-        eliminate += _multiply_by_inverse(coupling, pivots, inverted, status)
-    if len(front.boundary):
-        eliminate.append(blas.subtract_square(update, coupling))
-    return _Elimination(pivots, update, added, blas.cholesky(pivots, status), eliminate)
-
-
-def _multiply_by_inverse(
-    coupling: Matrix, triangle: Matrix, inverted: Vector, status: Status
-) -> Iterator[Call]:
-    """``coupling`` ← coupling × triangle⁻ᵀ."""
-    size = len(triangle)
-    if size <= INVERTED_SIZE:
-        inverse = inverted[: size * size].reshape(size, size).T
-        yield blas.copy(inverse, triangle)
-        yield blas.invert(inverse, status)
-        yield blas.multiply_by_transposed(coupling, inverse)
-        return
-    half = size // 2
-    first, second = coupling[:, :half], coupling[:, half:]
-    yield from _multiply_by_inverse(first, triangle[:half, :half], inverted, status)
-    yield blas.subtract_product(second, first, triangle[half:, :half])
-    yield from _multiply_by_inverse(second, triangle[half:, half:], inverted, status)
+    def _multiply_by_inverse(self, coupling: Matrix, triangle: Matrix) -> Iterator[Call]:
+        """``coupling`` ← coupling × triangle⁻ᵀ."""
+        size = len(triangle)
+        if size <= INVERTED_SIZE:
+            inverse = self._inverse[: size * size].reshape(size, size).T
+            yield blas.copy(inverse, triangle)
+            yield blas.invert(inverse, self._status)
+            yield blas.multiply_by_transposed(coupling, inverse)
+            return
+        half = size // 2
+        first, second = coupling[:, :half], coupling[:, half:]
+        yield from self._multiply_by_inverse(first, triangle[:half, :half])
+        yield blas.subtract_product(second, first, triangle[half:, :half])
+        yield from self._multiply_by_inverse(second, triangle[half:, half:])

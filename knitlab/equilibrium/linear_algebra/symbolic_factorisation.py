@@ -20,8 +20,6 @@ INVERTED_SIZE = 192
 multiplies by small matrices several times faster than it solves with them, and a group is solved by
 products alone."""
 
-Columns = tuple[Float[np.ndarray, "pivot pivot"], Float[np.ndarray, "boundary pivot"]]
-
 
 @dataclass(frozen=True, eq=False)
 class ExtendAdd:
@@ -73,7 +71,9 @@ class Front:
         """Whether the factor of its pivots is stored as its inverse."""
         return self.size <= INVERTED_SIZE
 
-    def columns(self, stored: Float[np.ndarray, " entry"]) -> Columns:
+    def columns(
+        self, stored: Float[np.ndarray, " entry"]
+    ) -> tuple[Float[np.ndarray, "pivot pivot"], Float[np.ndarray, "boundary pivot"]]:
         """Views of its pivots and of their coupling to the boundary."""
         (pivots,), (coupling,) = columns_of_group([self], stored)
         return pivots, coupling
@@ -166,32 +166,12 @@ def planned(
 ) -> NestedDissection:
     """Plan the factorisation of matrices of any sparsity in the elimination order of a grid.
 
-    Args:
-        grid: the order.
-        indptr: start of every column of the lower triangle, as in :func:`grid_order`.
-        indices: rows of its non-zeros.
+    ``indptr`` and ``indices`` are the lower triangle, as in :func:`grid_order`.
     """
-    rank = np.empty_like(grid.order)
-    rank[grid.order] = np.arange(len(grid.order))
-    lower, upper = _pairs(indptr, indices)
-    return _plan(grid.order, grid.starts, rank[lower], rank[upper])
-
-
-def _pairs(
-    indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
-) -> tuple[Int[np.ndarray, " nonzero"], Int[np.ndarray, " nonzero"]]:
-    """Row and column of every non-zero."""
-    columns = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
-    return np.asarray(indices, dtype=np.int64), columns
-
-
-def _plan(
-    order: Int[np.ndarray, " unknown"],
-    starts: Int[np.ndarray, " front"],
-    one: Int[np.ndarray, " nonzero"],
-    other: Int[np.ndarray, " nonzero"],
-) -> NestedDissection:
-    """Plan fronts that end where the next starts, from the non-zeros between unknowns."""
+    order, starts = grid.order, grid.starts
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    one, other = (rank[unknowns] for unknowns in _pairs(indptr, indices))
     column, row = np.minimum(one, other), np.maximum(one, other)
     sizes = np.diff(starts)
     owner = np.repeat(np.arange(len(sizes)), sizes)
@@ -201,9 +181,16 @@ def _plan(
     boundaries, parents = _boundaries(np.unique(keys), starts, owner)
     lengths = np.array([len(boundary) for boundary in boundaries])
     middle = _middle(np.array(parents), sizes * lengths**2)
-    levels = _levels(parents)
+    levels = np.zeros(len(parents), dtype=np.int64)
+    for number, parent in enumerate(parents):
+        if parent >= 0:
+            levels[parent] = max(levels[parent], levels[number] + 1)
     half = np.searchsorted([middle, len(sizes) - 1], np.arange(len(sizes)), side="right")
-    stored = _offsets(sizes * (sizes + lengths), np.lexsort((lengths, sizes, levels, half)))
+    # Fronts of one half, level and size are stored one after another.
+    in_memory = np.lexsort((lengths, sizes, levels, half))
+    entries = sizes * (sizes + lengths)
+    stored = np.empty_like(entries)
+    stored[in_memory] = np.cumsum(entries[in_memory]) - entries[in_memory]
     fronts, stack = _fronts(starts, boundaries, parents, levels, stored, middle)
 
     within = column - starts[front]
@@ -214,7 +201,15 @@ def _plan(
     rank = np.searchsorted(boundary_keys, keys) - (np.cumsum(lengths) - lengths)[front]
     places[outside] = stored[front] + sizes[front] ** 2 + within * lengths[front] + rank
     parts = fronts[:middle], fronts[middle:-1], fronts[-1:]
-    return NestedDissection(order, parts, places, int(sizes @ (sizes + lengths)), stack)
+    return NestedDissection(order, parts, places, int(entries.sum()), stack)
+
+
+def _pairs(
+    indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
+) -> tuple[Int[np.ndarray, " nonzero"], Int[np.ndarray, " nonzero"]]:
+    """Row and column of every non-zero."""
+    columns = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+    return np.asarray(indices, dtype=np.int64), columns
 
 
 def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"]) -> int:
@@ -225,24 +220,6 @@ def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"])
     places = np.flatnonzero(reached < np.arange(last + 1))
     done = np.append(0, np.cumsum(work[:last]))
     return int(places[np.abs(done[places] - done[-1] / 2).argmin()])
-
-
-def _levels(parents: Sequence[int]) -> Int[np.ndarray, " front"]:
-    """Height of every front in the elimination tree."""
-    levels = np.zeros(len(parents), dtype=np.int64)
-    for number, parent in enumerate(parents):
-        if parent >= 0:
-            levels[parent] = max(levels[parent], levels[number] + 1)
-    return levels
-
-
-def _offsets(
-    lengths: Int[np.ndarray, " front"], order: Int[np.ndarray, " front"]
-) -> Int[np.ndarray, " front"]:
-    """Offset of every front, if they are stored in an order."""
-    offsets = np.empty_like(lengths)
-    offsets[order] = np.cumsum(lengths[order]) - lengths[order]
-    return offsets
 
 
 def _boundaries(

@@ -1,24 +1,26 @@
 """Solves with a multifrontal factor, also after a few entries of the diagonal have changed.
 
+Most fronts are so small that a call of BLAS for each would take longer than its arithmetic. Fronts
+of one level do not depend on each other, and in a sheet many of them have one size, so that batched
+matrix products solve them together, as a group.
+
 The two independent halves may be solved at the same time, each by a thread of its own. The result
 does not depend on the threads.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from knitlab.equilibrium.linear_algebra import blas
 from knitlab.equilibrium.linear_algebra.blas import Vector
-from knitlab.equilibrium.linear_algebra.diagonal_update import DiagonalUpdate
-from knitlab.equilibrium.linear_algebra.front_solves import (
-    FrontSolves,
-    GroupSolves,
-    Solves,
-    groupable,
+from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
+    Front,
+    NestedDissection,
+    columns_of_group,
 )
-from knitlab.equilibrium.linear_algebra.symbolic_factorisation import NestedDissection
 from knitlab.fabric.threads import ALONE, Threads
 
 LEAST_GROUP = 4
@@ -26,7 +28,69 @@ LEAST_GROUP = 4
 WORTH_SHARING = 3 * 10**7
 """Entries of a factor above which a second thread pays off in a solve."""
 
-Rows = Int[np.ndarray, " row"]
+Places = Int[np.ndarray, " _"]
+
+
+class FrontSolves:
+    """Triangular solves of one front, in place in a vector in elimination order.
+
+    ``boundary`` are the places, in the vector, that its pivots are coupled to.
+    """
+
+    def __init__(self, front: Front, boundary: Places, stored: Vector, vector: Vector) -> None:
+        pivots, coupling = front.columns(stored)
+        own, self._work = vector[front.pivots], np.empty(len(boundary), vector.dtype)
+        self._vector, self._boundary = vector, boundary
+        apply = blas.multiply_by_triangle if front.inverted else blas.solve
+        self._forward, self._back = [apply(pivots, own)], [apply(pivots, own, transposed=True)]
+        if len(boundary):
+            self._forward.append(blas.multiply(self._work, coupling, own))
+            self._back.insert(0, blas.subtract_transposed_product(own, coupling, self._work))
+
+    def reduce(self) -> None:
+        """Forward substitution."""
+        blas.run(self._forward)
+        if len(self._work):
+            self._vector[self._boundary] -= self._work
+
+    def substitute_back(self) -> None:
+        """Back substitution."""
+        if len(self._work):
+            np.take(self._vector, self._boundary, out=self._work, mode="clip")
+        blas.run(self._back)
+
+
+class GroupSolves:
+    """The same of groupable fronts of one level and size, which are stored one after another."""
+
+    def __init__(
+        self, fronts: Sequence[Front], boundaries: Sequence[Places], stored: Vector, vector: Vector
+    ) -> None:
+        starts = np.array([front.pivots.start for front in fronts])
+        self._pivots = starts[:, None] + np.arange(fronts[0].size)
+        self._vector, self._boundary = vector, np.stack(boundaries)
+        self._inverses, self._couplings = columns_of_group(fronts, stored)
+
+    def reduce(self) -> None:
+        """Forward substitution."""
+        own = self._inverses @ self._vector[self._pivots][..., None]
+        self._vector[self._pivots] = own[..., 0]
+        # Several fronts may share an unknown of their boundaries.
+        np.subtract.at(self._vector, self._boundary.ravel(), (self._couplings @ own).ravel())
+
+    def substitute_back(self) -> None:
+        """Back substitution."""
+        known = self._vector[self._boundary][..., None]
+        own = self._vector[self._pivots][..., None] - self._couplings.transpose(0, 2, 1) @ known
+        self._vector[self._pivots] = (self._inverses.transpose(0, 2, 1) @ own)[..., 0]
+
+
+def groupable(front: Front) -> bool:
+    """Whether a front may be part of a group."""
+    return front.inverted and len(front.boundary) > 0
+
+
+Solves = FrontSolves | GroupSolves
 
 
 class TriangularSolves:
@@ -57,12 +121,12 @@ class TriangularSolves:
         halves = range(middle), range(middle, end)
         self._halves = [list(self._of_half(numbers)) for numbers in halves]
         self._single: dict[int, FrontSolves] = {}
-        self._update: DiagonalUpdate | None = None
-        self._columns: dict[int, tuple[Rows, Vector]] = {}
+        self.restart()
 
     def restart(self) -> None:
         """Forget the changes of the diagonal; the factor has been overwritten."""
-        self._update, self._columns = None, {}
+        self._update: tuple[Places, Float[np.ndarray, "row changed"], np.ndarray] | None = None
+        self._columns: dict[int, tuple[Places, Vector]] = {}
 
     def solve(self, rhs: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
         """The x of matrix × x = ``rhs``, with the changes of the diagonal, if any."""
@@ -71,7 +135,9 @@ class TriangularSolves:
         last = len(self._fronts) - 1
         self._reduce_one(last)
         if self._update is not None:
-            self._update.apply(self._solution)
+            rows, columns, weights = self._update
+            part = self._solution[rows]
+            self._solution[rows] = part - columns @ (weights @ (columns.T @ part))
         self._solves_of_one(last).substitute_back()
         self._copy[:] = self._shared
         self._threads.each(_substitute_back, self._halves)
@@ -84,11 +150,12 @@ class TriangularSolves:
     ) -> bool:
         """Change entries of the diagonal of the factorised matrix for the next solves.
 
-        This replaces earlier changes. It costs a few per cent of a solve for every unknown.
+        ``changes`` are added to the entries of ``unknowns``, and not 0. They replace earlier
+        changes. It costs a few per cent of a solve for every unknown.
 
-        Args:
-            unknowns: the unknowns.
-            changes: what is added to the entry of each; not 0.
+        With W = L⁻¹ E for the changed unknowns E and their changes K, L Lᵀ + E K Eᵀ =
+        L (I + W K Wᵀ) Lᵀ, so that a solve only has to apply (I + W K Wᵀ)⁻¹ between forward and back
+        substitution (Woodbury).
 
         Returns:
             Whether the changed matrix is positive definite; if not, it is as it was factorised.
@@ -101,16 +168,26 @@ class TriangularSolves:
         dense = np.zeros((len(rows), len(columns)), self._solution.dtype, order="F")
         for target, (own, values) in zip(dense.T, columns, strict=True):
             target[np.searchsorted(rows, own)] = values
-        self._update = DiagonalUpdate.of(rows, dense, changes)
-        return self._update is not None
+        square = dense.T.astype(float) @ dense
+        if not np.isfinite(square).all():
+            return False
+        values, vectors = np.linalg.eigh(square)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        # Its eigenvalues are those of I + W K Wᵀ that are not 1.
+        small = np.eye(len(changes)) + root.T @ (changes[:, None] * root)
+        if not np.linalg.eigvalsh(small)[0] > 1e-6:
+            return False
+        weights = np.linalg.inv(np.diag(1 / changes) + square)
+        self._update = rows, dense, weights.astype(dense.dtype)
+        return True
 
-    def _column(self, unknown: int) -> tuple[Rows, Vector]:
+    def _column(self, unknown: int) -> tuple[Places, Vector]:
         """L⁻¹ times the unit vector of an unknown: its rows that are not 0, and their values.
 
         These are the pivots of the unknown's front and of its ancestors.
         """
         if unknown not in self._columns:
-            places, passed = np.flatnonzero(self._order == unknown), list[Rows]()
+            places, passed = np.flatnonzero(self._order == unknown), list[Places]()
             self._vector[:] = 0
             self._vector[places] = 1
             while len(places):
@@ -138,7 +215,7 @@ class TriangularSolves:
             fronts = [self._fronts[number] for number in members]
             if len(members) >= LEAST_GROUP and groupable(fronts[0]):
                 boundaries = [self._boundaries[number] for number in members]
-                yield GroupSolves.of(fronts, boundaries, self._stored, self._vector)
+                yield GroupSolves(fronts, boundaries, self._stored, self._vector)
             else:
                 yield from map(self._new_solves, members)
 
@@ -149,10 +226,10 @@ class TriangularSolves:
 
     def _new_solves(self, number: int) -> FrontSolves:
         front, boundary = self._fronts[number], self._boundaries[number]
-        return FrontSolves.of(front, boundary, self._stored, self._vector)
+        return FrontSolves(front, boundary, self._stored, self._vector)
 
 
-def _reduce(solves: Iterable[Solves]) -> None:
+def _reduce(solves: list[Solves]) -> None:
     for each in solves:
         each.reduce()
 

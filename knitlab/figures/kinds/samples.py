@@ -16,7 +16,6 @@ from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
 from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
 from knitlab.io.errors import fault
-from knitlab.measure.unit_cells import central
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
@@ -78,6 +77,9 @@ def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
 
 
 def _draw_cells(axes: Axes, sample: xr.Dataset, field: xr.DataArray, colours: ValueColours) -> None:
+    # JAX is imported only when this figure is drawn.
+    from knitlab.measure.unit_cells import central
+
     observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
     rows, columns = observed.shape
     width, height = float(sample["relaxed_cell_x"]), float(sample["relaxed_cell_y"])

@@ -11,7 +11,6 @@ from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.measure.fit_statistics import linear_fit
-from knitlab.measure.wavelength import spectrum
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
 PEAK = CATEGORY_COLOURS[1]
@@ -55,6 +54,9 @@ def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
 
 
 def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
+    # JAX is imported only when this figure is drawn.
+    from knitlab.measure.wavelength import spectrum
+
     length = float(shown[f"boundary_length_{direction}"])
     wavenumbers, amplitudes = spectrum(shown[f"boundary_{direction}"].values, length)
     wavelength = float(shown[f"wavelength_{direction}"])

@@ -60,7 +60,8 @@ def sensor_values(
         "sensitivity": mean_slope(strain, capacitance),
         "gauge_factor": change / (end - start),
         "humidity_strain": humidity * (end - start) / abs(change) if change else float("inf"),
-        "linearity": float(linearity(fine, curve(fine))),
+        # R² over the whole range; 0 for a constant, which does not depend on strain.
+        "linearity": float(_fits(fine, curve(fine))[0][0, -1]),
         "working_range": high - low,
         "working_start": low,
         "working_slope": slope,
@@ -92,11 +93,6 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
     inner = strain[(strain > middle - half) & (strain < middle + half)]
     strains = np.concatenate([[middle - half], inner, [middle + half]])
     return float(np.abs(np.diff(np.interp(strains, strain, capacitance))).sum() / (2 * half))
-
-
-def linearity(strain: Curve, capacitance: Curve) -> Float[np.ndarray, ""]:
-    """R² of a straight line; 0 for a constant, which does not depend on strain [1]."""
-    return _fits(strain, capacitance)[0][0, -1]
 
 
 def widest_linear(

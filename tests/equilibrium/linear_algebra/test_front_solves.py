@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from knitlab.equilibrium.linear_algebra import triangular_solves
-from knitlab.equilibrium.linear_algebra.front_solves import FrontSolves, GroupSolves, groupable
 from knitlab.equilibrium.linear_algebra.symbolic_factorisation import Front, NestedDissection
+from knitlab.equilibrium.linear_algebra.triangular_solves import (
+    FrontSolves,
+    GroupSolves,
+    groupable,
+)
 from tests.equilibrium.linear_algebra.test_multifrontal import CASES, Case, fronts, sheet
 
 
@@ -55,8 +59,8 @@ def test_a_group_is_solved_as_its_fronts_one_by_one(precision):
     for members in groups(plan):
         together[:] = alone[:] = start
         boundaries = [front.boundary for front in members]
-        group = GroupSolves.of(members, boundaries, stored, together)
-        single = [FrontSolves.of(each, each.boundary, stored, alone) for each in members]
+        group = GroupSolves(members, boundaries, stored, together)
+        single = [FrontSolves(each, each.boundary, stored, alone) for each in members]
         accuracy = 2e3 * np.finfo(precision).eps
         group.reduce()
         for each in single:

@@ -124,8 +124,10 @@ def case(request: pytest.FixtureRequest) -> Case:
 def triangle(factors: Multifrontal) -> np.ndarray:
     """L as a dense matrix, in the order of elimination."""
     dense = np.zeros((len(factors.plan.order),) * 2)
-    for front, (pivots, coupling) in zip(fronts(factors.plan), factors.columns(), strict=True):
-        dense[front.pivots, front.pivots] = pivots
+    for front in fronts(factors.plan):
+        pivots, coupling = front.columns(factors.stored)
+        lower = np.tril(pivots)
+        dense[front.pivots, front.pivots] = np.linalg.inv(lower) if front.inverted else lower
         dense[front.boundary, front.pivots] = coupling
     return dense
 
@@ -150,15 +152,6 @@ def test_couplings_beyond_those_of_the_grid_are_factorised_in_its_order(case: Ca
     rhs = numbers.normal(size=len(case.rows))
     solution = factored(planned(case.order, whole.indptr, whole.indices), whole.data).solve(rhs)
     np.testing.assert_allclose(solution, spsolve(matrix, rhs), rtol=0, atol=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("columns", [0, 1, 5])
-def test_a_factorisation_solves_for_many_right_hand_sides(case: Case, columns: int) -> None:
-    rhs = np.random.default_rng(1).normal(size=(len(case.rows), columns))
-    solution = case.factors().solve(rhs)
-    assert solution.shape == rhs.shape
-    np.testing.assert_allclose(case.matrix @ solution, rhs, rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.integrate import dblquad
 from scipy.spatial.transform import Rotation
 
-from knitlab.measure.capacitance.potential import triangle_potential
+from knitlab.measure.capacitance.boundary_elements import triangle_potential
 
 RIGHT = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
 SEED = st.integers(0, 10_000)
