@@ -169,14 +169,6 @@ def fit(
     from knitlab.api import laboratory as api
     from knitlab.cube.cube_file import open_cube
     from knitlab.cube.selection import selected
-<<<<<<< HEAD
-
-    check_toml(output)
-    cube = selected(open_cube(experiment), selections)
-
-    from knitlab.api import laboratory as api
-=======
->>>>>>> trunk
     from knitlab.figures.fits import fit_figure
     from knitlab.laboratory.fit import report, write_stripes
     from knitlab.sweep.plan import make_plan
@@ -195,11 +187,7 @@ def fit(
     write_stripes(output, fitted, experiment)
     click.echo(f"stripes  {output}")
     title = f"{fitted.before.label}, fitted to {experiment}"
-<<<<<<< HEAD
-    draw_beside(output, lambda: fit_figure(fitted, title))
-=======
     options.draw_beside(output, lambda: fit_figure(fitted, title))
->>>>>>> trunk
     if not fitted.converged:
         sys.exit(options.SOME_CASE_NOT_OK)
 
