@@ -17,7 +17,7 @@ from knitlab.cube.target import Target, read_target
 from knitlab.io.errors import BadInput, ErrorCollector, fault
 from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.formats import FORMATS, SERIES, write_mesh, write_series
+from knitlab.meshes.formats import FORMATS, SERIES, TRIANGLES, write_mesh, write_series
 from knitlab.meshes.solid import solid_of
 from knitlab.meshes.surface import SurfaceMesh
 
@@ -287,7 +287,7 @@ def export(
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
-    if triangles or not (suffix == SERIES or FORMATS[suffix].quads):
+    if triangles or suffix in TRIANGLES:
         meshes = [mesh.triangulated() for mesh in meshes]
     strains = tuple(case_file[STRAIN].values[rows].tolist())
     files = [output]

@@ -19,7 +19,6 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault
 from knitlab.simulation.case import Case
 from knitlab.simulation.tensile_tests import Progress
-from knitlab.sweep.run import in_rounds
 from knitlab.sweep.workers import Task, pool_of
 
 TRIALS, SEARCHES = "trials", "searches"
@@ -42,6 +41,8 @@ MOST_FAILED = 3
 """Number of trials that may fail before gradients are given up."""
 UNIFORM = 12**-0.5
 """Standard deviation of a uniform distribution between the bounds, over their distance."""
+ATTEMPTS = 3
+"""How often a search is started if its worker dies."""
 HARDLY = 0.5
 """Fraction of that above which a value counts as hardly determined."""
 
@@ -361,10 +362,22 @@ def run_searches(
         progress(by_start[case_id].design, distance)
 
     task = Task(partial(_run_search, by_start), folder)
+    failed: dict[str, str] = {}
+    pending = list(starts)
     with pool_of(task, min(workers, len(searches)), None, False, reported) as pool:
-        ended = list(in_rounds(pool, [(start,) for start in starts.values()], retries=0))
-    if failed := [(start, error.reason) for (start,), error in ended if error]:
-        raise BadInput(Fault(f"search from {start.label}", reason) for start, reason in failed)
+        for attempt in range(1, ATTEMPTS + 1):
+            errors = {
+                batch[0].case_id: error
+                for batch, error in pool([(starts[case_id],) for case_id in pending])
+                if error is not None
+            }
+            pending = [key for key, error in errors.items() if error.lost and attempt < ATTEMPTS]
+            failed |= {key: error.reason for key, error in errors.items() if key not in pending}
+    if failed:
+        raise BadInput(
+            Fault(f"search from {starts[case_id].label}", reason)
+            for case_id, reason in failed.items()
+        )
     files = [folder / SEARCHES / f"{case_id}.json" for case_id in by_start]
     return [RESULT.validate_json(file.read_bytes()) for file in files]
 

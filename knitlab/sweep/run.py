@@ -279,58 +279,6 @@ def _simulate(
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(workers, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
-<<<<<<< HEAD
-    ended: set[str] = set()
-    failed: Failed = {}
-    stopped = False
-    with ProgressBar(missing, shown=options.show_progress) as bar:
-        try:
-            with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
-                try:
-                    for batch, error in in_rounds(pool, batches, options.retries):
-                        for case in batch:
-                            bar.ended(case.case_id)
-                            if error:
-                                failed[case.case_id] = error
-                            else:
-                                ended.add(case.case_id)
-                        if options.fail_fast and (error or not _all_ok(results, batch)):
-                            stopped = True
-                            break
-                except KeyboardInterrupt:
-                    bar.write("stopping: the workers end and the cube is written; wait a moment")
-                    raise
-        except KeyboardInterrupt:
-            stopped = True
-        except SchedulerLost:
-            bar.write("stopping: the dask scheduler ended or cannot be reached")
-            stopped = True
-    return tuple(case_id for case_id in missing if case_id in ended), failed, stopped
-
-
-def in_rounds(
-    pool: Pool, batches: Sequence[Sequence[Case]], retries: int
-) -> Iterator[tuple[Sequence[Case], BatchError | None]]:
-    """Simulate batches, and repeat those that need it; yields each that has ended for good.
-
-    A batch may be lost because another batch killed the worker that it was assigned to. A batch
-    that was lost twice is therefore run alone, where only itself can kill its worker.
-    """
-    attempts = 0
-    while batches:
-        again: list[Sequence[Case]] = []
-        together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
-        for batch, error in itertools.chain.from_iterable(map(pool, together)):
-            if error and error.cannot_write:
-                raise error.cannot_write
-            if error and (attempts < retries or (error.lost and attempts < ONE_BY_ONE)):
-                again.append(batch)
-            elif error and len(batch) > 1:
-                again += [[case] for case in batch]
-            else:
-                yield batch, error
-        batches, attempts = again, attempts + 1
-=======
     with (
         ProgressBar(missing, shown=options.show_progress) as bar,
         _until_stopped(bar, done),  # while the workers end
@@ -374,7 +322,6 @@ def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
     except SchedulerLost:
         done.stopped = True
         bar.write("stopping: the dask scheduler ended or cannot be reached")
->>>>>>> trunk
 
 
 def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
