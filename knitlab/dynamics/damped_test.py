@@ -78,11 +78,7 @@ def relax_by_dynamics(
 
     A sheet moves until it is at rest, or for a given time, as ``settings.ending`` says. A sample is
     rotated rigidly then, so that the rows that are to be clamped match those of its flat sheet.
-
-    Args:
-        fabrics: the fabrics.
-        progress: called with the index of a fabric and which part of its relaxation is done.
-        sheets: what is released in place of each flat sheet, such as an imperfect one [mm].
+    What is released in place of a flat sheet, such as an imperfect one, is in ``sheets`` [mm].
     """
     shape, settings, cases = fabrics.shape, fabrics.settings, range(len(fabrics.fabrics))
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
@@ -143,11 +139,7 @@ def stretch_by_dynamics(
     the test is a simulation of its own. With ``settings.ending = "rest"`` the fabric comes to rest
     at every applied strain; with ``"time"`` it is pulled without a pause, and its states are not
     equilibria.
-
-    Args:
-        fabrics: the fabrics.
-        applied_strain: strains of each fabric, ascending from 0, of equal number.
-        progress: called with the index of a fabric and the number of its finished states.
+    Strains ascend from 0, and are of equal number for every fabric.
     """
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)

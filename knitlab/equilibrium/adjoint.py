@@ -13,7 +13,7 @@ result is that with the present contacts.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -81,22 +81,22 @@ class Adjoint:
             NoDerivative: if the state is not a stable equilibrium.
         """
         unknowns = np.asarray(strained.flattened())
-        by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
-            self._relaxed, unknowns, self._fabric
+        by_relaxed, by_strained, by_fabric = _jacobian(
+            measure, self._shape, self._relaxed, unknowns, self._fabric
         )
         response = self._under_tension.at(self._fabric, unknowns)
         by_unknowns = np.asarray(by_strained)
         multipliers = response.to(by_unknowns)
-        by_fabric = _through_forces(self._shape)(self._fabric, unknowns, multipliers, by_fabric)
+        by_fabric = _through_forces(self._shape, self._fabric, unknowns, multipliers, by_fabric)
         by_held = by_unknowns - response.forces_of(multipliers)
         by_held[:, response.free] = 0
-        by_relaxed += _through_loading(self._shape)(self._relaxed, applied_strain, by_held)
+        by_relaxed += _through_loading(self._shape, self._relaxed, applied_strain, by_held)
         return self._through_relaxed(np.asarray(by_relaxed), by_fabric)
 
     def of_relaxed(self, measure: Measure) -> StripePair:
         """The same of a measure of the relaxed shape, which is also passed as the strained one."""
-        by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
-            self._relaxed, self._relaxed, self._fabric
+        by_relaxed, by_strained, by_fabric = _jacobian(
+            measure, self._shape, self._relaxed, self._relaxed, self._fabric
         )
         return self._through_relaxed(np.asarray(by_relaxed + by_strained), by_fabric)
 
@@ -106,12 +106,12 @@ class Adjoint:
         """Derivatives by stripe parameters, from those by relaxed shape and by the fabric."""
         # Rigid motions, which cost no energy, are determined by the rigid alignment.
         rigid = self._at_rest.rigid_part(by_relaxed)
-        by_fabric, aligned_part = _through_alignment(self._shape)(
-            self._fabric, self._relaxed, rigid, by_fabric
+        by_fabric, aligned_part = _through_alignment(
+            self._shape, self._fabric, self._relaxed, rigid, by_fabric
         )
         multipliers = self._at_rest.to(by_relaxed - rigid + np.asarray(aligned_part))
-        by_fabric = _through_forces(self._shape)(
-            self._fabric, self._relaxed, multipliers, by_fabric
+        by_fabric = _through_forces(
+            self._shape, self._fabric, self._relaxed, multipliers, by_fabric
         )
         rows = [np.reshape(leaf, (len(by_relaxed), -1)) for leaf in jax.tree.leaves(by_fabric)]
         by_number = np.concatenate(rows, axis=1) @ self._slope
@@ -136,65 +136,58 @@ def _slope(
     return np.asarray(jax.jacfwd(lambda x: ravel_pytree(layout.fabric(pair(x)))[0])(numbers))
 
 
-@lru_cache(maxsize=16)
-def _jacobian(measure: Measure, shape: MeshShape) -> Callable[..., tuple[Rows, Rows, Fabric]]:
-    """Compiled derivatives of a measure by both vectors of unknowns and by the fabric."""
+@partial(jax.jit, static_argnums=(0, 1))
+def _jacobian(
+    measure: Measure, shape: MeshShape, relaxed: Unknowns, strained: Unknowns, fabric: Fabric
+) -> tuple[Rows, Rows, Fabric]:
+    """Derivatives of a measure by both vectors of unknowns and by the fabric."""
 
     def numbers(relaxed: Unknowns, strained: Unknowns, fabric: Fabric) -> Float[Array, " quantity"]:
         pair = Configuration.of(relaxed, shape), Configuration.of(strained, shape)
         return jnp.ravel(measure(*pair, fabric))
 
-    return jax.jit(jax.jacrev(numbers, argnums=(0, 1, 2)))
+    return jax.jacrev(numbers, argnums=(0, 1, 2))(relaxed, strained, fabric)
 
 
-@lru_cache(maxsize=16)
-def _through_forces(shape: MeshShape) -> Callable[..., Fabric]:
-    """Compiled: adds −λᵀ ∂g/∂(fabric) to the derivative by the fabric."""
-    net = network(shape)
+@partial(jax.jit, static_argnums=0)
+def _through_forces(
+    shape: MeshShape, fabric: Fabric, at: Unknowns, multipliers: Rows, by_fabric: Fabric
+) -> Fabric:
+    """Adds −λᵀ ∂g/∂(fabric) to the derivative by the fabric."""
 
-    def pulled_back(fabric: Fabric, at: Unknowns, multipliers: Rows, by_fabric: Fabric) -> Fabric:
-        def stored(unknowns: Unknowns, varied: Fabric) -> Array:
-            return energy(net, varied, Configuration.of(unknowns, shape)).total
+    def stored(unknowns: Unknowns, varied: Fabric) -> Array:
+        return energy(network(shape), varied, Configuration.of(unknowns, shape)).total
 
-        def work(varied: Fabric, along: Unknowns) -> Array:
-            return jax.jvp(lambda q: stored(q, varied), (at,), (along,))[1]
+    def work(varied: Fabric, along: Unknowns) -> Array:
+        return jax.jvp(lambda q: stored(q, varied), (at,), (along,))[1]
 
-        change = jax.vmap(jax.grad(work), (None, 0))(fabric, multipliers)
-        return jax.tree.map(jnp.subtract, by_fabric, change)
-
-    return jax.jit(pulled_back)
+    change = jax.vmap(jax.grad(work), (None, 0))(fabric, multipliers)
+    return jax.tree.map(jnp.subtract, by_fabric, change)
 
 
-@lru_cache(maxsize=16)
-def _through_loading(shape: MeshShape) -> Callable[..., Rows]:
-    """Compiled: from the derivative by the held unknowns to that by the relaxed shape."""
+@partial(jax.jit, static_argnums=0)
+def _through_loading(
+    shape: MeshShape, relaxed: Unknowns, applied_strain: Array, by_held: Rows
+) -> Rows:
+    """From the derivative by the held unknowns to that by the relaxed shape."""
 
-    def pulled_back(relaxed: Unknowns, applied_strain: Array, by_held: Rows) -> Rows:
-        def placed(unknowns: Unknowns) -> Unknowns:
-            drive, _ = drive_along(shape, Configuration.of(unknowns, shape))
-            return unknowns + applied_strain * drive
+    def loaded(unknowns: Unknowns) -> Unknowns:
+        drive, _ = drive_along(shape, Configuration.of(unknowns, shape))
+        return unknowns + applied_strain * drive
 
-        _, transposed = jax.vjp(placed, relaxed)
-        return jax.vmap(transposed)(by_held)[0]
-
-    return jax.jit(pulled_back)
+    return jax.vmap(jax.vjp(loaded, relaxed)[1])(by_held)[0]
 
 
-@lru_cache(maxsize=16)
-def _through_alignment(shape: MeshShape) -> Callable[..., tuple[Fabric, Rows]]:
-    """Compiled: pulls the derivative along rigid motions back through the rigid alignment."""
-    net = network(shape)
+@partial(jax.jit, static_argnums=0)
+def _through_alignment(
+    shape: MeshShape, fabric: Fabric, relaxed: Unknowns, rigid: Rows, by_fabric: Fabric
+) -> tuple[Fabric, Rows]:
+    """Pulls the derivative along rigid motions back through the rigid alignment."""
 
     def aligned(fabric: Fabric, relaxed: Unknowns) -> Unknowns:
-        configuration = Configuration.of(relaxed, shape)
-        aligned = rigidly_aligned(shape, flat_sheet(net, fabric), configuration)
-        return jnp.asarray(aligned.flattened())
+        flat = flat_sheet(network(shape), fabric)
+        level = rigidly_aligned(shape, flat, Configuration.of(relaxed, shape))
+        return jnp.asarray(level.flattened())
 
-    def pulled_back(
-        fabric: Fabric, relaxed: Unknowns, rigid: Rows, by_fabric: Fabric
-    ) -> tuple[Fabric, Rows]:
-        _, transposed = jax.vjp(aligned, fabric, relaxed)
-        more_by_fabric, by_unknowns = jax.vmap(transposed)(rigid)
-        return jax.tree.map(jnp.add, by_fabric, more_by_fabric), by_unknowns
-
-    return jax.jit(pulled_back)
+    more_by_fabric, by_unknowns = jax.vmap(jax.vjp(aligned, fabric, relaxed)[1])(rigid)
+    return jax.tree.map(jnp.add, by_fabric, more_by_fabric), by_unknowns

@@ -56,17 +56,10 @@ class SubdomainSolver:
     ) -> tuple[Point, float]:
         """Solve the subdomains to low accuracy, those with the largest forces first.
 
-        Args:
-            system: the equations of the sample.
-            at: configuration to start from, and the stage.
-            free: the free unknowns of the sample.
-            settings: settings of the search for the whole sample.
-            force_part: fraction of the largest force in the sample that is accepted in a
-                subdomain: most need no work while a few are far from equilibrium.
-
-        Returns:
-            The resulting state of the sample, and the number of iterations, each weighted by the
-            subdomain's share of the unknowns.
+        A fraction ``force_part`` of the largest force in the sample is accepted in a subdomain:
+        most need no work while a few are far from equilibrium. Returns the resulting state of the
+        sample, and the number of iterations, each weighted by the subdomain's share of the
+        unknowns.
         """
         problems, coupled = self._decomposition(free)
         unknowns, cost = at.unknowns.copy(), 0.0

@@ -38,14 +38,9 @@ def find_equilibrium(
     An iteration of a subdomain counts by its share of the unknowns. Contact may couple subdomains,
     so that a sample with contact is solved as a whole, like a small one and one with drag.
 
-    Args:
-        system: the equations of the fabric.
-        start: configuration to start from, and the stage.
-        rules: rules of the search.
-        patience: iterations for the whole sample after which subdomains are solved again. With
-            ``None`` they are solved before every factorisation, and nothing is extrapolated: a
-            factorisation often ceases to be useful because of a few places. This is best if the
-            sample folds as a whole.
+    Subdomains are solved again after ``patience`` iterations for the whole sample. With ``None``
+    they are solved before every factorisation, and nothing is extrapolated: a factorisation often
+    ceases to be useful because of a few places. This is best if the sample folds as a whole.
     """
     search = Search(system, start, rules)
     if rules.contact is not None or rules.drag is not None or not worth_dividing(system.shape):

@@ -49,10 +49,8 @@ class Loading:
     ) -> Float[np.ndarray, " unknown"]:
         """Extrapolation of a path to an applied strain, with held unknowns as prescribed [mm].
 
-        Args:
-            passed: strains and unknowns along the path so far. The path is extrapolated by the
-                polynomial through all of them, or, if there is only one, by an affine stretch.
-            applied_strain: the strain.
+        It is by the polynomial through all strains and unknowns passed so far, or, if there is only
+        one, by an affine stretch.
         """
         strain, last = passed[-1]
         if len(passed) == 1:

@@ -41,12 +41,7 @@ def relax(
     coordinate fixed. It is then rigidly aligned, as far as the walls allow, and solved again.
     Periodic fabric is solved with a convexified stiffness, which is faster; if that collapses a
     cell, where fold angles are undefined, it is solved again by raising μ.
-
-    Args:
-        system: the equations of the fabric.
-        settings: settings of the search.
-        start: configuration to start from; the flat sheet by default.
-        contact: contact of the fabric with itself, if any.
+    Without a start it begins with the flat sheet.
     """
     shape, fabric = system.shape, system.fabric
     free = free_stiffness(shape, all_free(shape))
@@ -117,15 +112,8 @@ def starts_from_periodic(
 ) -> list[Configuration | None]:
     """Starting shapes of samples of one mesh shape, tiled with their relaxed periodic fabrics.
 
-    Args:
-        samples: network and fabric of each sample.
-        cells: network and fabric of each sample's periodic fabric, all of one mesh shape.
-        settings: settings of the search, for each sample.
-        seed: seed of the imperfections of the periodic fabrics; without imperfections by default.
-        contacts: contact of each periodic fabric with itself; none by default.
-
-    Returns:
-        The starting shape of each sample; ``None`` if its periodic fabric did not relax.
+    The periodic fabrics ``cells`` are of one mesh shape too, and imperfect if there is a seed.
+    Returns ``None`` for a sample whose periodic fabric did not relax.
     """
     searches = [
         partial(

@@ -16,12 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
-    GridOrder,
-    NestedDissection,
-    grid_order,
-    planned,
-)
+from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, grid_order
+from knitlab.equilibrium.linear_algebra.symbolic_factorisation import NestedDissection, planned
 from knitlab.fabric.element_hessians import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
 from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.threads import ALONE, Threads

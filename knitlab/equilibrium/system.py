@@ -129,16 +129,9 @@ class System:
     def change_diagonal(
         self, places: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
     ) -> bool:
-        """Change the diagonal of the factorised stiffness for the next solves.
+        """Add to the diagonal of the factorised stiffness, in place of earlier changes [N/mm].
 
-        It replaces earlier changes.
-
-        Args:
-            places: indices among the free unknowns.
-            changes: what is added at each, not 0 [N/mm].
-
-        Returns:
-            Whether the stiffness is positive definite then; if not it is as it was factorised.
+        Returns whether it is positive definite then; if not it is as it was factorised.
         """
         return self._factor.change_diagonal(places, changes)
 

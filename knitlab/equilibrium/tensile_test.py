@@ -68,8 +68,7 @@ def stretch(
         settings: settings of the search.
         progress: called with the number of finished states.
         start: configuration to start the relaxation from; the flat sheet by default.
-        folded: in place of it, a configuration nearly in equilibrium, whose equilibrium is found
-            without a detour.
+        folded: in place of it, a configuration nearly in equilibrium, relaxed without a detour.
         unload: whether to unload a fabric that reached the last strain through all strains.
         contact: contact of the fabric with itself, if any.
         factorised: called after every factorisation.

@@ -16,6 +16,7 @@ from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.linear_response import NoDerivative, rigid_motions
 from knitlab.equilibrium.loading import aligning_rotation, all_free, rigidly_aligned, tensile
 from knitlab.equilibrium.search import SearchRules
+from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Point
@@ -69,7 +70,7 @@ class Pulled:
         net, fabric = self.layout.net, self.layout.fabric(stripes)
 
         def found(start: np.ndarray, free: np.ndarray) -> Configuration:
-            rules = SearchRules.of(net.shape, free, fabric, FINE, convexified=False)
+            rules = SearchRules(free_stiffness(net.shape, free), FINE, convexified=False)
             state = find_equilibrium(equations(net, fabric), Point(start), rules)
             assert state.converged
             return state.configuration

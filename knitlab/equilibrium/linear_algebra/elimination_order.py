@@ -15,18 +15,20 @@ LEAF_NODES = 32
 with more work in each."""
 
 
+_Rectangle = tuple[int, int, int, int]
+
+
 @dataclass(frozen=True, eq=False)
-class EliminationAxis:
+class _Axis:
     """One axis of the grid.
 
     Attributes:
-        line: line of every unknown, from 0; negative for unknowns of the whole grid.
-        lines: number of lines.
+        first, lines: first line, and number of lines.
         ring: whether the last line is coupled to the first.
         reach: number of lines over which unknowns are coupled; the thickness of a separator.
     """
 
-    line: Int[np.ndarray, " unknown"]
+    first: int
     lines: int
     ring: bool
     reach: int
@@ -46,55 +48,79 @@ class EliminationAxis:
         return [cut], [(start, middle), (cut[1], stop)]
 
 
-def grid_axis(
-    line: Int[np.ndarray, " unknown"],
-    nodal: Int[np.ndarray, " nodal"],
-    distance: Int[np.ndarray, " coupling"],
-) -> EliminationAxis:
-    """An axis, from the lines of its unknowns.
+@dataclass(frozen=True, eq=False)
+class GridOrder:
+    """Elimination order of the unknowns of a grid.
+
+    Attributes:
+        order: the unknowns in elimination order.
+        starts: where each front starts in that order, and the end.
+    """
+
+    order: Int[np.ndarray, " unknown"]
+    starts: Int[np.ndarray, " front"]
+
+
+def grid_order(
+    indptr: Int[np.ndarray, " column"],
+    indices: Int[np.ndarray, " nonzero"],
+    rows: Int[np.ndarray, " unknown"],
+    columns: Int[np.ndarray, " unknown"],
+) -> GridOrder:
+    """The elimination order for couplings of a grid of nodes.
 
     Args:
-        line: line of every unknown; negative for unknowns of the whole grid.
-        nodal: lines of the other unknowns.
-        distance: number of lines between the two unknowns of every coupling.
+        indptr: start of every column of the lower triangle in ``indices``.
+        indices: rows of its non-zeros, including the diagonal, column by column.
+        rows: grid row of every unknown; -1 for unknowns of the whole grid, eliminated last.
+        columns: grid column of every unknown, likewise.
     """
-    first, last = nodal.min(), nodal.max()
-    lines = int(last - first) + 1
-    ring = bool((distance > lines / 2).any())
-    across = np.minimum(distance, lines - distance) if ring else distance
-    return EliminationAxis(line - first, lines, ring, max(1, int(across.max())))
-
-
-_Rectangle = tuple[int, int, int, int]
-
-
-def elimination_order(
-    vertical: EliminationAxis, horizontal: EliminationAxis
-) -> tuple[Int[np.ndarray, " unknown"], Int[np.ndarray, " unknown"]]:
-    """Front of every unknown, children before parents, and its sort key within the front."""
-    label = np.zeros((vertical.lines, horizontal.lines), dtype=np.int64)
+    lower, upper = nonzero_pairs(indptr, indices)
+    nodal = rows >= 0
+    between = nodal[lower] & nodal[upper]
+    vertical, horizontal = (
+        _axis(line[nodal], np.abs(line[lower] - line[upper])[between]) for line in (rows, columns)
+    )
+    front = np.zeros((vertical.lines, horizontal.lines), dtype=np.int64)
     # Numbered along a separator, so that neighbours of a segment are contiguous: fewer blocks.
-    along_rows = np.arange(label.size).reshape(label.shape)
-    along_columns = np.arange(label.size).reshape(label.shape[::-1]).T
-    key = np.zeros_like(label)
-    for number, parts in enumerate(
-        _dissected((0, vertical.lines, 0, horizontal.lines), vertical, horizontal)
-    ):
-        for place, (top, bottom, left, right) in enumerate(parts):
-            part = slice(top, bottom), slice(left, right)
-            label[part] = number
+    along_rows = np.arange(front.size).reshape(front.shape)
+    along_columns = np.arange(front.size).reshape(front.shape[::-1]).T
+    key = np.zeros_like(front)
+    whole = 0, vertical.lines, 0, horizontal.lines
+    for number, rectangles in enumerate(_dissected(whole, vertical, horizontal)):
+        for place, (top, bottom, left, right) in enumerate(rectangles):
+            nodes = slice(top, bottom), slice(left, right)
+            front[nodes] = number
             along = along_columns if right - left > bottom - top else along_rows
             # The two separators of a ring are numbered one after the other, not alternately.
-            key[part] = along[part] + place * label.size
-    nodal = vertical.line >= 0
-    node = vertical.line[nodal], horizontal.line[nodal]
-    labels, keys = np.full(len(nodal), label.max()), np.full(len(nodal), 2 * label.size)
-    labels[nodal], keys[nodal] = label[node], key[node]
-    return labels, keys
+            key[nodes] = along[nodes] + place * front.size
+    node = rows[nodal] - vertical.first, columns[nodal] - horizontal.first
+    fronts, keys = np.full(len(nodal), front.max()), np.full(len(nodal), 2 * front.size)
+    fronts[nodal], keys[nodal] = front[node], key[node]
+    order = np.lexsort((keys, fronts))
+    starts = np.append(np.flatnonzero(np.diff(fronts[order], prepend=-1)), len(order))
+    return GridOrder(order, starts)
+
+
+def nonzero_pairs(
+    indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
+) -> tuple[Int[np.ndarray, " nonzero"], Int[np.ndarray, " nonzero"]]:
+    """Row and column of every non-zero."""
+    columns = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+    return np.asarray(indices, dtype=np.int64), columns
+
+
+def _axis(line: Int[np.ndarray, " nodal"], distance: Int[np.ndarray, " coupling"]) -> _Axis:
+    """An axis, from the lines of nodes and the number of lines between the ends of couplings."""
+    first = int(line.min())
+    lines = int(line.max()) - first + 1
+    ring = bool((distance > lines / 2).any())
+    across = np.minimum(distance, lines - distance) if ring else distance
+    return _Axis(first, lines, ring, max(1, int(across.max())))
 
 
 def _dissected(
-    region: _Rectangle, vertical: EliminationAxis, horizontal: EliminationAxis
+    region: _Rectangle, vertical: _Axis, horizontal: _Axis
 ) -> Iterator[Sequence[_Rectangle]]:
     """The leaves and separators of a rectangle of the grid, in elimination order."""
     top, bottom, left, right = region

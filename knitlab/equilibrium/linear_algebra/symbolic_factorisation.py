@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.linear_algebra.elimination_order import elimination_order, grid_axis
+from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, nonzero_pairs
 
 INVERTED_SIZE = 192
 """Size up to which the pivots of a front are stored as the inverse of their factor: OpenBLAS
@@ -118,47 +118,6 @@ class NestedDissection:
     stack: int
 
 
-@dataclass(frozen=True, eq=False)
-class GridOrder:
-    """Elimination order of the unknowns of a grid.
-
-    Attributes:
-        order: the unknowns in elimination order.
-        starts: where each front starts in that order, and the end.
-    """
-
-    order: Int[np.ndarray, " unknown"]
-    starts: Int[np.ndarray, " front"]
-
-
-def grid_order(
-    indptr: Int[np.ndarray, " column"],
-    indices: Int[np.ndarray, " nonzero"],
-    rows: Int[np.ndarray, " unknown"],
-    columns: Int[np.ndarray, " unknown"],
-) -> GridOrder:
-    """The elimination order for couplings of a grid of nodes.
-
-    Args:
-        indptr: start of every column of the lower triangle in ``indices``.
-        indices: rows of its non-zeros, including the diagonal, column by column.
-        rows: grid row of every unknown; -1 for unknowns of the whole grid, which are eliminated
-            last.
-        columns: grid column of every unknown, likewise.
-    """
-    lower, upper = _pairs(indptr, indices)
-    nodal = rows >= 0
-    between = (nodal[lower] & nodal[upper]).nonzero()
-    vertical, horizontal = (
-        grid_axis(line, line[nodal], np.abs(line[lower] - line[upper])[between])
-        for line in (rows, columns)
-    )
-    label, key = elimination_order(vertical, horizontal)
-    order = np.lexsort((key, label))
-    starts = np.append(np.flatnonzero(np.diff(label[order], prepend=-1)), len(order))
-    return GridOrder(order, starts)
-
-
 def planned(
     grid: GridOrder,
     indptr: Int[np.ndarray, " column"],
@@ -171,7 +130,7 @@ def planned(
     order, starts = grid.order, grid.starts
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    one, other = (rank[unknowns] for unknowns in _pairs(indptr, indices))
+    one, other = (rank[unknowns] for unknowns in nonzero_pairs(indptr, indices))
     column, row = np.minimum(one, other), np.maximum(one, other)
     sizes = np.diff(starts)
     owner = np.repeat(np.arange(len(sizes)), sizes)
@@ -202,14 +161,6 @@ def planned(
     places[outside] = stored[front] + sizes[front] ** 2 + within * lengths[front] + rank
     parts = fronts[:middle], fronts[middle:-1], fronts[-1:]
     return NestedDissection(order, parts, places, int(entries.sum()), stack)
-
-
-def _pairs(
-    indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
-) -> tuple[Int[np.ndarray, " nonzero"], Int[np.ndarray, " nonzero"]]:
-    """Row and column of every non-zero."""
-    columns = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
-    return np.asarray(indices, dtype=np.int64), columns
 
 
 def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"]) -> int:

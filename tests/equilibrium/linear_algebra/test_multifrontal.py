@@ -7,12 +7,11 @@ from jaxtyping import Float, Int
 from scipy.sparse.linalg import spsolve
 
 from knitlab.equilibrium.linear_algebra import elimination_order, multifrontal, triangular_solves
+from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, grid_order
 from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
 from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
     Front,
-    GridOrder,
     NestedDissection,
-    grid_order,
     planned,
 )
 from knitlab.fabric.threads import Threads
