@@ -51,18 +51,8 @@ def draw_map(
     the same few P, but at values of n_subunit of its own. Each cell names its design. A measured
     design has a dashed frame; where it is simulated too, the measurement is the strip at the
     bottom of its cell.
-
-    Args:
-        figure: the figure.
-        axes: axes to draw on.
-        cubes: cubes of checkerboards, at most one of them simulated.
-        name: the variable shown.
-        label: label of the colour bar.
-        text: text of a cell, given its value and the design.
-        signed: whether white stands for zero.
-
-    Returns:
-        The statuses that are marked, and whether there are places without a cell.
+    A cell has the text of its value and design. Of the cubes at most one is simulated. Returned
+    are the statuses that are marked, and whether there are places without a cell.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = ValueColours.of(np.concatenate([np.empty(0), *values]), signed)
@@ -122,6 +112,11 @@ def row_count(cubes: Sequence[xr.Dataset]) -> int:
     return len({int(design["n_stripe"]) for cube in cubes for design in designs_of(cube)})
 
 
+def design_name(design: xr.Dataset) -> str:
+    """A design as text: ``(4, 16)``."""
+    return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
+
+
 def _stripe_and_periods(design: xr.Dataset) -> tuple[int, float]:
     n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
     return n_stripe, n_subunit / (2 * n_stripe)
@@ -129,7 +124,7 @@ def _stripe_and_periods(design: xr.Dataset) -> tuple[int, float]:
 
 def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: Colour) -> None:
     axes.annotate(
-        f"({int(design['n_stripe'])}, {int(design['n_subunit'])})",
+        design_name(design),
         (column - 0.5, row + 0.5),
         xytext=(3, -3),
         textcoords="offset points",

@@ -3,7 +3,6 @@
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import TracebackType
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -51,16 +50,9 @@ class ErrorCollector:
     def __enter__(self) -> None:
         """Begin a check."""
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> bool:
-        if isinstance(error, BadInput):
-            self.all += error.faults
-            return True
-        return False
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        self.all += error.faults if isinstance(error, BadInput) else ()
+        return isinstance(error, BadInput)
 
 
 def fault(path: str, problem: str) -> BadInput:

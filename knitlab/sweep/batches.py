@@ -169,9 +169,6 @@ def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | Non
     """Number of workers whose batches fit into a memory [bytes] together, at most those wished.
 
     Any of the batches may run at the same time. The memory is by default that of this machine.
-
-    Raises:
-        BadInput: if a single batch does not fit.
     """
     memory = float(psutil.virtual_memory().total) if memory is None else memory
     needs = sorted((batch.estimated_bytes for batch in batches), reverse=True)

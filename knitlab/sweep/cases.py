@@ -51,11 +51,7 @@ Table = TypeVar("Table")
 def with_stripe_files(
     section: ModelSection, parameters: Parameters, text: WorkflowText
 ) -> tuple[Parameters, list[Path]]:
-    """The parameters with the stripes of a workflow's ``stripe_files``, and these files.
-
-    Raises:
-        BadInput: with every fault of a file.
-    """
+    """The parameters with the stripes of a workflow's ``stripe_files``, and these files."""
     stripes = parameters.stripes
     files = [text.folder(STRIPE_FILES) / name for name in section.stripe_files]
     for path in files:
@@ -69,9 +65,6 @@ def with_pattern_files(
     """The parameters with the patterns of a workflow's ``pattern_files``.
 
     Beside them the files that its patterns are read from, but for ``patterns.toml``.
-
-    Raises:
-        BadInput: with every fault of a file.
     """
     patterns = dict(parameters.patterns)
     files = [text.folder(PATTERN_FILES) / name for name in section.pattern_files]

@@ -80,9 +80,6 @@ def stripe_space(section: StripesSection, parameters: Parameters, source: Source
     """Resolve a workflow's ``[stripes]``: all stripes of the tables, or those of given sizes.
 
     If only one knit has a stripe of some size, this size is excluded for the other knit.
-
-    Raises:
-        BadInput: if no knit has a stripe of a given size.
     """
     there = {knit: sorted(map(int, parameters.stripes.table(knit).n)) for knit in section.knit}
     sizes = sorted(set().union(*there.values()))

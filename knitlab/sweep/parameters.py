@@ -282,11 +282,7 @@ FILES: dict[str, type[BaseModel]] = {
 
 
 def read_parameters(folder: Path) -> Parameters:
-    """Read and check every file of a parameter folder.
-
-    Raises:
-        BadInput: with every fault of every file, each with its path.
-    """
+    """Read and check every file of a parameter folder."""
     faults = ErrorCollector()
     read: dict[str, Any] = {}
     for name, schema in FILES.items():

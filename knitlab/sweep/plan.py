@@ -225,9 +225,6 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
 
     If the plans differ, it states no inputs: no workflow file gives all its cases. A message names
     what they were read from.
-
-    Raises:
-        BadInput: if a case was recorded by another version.
     """
     first = records[0]
     cases: dict[str, Case] = {}

@@ -97,11 +97,7 @@ def survey(
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """The record of a folder's plan.
-
-    Raises:
-        BadInput: if there is none.
-    """
+    """The record of a folder's plan."""
     path = folder / PLAN
     try:
         record = json.loads(path.read_text())
@@ -138,10 +134,6 @@ def earlier_failures(folder: Path) -> dict[str, Failure]:
 
 
 def write_failures(folder: Path, failures: Iterable[Failure]) -> None:
-    """Replace the entries for designs that are not ok.
-
-    Raises:
-        CannotWrite: if they cannot be written.
-    """
+    """Replace the entries for designs that are not ok."""
     with atomic_write(folder / FAILURES) as temporary:
         temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))

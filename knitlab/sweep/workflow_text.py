@@ -158,11 +158,7 @@ class WorkflowText:
 
 
 def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
-    """Read a workflow's file and apply overrides to it.
-
-    Raises:
-        BadInput: if the file cannot be read.
-    """
+    """Read a workflow's file and apply overrides to it."""
     table = {
         name: {key: _listed(name, key, value) for key, value in given.items()}
         if isinstance(given, dict)

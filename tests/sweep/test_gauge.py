@@ -10,7 +10,6 @@ from click.testing import CliRunner
 
 import knitlab
 from knitlab.cli import main
-from knitlab.cube.cube_file import write_cube
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y
@@ -105,20 +104,6 @@ def test_pure_stripes_have_no_size_in_cloth(tmp_path):
     cube = ran(tmp_path, "n=2", "strain_max=0.03", "strain_step=0.03", workflow="stripes").cube
     assert not {*SIZES} & {*cube.data_vars}
     assert not [name for name in cube.attrs if name.startswith("gauge")]
-
-
-@pytest.mark.slow
-def test_an_earlier_cube_is_completed_when_its_designs_are_run_again(tmp_path):
-    now = ran(tmp_path).cube
-    earlier = now.drop_vars([*SIZES, "unit_cells_y", "unit_cells_x"])
-    for name in ("gauge_stitch_width", "gauge_stitch_height"):
-        del earlier.attrs[name]
-    write_cube(earlier, tmp_path / "cube.nc")
-    joined = ran(tmp_path, "n_stripe=2", "n_subunit=16").cube
-    assert np.isnan(joined["knit_cell_x"].sel(n_stripe=4)).all()
-    again = ran(tmp_path, simulate=never).cube.sel(n_stripe=[4], n_subunit=[16, 24])
-    for name in SIZES:
-        xr.testing.assert_equal(again[name], now[name])
 
 
 def test_a_query_shows_sizes_in_cloth_as_the_first_millimetres(tmp_path):
