@@ -26,7 +26,7 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 @click.option(
     "--cell-size",
     type=click.Choice(["flat", "relaxed"]),
-    help="Model option to simulate the stripe with. [default: that of params/reading.toml]",
+    help="Model option to simulate the stripe with. [default: that of params/model.toml]",
 )
 @click.option("--width", type=MILLIMETRES, help="Width of one row, for a curve of stress [mm].")
 @click.option(

@@ -1,1 +1,9 @@
-"""Drawing of cubes. Reads files and never imports JAX."""
+"""Figures of cubes, by name: design maps, curves, shapes, samples, comparisons.
+
+In: cubes or case files, and selections. Out: matplotlib figures, and files that are written
+atomically.
+
+Read ``figure_kind.py`` (what a figure takes), a file of ``kinds``, then ``drawing.py``, which finds
+a figure by its name. ``style.py`` has sizes and colours; ``report`` is the page of claims. Reads
+files and never imports JAX.
+"""

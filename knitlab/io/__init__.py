@@ -1,1 +1,9 @@
-"""Files of input and results: schemas, tables, atomic writes, locks, provenance. Imports no JAX."""
+"""Files of input and results: read with one message that lists all faults, written atomically.
+
+In: TOML, tables of numbers, text from users. Out: checked values, or ``BadInput`` with every fault,
+each with its path, its value and a remedy.
+
+Read ``errors.py``, then ``toml.py`` and ``table_file.py``. ``atomic_write.py`` and ``lock.py`` keep
+a results folder whole; ``fingerprint.py`` and ``provenance.py`` say which code made a result.
+Imports no JAX.
+"""

@@ -13,7 +13,7 @@ FIGURE_NAMES = (
     "electrodes",
     "folding",
     "grid",
-    "readings",
+    "options",
     "relaxation",
     "samples",
     "sensitivity",
@@ -25,7 +25,7 @@ FIGURE_NAMES = (
     "wavelength",
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
-COMPARING = ("contact", "grid", "readings", "swept")
+COMPARING = ("contact", "grid", "options", "swept")
 """Figures that accept a cube with several values of its swept settings."""
 FILMS = ("folding",)
 STILL_SUFFIXES = (".pdf", ".svg", ".png")

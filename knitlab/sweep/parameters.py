@@ -270,7 +270,7 @@ FILES: dict[str, type[BaseModel]] = {
     "stripes": StripeTables,
     "sheet": _file("sheet"),
     "plain": _file("plain"),
-    "reading": _file("model"),
+    "model": _file("model"),
     "solver": _file("solver"),
     "dynamics": _file("dynamics"),
     "electrodes": _file("capacitor", ElectrodesFile),
@@ -350,7 +350,7 @@ def defaults() -> Parameters:
 
 @dataclass(frozen=True)
 class Model(ModelOptions):
-    """Model options, by default those of ``params/reading.toml``.
+    """Model options, by default those of ``params/model.toml``.
 
     The attributes are those of :class:`~knitlab.fabric.settings.ModelOptions`, where they are
     described.

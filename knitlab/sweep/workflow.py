@@ -190,7 +190,7 @@ fingerprint of stripes in a cube."""
 
 @with_fields(optional(CHANGES | PLAIN_NUMBERS | declared(ModelOptions)))
 class ModelSection(StrictModel):
-    """``[model]``: settings that replace ``reading.toml``, ``sheet.toml`` and ``stripes.toml``.
+    """``[model]``: settings that replace ``model.toml``, ``sheet.toml`` and ``stripes.toml``.
 
     ``stripe_files`` contain stripes to add or replace, as ``knitlab calibrate`` writes them. Any
     other setting may be a list, and is then a dimension of the cube. Factors multiply the values of

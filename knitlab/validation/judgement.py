@@ -187,7 +187,7 @@ def _record(each: Judgement) -> dict[str, Any]:
         "cube": ", ".join(map(str, each.cubes)),
         "boundary": _joined(sample.boundary for sample in samples),
         "unit_cells": _joined(sample.size for sample in samples),
-        "reading": _joined(sample.options for sample in samples),
+        "options": _joined(sample.options for sample in samples),
         "contrary": contrary(each.contrary, str),
     }
 

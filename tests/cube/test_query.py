@@ -119,7 +119,7 @@ def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
     cubes = []
     for name, boundary, cells in (("one", "periodic", "flat"), ("two", "clamped", "relaxed")):
         cube = made_up_cube().assign_attrs(
-            workflow=name, reading_boundary=boundary, reading_cell_size=cells, reading_hinges="all"
+            workflow=name, model_boundary=boundary, model_cell_size=cells, model_hinges="all"
         )
         cubes.append(cube)
     table = designs_of_all(cubes)

@@ -166,7 +166,7 @@ def test_figures_that_are_left_out_are_counted(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["stripes", "readings", "laboratory", "graded", "even_auxetic"])
+@pytest.mark.parametrize("name", ["stripes", "options", "laboratory", "graded", "even_auxetic"])
 def test_cubes_of_every_kind_have_a_page(name):
     cube = open_cube(REFERENCE / name)
     content = cube_content(cube)

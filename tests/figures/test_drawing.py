@@ -197,7 +197,7 @@ def made_up_case(periodic: bool) -> xr.Dataset:
         "pattern": ["GR", "RG"],
         "periods": 2,
         "sheet": {"z_max": 6.0, "k_wall": 100.0},
-        "reading": {"boundary": "periodic" if periodic else "clamped"},
+        "options": {"boundary": "periodic" if periodic else "clamped"},
     }
     return xr.Dataset(
         {

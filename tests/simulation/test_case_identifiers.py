@@ -1,8 +1,8 @@
 """Identifiers tell apart all that differs, and a new setting with its default renames no case."""
 
 import json
-from collections import Counter
 from dataclasses import field, fields, is_dataclass, make_dataclass, replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -11,19 +11,14 @@ from pydantic import TypeAdapter
 
 from knitlab.cube.case_file import read_case
 from knitlab.cube.cube_file import open_cube
-from knitlab.equilibrium.settings import SolverSettings
 from knitlab.io.shipped import shipped
 from knitlab.simulation.case import Case, case_of
-from knitlab.simulation.case_record import IN_EVERY_IDENTIFIER, fields_of_record
 from knitlab.sweep.plan import make_plan
 
 REFERENCE = shipped("params").parent / "results" / "reference"
-KEPT = [
-    path for path in sorted(REFERENCE.glob("*/cases/*.nc")) if path.parent.parent.name != "sensor"
-]
-"""Kept case files; that of ``sensor`` is named after a record of an earlier form."""
-FIXED_DEFAULTS = {}
-"""Default in code of every field that is newer than the rule, by table and name.
+KEPT = sorted(REFERENCE.glob("*/cases/*.nc"))
+FIXED_DEFAULTS = json.loads(Path(__file__).with_name("fixed_defaults.json").read_text())
+"""Default in code of every field, by table and name.
 
 A new field adds a line. A line is never changed: cases are identified without fields at these
 values. To give users another value, change it in ``params/``.
@@ -88,31 +83,20 @@ def test_a_new_field_renames_only_cases_that_do_not_have_its_default(name, table
     assert at_default.case_id == case.case_id
     assert len({case.case_id, *(other.case_id for other in others)}) == 3
     assert json.dumps(at_default.record) != json.dumps(case.record), "the record states its value"
-    earlier = fields_of_record(json.loads(json.dumps(case.record)))
+    earlier = json.loads(json.dumps(case.record))
     assert TypeAdapter(type(at_default)).validate_python(earlier) == at_default
 
 
-def test_the_defaults_of_new_fields_are_fixed():
+def test_the_defaults_in_code_are_fixed():
     schema = TypeAdapter(Case).json_schema()
-    tables = {"Case": schema, **schema["$defs"]}
     defaults = {
-        (table, name): its["default"]
-        for table, about in tables.items()
+        f"{table}.{name}": its["default"]
+        for table, about in {"Case": schema, **schema["$defs"]}.items()
         for name, its in about["properties"].items()
         if "default" in its
     }
     assert len(defaults) > 50
-    found = {
-        f"{table}.{name}": default
-        for (table, name), default in defaults.items()
-        if name not in IN_EVERY_IDENTIFIER
-    }
-    assert found == FIXED_DEFAULTS
-    names = Counter(name for _, name in defaults)
-    assert [name for name, count in names.items() if count > 1] == ["start"], (
-        "a new field needs a name of its own"
-    )
-    assert IN_EVERY_IDENTIFIER - names.keys() == {"solver"}, "it has no default any more"
+    assert defaults == FIXED_DEFAULTS
 
 
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
@@ -164,14 +148,3 @@ def test_cases_share_an_identifier_where_all_that_they_use_is_the_same(one, othe
 @given(cases())
 def test_a_case_that_is_read_back_keeps_its_identifier(case):
     assert case_of(json.loads(json.dumps(case.record))).case_id == case.case_id
-
-
-def test_fields_older_than_the_rule_enter_with_any_value():
-    """Another default in code of one of them gives no two cases one name."""
-    case = CASES["sensor"]
-    solver = make_dataclass("S", [("drag", float, 7.0)], bases=(SolverSettings,), frozen=True)
-    kind = make_dataclass("Case", [("solver", solver)], bases=(Case,), frozen=True)
-    same = with_fields(case.solver, solver)
-    assert with_fields(case, kind, solver=same).case_id == case.case_id
-    dragged = with_fields(case, kind, solver=replace(same, drag=7.0))
-    assert dragged.case_id == replace(case, solver=replace(case.solver, drag=7.0)).case_id

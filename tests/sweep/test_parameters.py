@@ -56,7 +56,7 @@ def test_the_paper_has_twenty_designs():
         ("sheet.toml", 'unit = "mm"', 'unit = "cm"', r"z_max\.unit: .*'mm'"),
         ("sheet.toml", "source = .*", "", r"z_max\.source: is missing"),
         ("sheet.toml", "value = 6.0", "value = true", r"z_max\.value: "),
-        ("reading.toml", '"relaxed"', '"loose"', r"cell_size\.value: .*'flat' or 'relaxed'"),
+        ("model.toml", '"relaxed"', '"loose"', r"cell_size\.value: .*'flat' or 'relaxed'"),
         ("solver.toml", "value = 4000", "value = 0", r"max_iterations\.value: .*greater than 0"),
         (
             "gauge.toml",

@@ -208,7 +208,7 @@ def test_a_plan_records_everything_it_resolved(tmp_path):
         "theta_0": 0.68,
         "k_t": 0.045,
     }
-    assert case["reading"]["fold_phase"] == "stripe_border"
+    assert case["options"]["fold_phase"] == "stripe_border"
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.json"]
 
 
@@ -336,6 +336,6 @@ def test_an_unusual_value_gives_a_warning_with_the_usual_range(setting, said):
     assert any(said in warning for warning in plan.warnings)
 
 
-@pytest.mark.parametrize("workflow", ["periodic", "paper", "sensor", "stripes", "readings"])
+@pytest.mark.parametrize("workflow", ["periodic", "paper", "sensor", "stripes", "options"])
 def test_shipped_values_give_no_warning(workflow):
     assert make_plan(workflow).warnings == ()

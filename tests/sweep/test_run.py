@@ -92,7 +92,7 @@ def test_provenance_states_how_to_repeat_the_run(sweep):
         with xr.open_dataset(case_path(results, case_id)) as dataset:
             assert json.loads(dataset.attrs["parameters"]) == record
     assert shared["sheet"]["z_max"] == 1.9
-    assert run.cube.attrs["reading_cell_size"] == "flat"
+    assert run.cube.attrs["model_cell_size"] == "flat"
 
 
 def never(results, cases, progress):

@@ -106,7 +106,7 @@ def test_a_cube_is_no_larger_than_its_largest_sample(tmp_path):
 @pytest.mark.parametrize("change", ["cell_size=flat", "boundary=periodic"])
 def test_designs_of_other_model_options_are_not_added_whatever_their_sample(tmp_path, change):
     ran(tmp_path, "n_subunit=32")
-    with pytest.raises(BadInput, match=r"holds 1 designs computed otherwise \(reading\.\w+ was"):
+    with pytest.raises(BadInput, match=r"holds 1 designs computed otherwise \(options\.\w+ was"):
         ran(tmp_path, "n_subunit=16", change)
 
 

@@ -183,7 +183,7 @@ def sample(boundary, cells, ratio, gone=()):
     cells_y, cells_x = cells
     field = cube["strain_xx"].isel(cell_y=slice(cells_y), cell_x=slice(cells_x))
     cube = cube.drop_vars("strain_xx").assign(strain_xx=field)
-    options = {"reading_boundary": boundary, "reading_cell_size": "flat"}
+    options = {"model_boundary": boundary, "model_cell_size": "flat"}
     return cube.assign_attrs(options, parameters=json.dumps({"sheet": {"z_max": 6.0}}))
 
 

@@ -64,7 +64,7 @@ def test_of_equally_many_claims_the_nearer_miss_comes_first(ranked):
 
 
 def stated(cube, **options):
-    return cube.assign_attrs({f"reading_{name}": value for name, value in options.items()})
+    return cube.assign_attrs({f"model_{name}": value for name, value in options.items()})
 
 
 @pytest.mark.slow
@@ -116,15 +116,15 @@ def test_the_motion_is_an_option_of_what_moves():
 def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     write_cube(along_fold_phase(with_ratio(0.1), good_checkerboards()), tmp_path / "cube.nc")
     assert open_cube(tmp_path).sizes["fold_phase"] == 2
-    assert draw_figure("readings", [tmp_path], tmp_path / "readings.svg").stat().st_size > 0
-    text = (tmp_path / "readings.svg").read_text()
+    assert draw_figure("options", [tmp_path], tmp_path / "options.svg").stat().st_size > 0
+    text = (tmp_path / "options.svg").read_text()
     best, other = ranked_options([(tmp_path, open_cube(tmp_path))], read_claims())
     counts = [f"{each.count(Grade.holds)}/{each.decided}" for each in (best, other)]
     assert [found for found in re.findall(r"\d+/\d+", text) if found in counts] == counts
-    files, faults = draw_figures(["readings", "auxetic"], tmp_path)
+    files, faults = draw_figures(["options", "auxetic"], tmp_path)
     assert not faults
     assert {path.stem for path in files} == {
-        "readings",
+        "options",
         "auxetic_fold_phase-stripe_border",
         "auxetic_fold_phase-stripe_centre",
     }

@@ -118,7 +118,7 @@ def test_reliable_claims_hold_by_a_large_margin(judgements):
 
 
 def test_claims_that_another_cube_contradicts_are_not_reliable(cubes, tmp_path):
-    boards = good_checkerboards().assign_attrs(reading_boundary="periodic")
+    boards = good_checkerboards().assign_attrs(model_boundary="periodic")
     boards["rib_width_centre"] += 10
     write_cube(boards, tmp_path / "other.nc")
     claims = [claim for claim in read_claims() if claim.name == "rib_centre_contracts_more"]

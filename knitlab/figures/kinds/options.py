@@ -29,7 +29,7 @@ UNSTATED = {"drag": 0}
 """Labels of options that are stated only if they have an effect."""
 
 
-def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
+def options_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     """Which of the paper's claims each set of model options meets, the best set first.
 
     Claims are rows, sets of options are columns, and each cell gives the margin of a claim. Sets
@@ -45,7 +45,7 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
         if any(options.results[claim.name].margin is not None for options in shown)
     ]
     if not names:
-        raise fault("readings", "no claim can be judged by these cubes; run more of their designs")
+        raise fault("options", "no claim can be judged by these cubes; run more of their designs")
     varied = differing(ranked)
     width = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown))
     height = 1.6 + 0.18 * len(names) + 0.13 * len(varied)
@@ -88,4 +88,4 @@ def _head(options: RankedOptions, varied: Sequence[str]) -> list[str]:
     return [*labels, *judged, f"{options.count(Grade.holds)}/{options.decided}"]
 
 
-FIGURES = {"readings": FigureKind(readings_figure, dims=None, several="any")}
+FIGURES = {"options": FigureKind(options_figure, dims=None, several="any")}
