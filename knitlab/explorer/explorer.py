@@ -98,15 +98,9 @@ def page_of(title: str, content: dict[str, Any]) -> str:
     imports = json.dumps({"imports": _modules()})
     start = f'import "{PREFIX}main";'
     styles = "".join(map(_text, STYLES))
-    policy = "; ".join(
-        [
-            "default-src 'none'",
-            f"script-src {_hash(imports)} {_hash(start)} data:",
-            f"style-src {_hash(styles)}",
-            "img-src data:",
-            "base-uri 'none'",
-            "form-action 'none'",
-        ]
+    policy = (
+        f"default-src 'none'; script-src {_hash(imports)} {_hash(start)} data:;"
+        f" style-src {_hash(styles)}; img-src data:; base-uri 'none'; form-action 'none'"
     )
     parts = {
         "policy": html.escape(policy),

@@ -37,6 +37,7 @@ def run_of(
     Designs have a ``status`` and ``seconds``, the wall time of their batch; the folder is that of
     the results, if the cube was opened from a file.
     """
+    strains = cube["applied_strain"].values
     return {
         "facts": [
             ["workflow", str(cube.attrs.get("workflow", ""))],
@@ -44,7 +45,7 @@ def run_of(
             ["kind", f"measured: {source_of(cube)}" if is_measured(cube) else "simulated"],
             ["method", str(cube.attrs.get("method", ""))],
             ["designs", _counted(designs)],
-            ["applied strains", _strains(cube)],
+            ["applied strains", f"{strains.size}, from {strains.min():g} to {strains.max():g}"],
             ["computing time", _computing_time([design["seconds"] for design in designs])],
             *_planned(folder),
         ],
@@ -83,11 +84,6 @@ def _reduced(path: Path) -> str:
 def _counted(designs: Sequence[Mapping[str, Any]]) -> str:
     counts = Counter(Status(design["status"]).name.replace("_", " ") for design in designs)
     return f"{len(designs)}: {', '.join(f'{count} {name}' for name, count in counts.items())}"
-
-
-def _strains(cube: xr.Dataset) -> str:
-    strains = cube["applied_strain"].values
-    return f"{strains.size}, from {strains.min():g} to {strains.max():g}"
 
 
 def _computing_time(seconds: Sequence[float | None]) -> str:

@@ -4,10 +4,15 @@ Energy, gradient, Hessian and collision-free steps are those of the IPC Toolkit 
 Incremental Potential Contact, ACM Trans. Graph. 39, 2020): a sum over pairs of a node and a
 triangle, and of two edges. Each pair stands for a part of the sheet, so that the sum is multiplied
 by the area of a grid cell.
+
+Most of a fabric is out of reach of itself, and moves little in a step of the solver. So pairs are
+searched with a margin and kept until vertices may have moved further than that: first those of the
+whole mesh, with a wide margin, and among them those of the parts that are close, with a narrow one.
+While nothing can have come within reach, nothing is computed.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import ipctk
@@ -15,10 +20,9 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.fabric.contact_mesh import ContactMesh, contact_mesh
+from knitlab.fabric.contact_mesh import ContactMesh, contact_mesh, without_pairs_of_images
 from knitlab.fabric.energy import Evaluation
 from knitlab.fabric.network import MeshShape
-from knitlab.fabric.pair_search import PairSearch
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.settings import CONTACT_RANGE
 
@@ -28,16 +32,128 @@ ipctk.set_num_threads(1)
 NEAR_RANGE = 0.1
 """Distance over which the barrier acts between parts that are near on the grid, in thicknesses: it
 keeps them from passing through each other, and leaves the calibrated folds alone."""
+WIDE, NARROW = 0.3, 0.06
+"""Margins: distance that vertices may move before a search, over the shortest side of a cell."""
 KEPT_PART = 0.5
 """Part of the collision-free step that is taken, so that the barrier is finite after it."""
 LEAST_FREE = 1e-12
 """Distance over the least allowed one, less 1, below which a configuration counts as touching."""
 
 Unknowns = Float[np.ndarray, " unknown"]
+Vertices = Float[np.ndarray, "vertex 3"]
 
 
 Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Float[np.ndarray, "part 3"]]
 """Pairs within reach of the barrier, their collision mesh, and the positions of its vertices."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Pairs of parts, complete up to a distance at one configuration.
+
+    Attributes:
+        mesh: contact mesh whose parts they are.
+        parts: its collision mesh, of the parts that are near on the grid or of those that are not.
+        kept: its vertices among those of the whole contact mesh.
+        at: positions of all vertices [mm].
+        within: all other pairs were at least so far apart [mm].
+    """
+
+    mesh: ContactMesh
+    parts: ipctk.CollisionMesh
+    kept: Int[np.ndarray, " part"]
+    at: Vertices
+    within: float
+    candidates: ipctk.Candidates = field(default_factory=ipctk.Candidates)
+
+    def complete_within(self, vertices: Vertices) -> float:
+        """Distance up to which they are complete at another configuration [mm]."""
+        return shortened(self.within, self.at, vertices)
+
+    def positions(self, vertices: Vertices) -> Float[np.ndarray, "part 3"]:
+        """Positions of the vertices of the mesh, among those of all."""
+        return np.asfortranarray(vertices[self.kept])
+
+
+class PairSearch:
+    """Search of the pairs of parts that are near each other on the grid, or of those that are not.
+
+    They keep the distance ``least``; the barrier acts over a ``reach`` beyond it [mm].
+    """
+
+    def __init__(
+        self, mesh: ContactMesh, near: bool, least: float, reach: float, cell: float
+    ) -> None:
+        self.least, self.reach, self._near = least, reach, near
+        self._mesh, self._every = mesh, np.arange(len(mesh.grid))
+        self._reached = least + reach
+        self._wide, self._narrow = (2 * margin * cell for margin in (WIDE, NARROW))
+        self._all = self._close = self._of_whole(np.full((len(mesh.grid), 3), np.nan), 0.0)
+
+    def close(self, vertices: Vertices) -> Pairs:
+        """Pairs among which all are that are within reach, each once."""
+        if not self._close.complete_within(vertices) > self._reached:
+            self._close = self._closest(vertices)
+        return self._close
+
+    def free_part(self, before: Vertices, after: Vertices) -> float:
+        """Part of a straight step that brings no parts as near as they may be."""
+        pairs = self.close(before)
+        if not pairs.complete_within(after) > self.least:
+            pairs = self._search(before)
+        if not pairs.complete_within(after) > self.least:
+            pairs = self._of_whole(before, np.inf)
+            pairs.candidates.build(pairs.parts, before, after, self._reached / 2)
+        if not len(pairs.candidates):
+            return 1.0
+        ends = pairs.positions(before), pairs.positions(after)
+        return pairs.candidates.compute_collision_free_stepsize(
+            pairs.parts, *ends, self.least, ipctk.AdditiveCCD()
+        )
+
+    def _of_whole(self, vertices: Vertices, within: float) -> Pairs:
+        return Pairs(self._mesh, self._parts(self._mesh), self._every, vertices, within)
+
+    def _parts(self, mesh: ContactMesh) -> ipctk.CollisionMesh:
+        return mesh.near if self._near else mesh.far
+
+    def _search(self, vertices: Vertices) -> Pairs:
+        """Pairs of the whole mesh, those of two images included."""
+        if not self._all.complete_within(vertices) > self._reached:
+            self._all = self._of_whole(vertices, self._reached + self._wide)
+            self._all.candidates.build(self._all.parts, vertices, self._all.within / 2)
+        return self._all
+
+    def _closest(self, vertices: Vertices) -> Pairs:
+        """Pairs of the parts around the vertices that are close to any other; mostly none."""
+        pairs = self._search(vertices)
+        complete = pairs.complete_within(vertices)
+        distances = self.least + pairs.candidates.compute_per_vertex_safe_distances(
+            pairs.parts, vertices, complete, self.least
+        )
+        nearest = min(float(distances.min()), complete)
+        if nearest > self._reached:
+            return self._of_whole(vertices, nearest)
+        within = min(self._reached + self._narrow, complete)
+        mesh, kept = self._mesh.around(distances <= within)
+        closest = Pairs(mesh, self._parts(mesh), kept, vertices, within)
+        closest.candidates.build(closest.parts, closest.positions(vertices), within / 2)
+        without_pairs_of_images(closest.candidates, closest.parts, mesh.own)
+        return closest
+
+
+def shortened(distance: float, before: Vertices, after: Vertices) -> float:
+    """What may be left of a distance between parts when the fabric moves; NaN if nothing is known.
+
+    The motion is split into a stretch along x and y, which shortens a distance by at most that
+    factor, and the rest, which brings two vertices nearer by at most twice its largest.
+    """
+    stretch = np.ones(3)
+    stretch[:2] = np.ptp(after[:, :2], axis=0) / np.ptp(before[:, :2], axis=0)
+    rest = after - before * stretch
+    rest -= (rest.min(axis=0) + rest.max(axis=0)) / 2
+    nearer = 2 * float(np.sqrt(np.einsum("vc,vc->v", rest, rest).max()))
+    return distance * min(float(stretch.min()), 1.0) - nearer
 
 
 class Barrier:
@@ -74,7 +190,7 @@ class Barrier:
             )
         ]
 
-    def _vertices(self, *configurations: Unknowns) -> list[Float[np.ndarray, "vertex 3"]]:
+    def _vertices(self, *configurations: Unknowns) -> list[Vertices]:
         """Vertices of the contact mesh, with a band of images that is wide enough for all."""
         reach = (1 + CONTACT_RANGE) * self._thickness
         while not all(self._mesh.suffices(unknowns, reach) for unknowns in configurations):
@@ -96,8 +212,7 @@ class Barrier:
     def hessian(self, unknowns: Unknowns, free: Int[np.ndarray, " free"]) -> sp.csc_array | None:
         """Hessian of the barrier by the free unknowns, made positive semidefinite pair by pair.
 
-        Returns:
-            (free, free), both triangles [N/mm]; ``None`` where nothing is within reach.
+        It has both triangles [N/mm], and is ``None`` where nothing is within reach.
         """
         terms = []
         for search, mesh, touching in self._touching(unknowns):

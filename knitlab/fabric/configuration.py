@@ -14,34 +14,18 @@ from jaxtyping import Array, Float
 from knitlab.fabric.array_library import array_library
 from knitlab.fabric.network import MeshShape
 
-SIDES = 2
-"""Number of unknowns after the coordinates of the nodes: L_x and L_y."""
-
 
 class Configuration(eqx.Module):
     """The shape of a fabric in one state, or in several along leading axes; a pytree.
 
-    The arrays are either JAX arrays, so that functions of the shape can be differentiated, or NumPy
-    arrays, which need no compilation. A velocity, or a gradient with respect to the shape, is also
-    a ``Configuration``.
+    With JAX arrays, functions of the shape can be differentiated; NumPy arrays need no compilation.
+    A velocity, or a gradient with respect to the shape, is also a ``Configuration``.
 
     Attributes:
         positions: (x, y, z) of every node, x along the courses and y along the wales; row 0 is the
             bottom course, column 0 the left wale [mm].
         lengths: sides L_x and L_y of the cell of periodic fabric. For a sample with open edges they
             are not used, and usually are its flat size [mm].
-
-    Example:
-        >>> import jax, jax.numpy as jnp
-        >>> from knitlab.fabric.configuration import Configuration
-        >>> def width(shape):
-        ...     return jnp.ptp(shape.positions[..., 0])
-        >>> nodes = jnp.array([[[0.0, 0, 0], [3, 0, 0]], [[0, 2, 0], [4, 2, 1]]])
-        >>> sheet = Configuration(nodes, jnp.zeros(2))
-        >>> float(width(sheet))
-        4.0
-        >>> jax.grad(width)(sheet).positions[1, 1].tolist()
-        [1.0, 0.0, 0.0]
     """
 
     positions: Float[Array | np.ndarray, "*state node_y node_x 3"]
@@ -51,14 +35,9 @@ class Configuration(eqx.Module):
     def of(
         cls, unknowns: Float[Array | np.ndarray, "*state unknown"], shape: MeshShape
     ) -> "Configuration":
-        """The configuration that a vector of unknowns holds; the inverse of :meth:`flattened`.
-
-        Args:
-            unknowns: the vector, or several along leading axes, one for each state [mm].
-            shape: mesh shape of the fabric.
-        """
+        """The configuration that a vector of unknowns holds; the inverse of :meth:`flattened`."""
         grid = *unknowns.shape[:-1], shape.nodes_y, shape.nodes_x, 3
-        return cls(unknowns[..., :-SIDES].reshape(grid), unknowns[..., -SIDES:])
+        return cls(unknowns[..., :-2].reshape(grid), unknowns[..., -2:])
 
     @classmethod
     def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":

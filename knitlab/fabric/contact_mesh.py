@@ -16,6 +16,7 @@ import ipctk
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
@@ -33,7 +34,6 @@ class ContactMesh:
     """Vertices and triangles of a mesh shape, and which of them may touch.
 
     Attributes:
-        shape: the mesh shape.
         band: rows and columns of cells of the images, on each side that has any.
         grid: row and column (y, x) of every vertex.
         faces: vertices of every triangle.
@@ -76,15 +76,7 @@ class ContactMesh:
     @cached_property
     def _near_pairs(self) -> Int[np.ndarray, "pair 2"]:
         """Pairs of vertices, the lower number first, within reach along both axes."""
-        vertex = np.arange(len(self.grid))
-        low = self.grid.min(axis=0) - self.near_reach
-        number = np.full(self.grid.max(axis=0) - low + self.near_reach + 1, -1)
-        row, column = (self.grid - low).T
-        number[row, column] = vertex
-        reach = range(-self.near_reach, self.near_reach + 1)
-        others = [number[row + up, column + right] for up in reach for right in reach]
-        pairs = np.concatenate([np.stack([vertex, other], axis=1) for other in others])
-        return pairs[pairs[:, 0] < pairs[:, 1]]
+        return cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
 
     def around(
         self, chosen: Bool[np.ndarray, " vertex"]
@@ -107,10 +99,7 @@ class ContactMesh:
         return np.asfortranarray((self.from_unknowns @ unknowns).reshape(-1, 3))
 
     def suffices(self, unknowns: Float[np.ndarray, " unknown"], reach: float) -> bool:
-        """Whether images beyond the band are further away than a reach [mm].
-
-        Their bounding box is compared with that of the fabric.
-        """
+        """Whether images beyond the band, by their bounding box, are further away than a reach."""
         shape, band = self.shape, self.band
         if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
             return True
@@ -127,10 +116,7 @@ class ContactMesh:
 def contact_mesh(
     shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
 ) -> ContactMesh:
-    """The contact mesh of a mesh shape with so many grid cells along one period of a stripe.
-
-    The band of images is a whole period of them at most.
-    """
+    """The contact mesh of a mesh shape; the band of images is at most a whole period of them."""
     corners = _cells(shape, band)[:, None, None] + TRIANGLES
     grid, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     inside = (grid >= 0) & (grid < [shape.nodes_y, shape.nodes_x])

@@ -40,12 +40,7 @@ StitchCounts = tuple[Float[np.ndarray, " grid_y"], Float[np.ndarray, " grid_x"]]
 
 @dataclass(frozen=True)
 class Strip:
-    """A plated rectangle of the chart [grid cells].
-
-    Attributes:
-        left, right: its extent along the weft.
-        bottom, top: its extent along the warp.
-    """
+    """A plated rectangle of the chart [grid cells]."""
 
     left: float
     right: float

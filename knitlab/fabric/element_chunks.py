@@ -68,12 +68,9 @@ hinges."""
 
 @dataclass(frozen=True, eq=False)
 class ThreadChunks:
-    """Chunks that one thread works on.
+    """Chunks that one thread works on, by their indices.
 
-    Attributes:
-        chunks: their indices.
-        incidence: constant matrix from configurations to the vectors of these chunks.
-        transposed: its transpose, from gradients by the vectors to those by the configuration.
+    ``incidence`` is the constant matrix from configurations to their vectors.
     """
 
     chunks: range
@@ -129,20 +126,12 @@ def _terms(
 
 
 class ChunkedFabric:
-    """A fabric in chunks, for repeated evaluation, in NumPy arrays.
-
-    Args:
-        shape: mesh shape of the fabric.
-        fabric: the fabric.
-        threads: threads that share the work.
-    """
+    """A fabric in chunks, for repeated evaluation in NumPy arrays; threads share the work."""
 
     def __init__(self, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> None:
         self.shape, self.parts, self._threads = shape, chunks_of(shape), threads
-        self._fold_angle, self._walls = (
-            fabric.fold_angle,
-            (float(fabric.z_max), float(fabric.k_wall)),
-        )
+        self._fold_angle = fabric.fold_angle
+        self._walls = float(fabric.z_max), float(fabric.k_wall)
         count = self.parts[-1].chunks.stop
         lengths = _in_chunks(fabric.rest_length, count, SPRINGS, spare=1.0)
         springs = _in_chunks((fabric.stretch_stiffness, fabric.spring_law), count, SPRINGS)
@@ -238,12 +227,9 @@ def _evaluate(
     fold, z_max, k_wall = acting
 
     def total(at: Vectors) -> tuple[Array, Array]:
-        parts = (
-            spring_energy(at[0], *springs),
-            hinge_energy(at[1], fold * rest, k_t, of),
-            wall_energy(at[2], z_max, k_wall),
-        )
-        energies = jnp.stack([part.sum() for part in parts])
+        stretch = spring_energy(at[0], *springs).sum()
+        folded = hinge_energy(at[1], fold * rest, k_t, of).sum()
+        energies = jnp.stack([stretch, folded, wall_energy(at[2], z_max, k_wall).sum()])
         return energies.sum(), energies
 
     gradient, energies = jax.grad(total, has_aux=True)(vectors)

@@ -6,8 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.fabric.energy import wall_energy
-from knitlab.fabric.fold_angle import by_hinge_vectors, fold_from_normals
+from knitlab.fabric.energy import OneOrEach, wall_energy
+from knitlab.fabric.fold_angle import (
+    Each,
+    HingeVectors,
+    Vector,
+    by_hinge_vectors,
+    fold_from_normals,
+)
 from knitlab.fabric.network import HINGE_VECTORS
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
@@ -21,13 +27,10 @@ LANES = 64
 
 
 class ElementHessians(eqx.Module):
-    """Second derivatives of the energies of elements.
+    """Second derivatives of the energies of springs, hinges and walls [N/mm].
 
-    Attributes:
-        springs: Hessian of the energy of every spring by its vector, lower triangle [N/mm].
-        hinges: Hessian of the energy of every hinge by its nodes, lower triangle, in the blocks of
-            :func:`hinge_stiffness` [N/mm].
-        walls: second derivative of the wall penalty by the height of every node [N/mm].
+    They are the results of :func:`spring_stiffness`, :func:`hinge_stiffness` and
+    :func:`wall_stiffness`.
     """
 
     springs: Float[Array | np.ndarray, "*batch 6 spring"]
@@ -36,15 +39,14 @@ class ElementHessians(eqx.Module):
 
 
 def spring_stiffness(
-    vectors: Float[Array | np.ndarray, "3 spring"],
-    rest_length: Float[Array | np.ndarray, " spring"],
-    stiffness: Float[Array | np.ndarray, " spring"],
+    vectors: Vector,
+    rest_length: Each,
+    stiffness: Each,
     law: SpringLaw = LINEAR,
 ) -> Float[Array, "6 spring"]:
-    """Hessian of the energy of springs with respect to their vectors, lower triangle [N/mm].
+    """Hessian of springs with respect to their vectors, :data:`SPRING_ENTRIES` of it [N/mm].
 
-    For a linear spring it is k_s along the spring, and tension over length, k_s (1 − ℓ0/ℓ), across
-    it.
+    Of a linear spring it is k_s along it and tension over length, k_s (1 − ℓ0/ℓ), across it.
     """
     length = jnp.sqrt((vectors**2).sum(0))
     along = vectors / length
@@ -55,32 +57,18 @@ def spring_stiffness(
     return jnp.asarray(hessian[SPRING_ENTRIES])
 
 
-def wall_stiffness(
-    heights: Float[Array | np.ndarray, " node"],
-    z_max: Float[Array | np.ndarray, "*#node"],
-    k_wall: Float[Array | np.ndarray, "*#node"],
-) -> Float[Array, " node"]:
+def wall_stiffness(heights: Each, z_max: OneOrEach, k_wall: OneOrEach) -> Each:
     """Second derivative of the wall penalty with respect to the height of every node [N/mm]."""
     walls = (jnp.broadcast_to(number, heights.shape) for number in (z_max, k_wall))
     return jax.vmap(jax.grad(jax.grad(wall_energy)))(heights, *walls)
 
 
 def hinge_stiffness(
-    vectors: Float[Array | np.ndarray, "5 3 hinge"],
-    rest: Float[Array | np.ndarray, " hinge"],
-    stiffness: Float[Array | np.ndarray, " hinge"],
-    of: FoldAngle,
+    vectors: HingeVectors, rest: Each, stiffness: Each, of: FoldAngle
 ) -> Float[Array, "block 171 lane"]:
-    """Hessian of ½ k_t (φ − φ0)² with respect to the hinge's six nodes, lower triangle [N/mm].
+    """Hessian of ½ k_t (φ − φ0)² with respect to the six nodes, :data:`HINGE_ENTRIES` of it [N/mm].
 
-    Args:
-        vectors: see :data:`~knitlab.fabric.network.HINGE_VECTORS`, of whole blocks of hinges.
-        rest: signed fold angle at rest, φ0.
-        stiffness: k_t.
-        of: definition of the fold angle, a model option.
-
-    Returns:
-        The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges.
+    In blocks of :data:`LANES` hinges; vectors see :data:`~knitlab.fabric.network.HINGE_VECTORS`.
     """
     hinges = (
         jnp.moveaxis(vectors.reshape(5, 3, -1, LANES), 2, 0),
@@ -91,16 +79,11 @@ def hinge_stiffness(
 
 
 def _hinge_entries(
-    vectors: Float[Array, "5 3 lane"],
-    rest: Float[Array, " lane"],
-    stiffness: Float[Array, " lane"],
-    of: FoldAngle,
+    vectors: Float[Array, "5 3 lane"], rest: Each, stiffness: Each, of: FoldAngle
 ) -> Float[Array, "171 lane"]:
-    """Kept entries of one block.
+    """Hessians of one block: by the edge and the normals beside it, by the vectors, by the nodes.
 
-    The energy depends on the edge and on the normals beside it, which are cross products of
-    diagonals. First the Hessian with respect to these three, then with respect to the vectors,
-    then to the nodes. Differentiating with respect to the nodes at once would take twice the time.
+    Differentiating with respect to the nodes at once would take twice the time.
     """
     diagonals = vectors[1:]
     normals = jnp.cross(diagonals[::2], diagonals[1::2], axis=1)
@@ -108,7 +91,7 @@ def _hinge_entries(
 
     def gradient(three: Float[Array, "3 3 lane"]) -> Float[Array, "3 3 lane"]:
         angle, slopes = fold_from_normals(three[0], three[1], three[2], rest, of)
-        return stiffness * angle * jnp.stack(slopes)
+        return jnp.asarray(stiffness) * angle * jnp.stack(slopes)
 
     slopes, along = jax.linearize(gradient, three)
     units = jnp.eye(9).reshape(9, 3, 3, 1)

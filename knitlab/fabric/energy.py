@@ -14,10 +14,13 @@ from jaxtyping import Array, Float
 from knitlab.fabric.array_library import array_library
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.fabric import Fabric
-from knitlab.fabric.fold_angle import fold_from_rest
+from knitlab.fabric.fold_angle import Each, HingeVectors, fold_from_rest
 from knitlab.fabric.network import Elements, Network
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
+
+OneOrEach = Float[Array | np.ndarray, "*#element"]
+"""A value of every element, or one of all."""
 
 
 @jax.tree_util.register_dataclass
@@ -86,47 +89,31 @@ def element_vectors(
 
 def spring_energy(
     vectors: Float[Array | np.ndarray, "1 3 *element"],
-    rest_length: Float[Array | np.ndarray, " *element"],
-    stiffness: Float[Array | np.ndarray, " *element"],
+    rest_length: Each,
+    stiffness: Each,
     law: SpringLaw = LINEAR,
-) -> Float[Array, " *element"]:
+) -> Each:
     """Energy of springs [N mm]; ½ k_s (ℓ − ℓ0)² if they are linear (paper, Eq. 1)."""
     return jnp.asarray(stiffness) * law.stored(jnp.linalg.norm(vectors[0], axis=0), rest_length)
 
 
-def hinge_energy(
-    vectors: Float[Array | np.ndarray, "5 3 *element"],
-    rest: Float[Array | np.ndarray, " *element"],
-    stiffness: Float[Array | np.ndarray, " *element"],
-    of: FoldAngle,
-) -> Float[Array, " *element"]:
+def hinge_energy(vectors: HingeVectors, rest: Each, stiffness: Each, of: FoldAngle) -> Each:
     """½ k_t (φ − φ0)² of hinges [N mm] (paper, Eq. 1)."""
     return 0.5 * jnp.asarray(stiffness) * fold_from_rest(vectors, rest, of) ** 2
 
 
-def wall_energy(
-    z: Float[Array | np.ndarray, "*node"],
-    z_max: Float[Array | np.ndarray, "*#node"],
-    k_wall: Float[Array | np.ndarray, "*#node"],
-) -> Float[Array, "*node"]:
+def wall_energy(z: Each, z_max: OneOrEach, k_wall: OneOrEach) -> Each:
     """½ k_wall (δ⁺² + δ⁻²) of nodes at heights z [N mm] (paper, wall penalty)."""
     return 0.5 * jnp.asarray(k_wall) * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
 
 
 def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy:
     """Elastic energy of a configuration, split into its parts [N mm]."""
-    springs = spring_energy(
-        element_vectors(net.springs, configuration),
-        fabric.rest_length,
-        fabric.stretch_stiffness,
-        fabric.spring_law,
-    )
-    hinges = hinge_energy(
-        element_vectors(net.hinges, configuration),
-        fabric.rest_fold,
-        fabric.fold_stiffness,
-        fabric.fold_angle,
-    )
+    springs, hinges = (element_vectors(each, configuration) for each in (net.springs, net.hinges))
     heights = jnp.asarray(configuration.positions[..., 2]).ravel()
-    walls = wall_energy(heights, fabric.z_max, fabric.k_wall)
-    return Energy(springs.sum(), hinges.sum(), walls.sum())
+    stretch, fold = fabric.stretch_stiffness, fabric.fold_stiffness
+    return Energy(
+        spring_energy(springs, fabric.rest_length, stretch, fabric.spring_law).sum(),
+        hinge_energy(hinges, fabric.rest_fold, fold, fabric.fold_angle).sum(),
+        wall_energy(heights, fabric.z_max, fabric.k_wall).sum(),
+    )

@@ -20,8 +20,7 @@ class Fabric(eqx.Module):
     Attributes:
         rest_length: of every spring [mm].
         stretch_stiffness: of every spring [N/mm].
-        rest_fold: signed fold angle at rest of every hinge, 0 where flat, positive for a
-            mountain [rad].
+        rest_fold: signed rest angle of every hinge, 0 where flat, positive for a mountain [rad].
         fold_stiffness: of every hinge, 0 where the model options omit the hinge [N mm].
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].

@@ -15,41 +15,36 @@ from jaxtyping import Array, Float
 from knitlab.fabric.array_library import array_library
 from knitlab.fabric.settings import FoldAngle
 
+Each = Float[Array | np.ndarray, " *element"]
+"""A value of every element."""
+HingeVectors = Float[Array | np.ndarray, "5 3 *element"]
+"""The edge of every hinge and its diagonals, see :data:`~knitlab.fabric.network.HINGE_VECTORS`."""
 Vector = Float[Array | np.ndarray, "3 *element"]
-AngleAndSlopes = tuple[Float[Array | np.ndarray, " *element"], tuple[Vector, Vector, Vector]]
+AngleAndSlopes = tuple[Each, tuple[Vector, Vector, Vector]]
 """A fold angle, and its derivatives with respect to the edge and to the normals beside it."""
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(2,))
 def fold_from_rest(
-    vectors: Float[Array | np.ndarray, "5 3 *element"],
-    rest: Float[Array | np.ndarray, " *element"],
+    vectors: HingeVectors,
+    rest: Each,
     of: FoldAngle,
-) -> Float[Array | np.ndarray, " *element"]:
+) -> Each:
     """Signed fold angle of hinges minus its rest value, on the branch nearest zero [rad].
 
     The fold angle is that between the normals of the two cells about their shared edge, positive
-    for a mountain; a normal is the cross product of its cell's diagonals. On this
-    branch the energy is smooth unless the angle differs from its rest value by exactly π.
-
-    Args:
-        vectors: the edge and the two diagonals of each cell,
-            see :data:`~knitlab.fabric.network.HINGE_VECTORS`.
-        rest: signed fold angle at rest.
-        of: the definition of the fold angle, a model option.
+    for a mountain. On this branch the energy is smooth unless the angle differs from its rest value
+    by exactly π.
     """
     return fold_and_slope(vectors, rest, of)[0]
 
 
 def fold_and_slope(
-    vectors: Float[Array | np.ndarray, "5 3 *element"],
-    rest: Float[Array | np.ndarray, " *element"],
+    vectors: HingeVectors,
+    rest: Each,
     of: FoldAngle,
-) -> tuple[Float[Array | np.ndarray, " *element"], Float[Array | np.ndarray, "5 3 *element"]]:
-    """The fold angle minus its rest value, and its derivative with respect to the vectors.
-
-    Arguments as for :func:`fold_from_rest`; NumPy arrays need no compilation.
-    """
+) -> tuple[Each, HingeVectors]:
+    """The result of :func:`fold_from_rest`, and its derivative with respect to the vectors."""
     xp = array_library(vectors)
     edge, *diagonals = vectors
     before = xp.cross(diagonals[0], diagonals[1], axis=0)
@@ -62,7 +57,7 @@ def fold_from_normals(
     edge: Vector,
     before: Vector,
     after: Vector,
-    rest: Float[Array | np.ndarray, " *element"],
+    rest: Each,
     of: FoldAngle,
 ) -> AngleAndSlopes:
     """The fold angle minus its rest value, from the edge and the normals beside it."""

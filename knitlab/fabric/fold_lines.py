@@ -31,11 +31,7 @@ ByEdge = Float[np.ndarray, "line cell"]
 
 
 class Ridge:
-    """Distribution of a fold over the hinges of a fine grid.
-
-    Args:
-        cells_per_period: grid cells along one period, a multiple of the paper's 4.
-        fraction: part of a stripe that its rounded ridge covers.
+    """Distribution of a fold over the hinges of a fine grid; the ridge is a fraction of a stripe.
 
     Attributes:
         refinement: grid cells along one cell of the paper's grid.
@@ -126,8 +122,7 @@ def inside_runs(like: Like, periodic: bool) -> Bool[np.ndarray, "line cell"]:
 def _number_in_run(like: Like, periodic: bool) -> Int[np.ndarray, "line cell"]:
     """Number of cells of its run that come before each cell, along axis 1.
 
-    In periodic fabric a run may continue across the boundary; a run that fills the whole line is
-    counted from 0.
+    In periodic fabric a run may continue across the boundary; one that fills the line starts at 0.
     """
     lines, cells = like.shape
     start = np.where(like.all(axis=1) | (not periodic), 0, np.argmin(like, axis=1))
@@ -145,14 +140,7 @@ def fold_senses(
     """Part of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
 
     Lines are counted from the start of each run of like cells, so neighbouring patches of one
-    knit fold together and no fold lies on the border between two knits. In periodic fabric
-    a run may continue across the boundary; a run that fills the whole line is counted from line 0.
-
-    Args:
-        like: which cells are of this knit; axis 1 runs across its folds.
-        fold_phase: whether the folds lie on the odd or the even lines of a run.
-        periodic: whether axis 1 is periodic.
-        ridge: distribution of a fold on a finer grid; on the paper's grid it is one hinge.
+    knit fold together and no fold lies on the border between two knits.
     """
     inside = inside_runs(like, periodic)
     line, between = np.divmod(_number_in_run(like, periodic), ridge.refinement)
@@ -167,10 +155,9 @@ def fold_senses(
 
 
 def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
-    """Parts of the folds of rib and of garter patches, > 0 for a mountain and < 0 for a valley.
+    """Parts of the folds of rib, left of every grid cell, and of garter, below it.
 
-    The first array is for rib, at the edge to the left of every grid cell, the second for garter,
-    at the edge below it; 0 where the fabric is flat at rest.
+    They are > 0 in a mountain, < 0 in a valley, and 0 where the fabric is flat at rest.
     """
     periodic, ridge = options.boundary == "periodic", ridge_of(options)
     rib, garter = (
@@ -181,10 +168,7 @@ def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByE
 
 
 def fold_stiffness_factors(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
-    """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere.
-
-    Edges as for :func:`patch_senses`.
-    """
+    """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere."""
     periodic = options.boundary == "periodic"
     by_place = ridge_of(options).stiffness_by_place(options.fold_phase)
     rib, garter = (

@@ -18,12 +18,7 @@ from knitlab.fabric.stripe import Stripe
 
 
 class Inertia(eqx.Module):
-    """Mass and drag of one fabric on its network.
-
-    Attributes:
-        node_mass: lumped mass m of a node, one value for all nodes or one for each [g].
-        damping: viscous damping of a node, c [g/ms].
-    """
+    """Lumped mass of a node, one for all or one for each [g], and its viscous damping [g/ms]."""
 
     node_mass: Float[Array, "*grid"]
     damping: Float[Array, ""]
@@ -42,11 +37,10 @@ def inertia(
     Args:
         weft: the rib stripes, with the tabulated periods w.
         warp: the garter stripes, with the tabulated periods h.
-        options: model options; ``length_scale`` multiplies the periods.
+        options: model options.
         surface_density: ρ_s [g/mm²].
         damping_ratio: c over √(k_s m), with the smallest k_s and the mean mass [1].
-        graded: pattern of a graded fabric, with the numbers of its stripes: each node has the mean
-            mass of the cells beside it. Without it all nodes have the mass of the first stripes.
+        graded: pattern of a graded fabric: each node has the mean mass of the cells beside it.
     """
     width, height = (
         np.array([options.length_scale * of.period / options.cells_per_period for of in stripes])

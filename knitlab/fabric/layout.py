@@ -8,12 +8,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.fabric.array_library import array_library
 from knitlab.fabric.fabric import Fabric
-from knitlab.fabric.fold_lines import (
-    fold_stiffness_factors,
-    inside_runs,
-    patch_senses,
-    ridge_of,
-)
+from knitlab.fabric.fold_lines import fold_stiffness_factors, inside_runs, patch_senses, ridge_of
 from knitlab.fabric.network import Network, mesh_shape, network
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, PatchGrid
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
@@ -26,13 +21,9 @@ class FabricLayout:
     """How the parameters of a patterned fabric follow from those of its stripes.
 
     Attributes:
-        net: the network of its mesh shape.
-        sheet: the walls.
-        options: model options.
         row_stripe: number of the garter stripe of each row of grid cells.
         column_stripe: number of the rib stripe of each column of grid cells.
-        plain: the stiffness of plain knit; None if the fabric has none.
-        plain_cells: which grid cells are of plain knit.
+        plain_cells: which grid cells are of plain knit, with the stiffness ``plain``.
         fold_part: of every hinge, its part of a fold: > 0 in a mountain, < 0 in a valley, 0 if it
             is flat at rest.
         single_fold: of every hinge, the rest fold angle of the single fold on which it lies, NaN
@@ -61,10 +52,6 @@ class FabricLayout:
 
         Diagonals have the smaller of both k_s, and the spring law of that stripe. Where both k_s
         are equal, the fabric is not differentiable with respect to k_s.
-
-        Args:
-            stripes: rib stripes in the order of ``column_stripe``, garter stripes in the order of
-                ``row_stripe``.
         """
         xp, net, options = array_library(stripes), self.net, self.options
         sides = stripes.weft, stripes.warp
@@ -217,7 +204,7 @@ def assemble_fabric(
 ) -> tuple[Network, Fabric]:
     """Network and parameters of a patterned fabric of one rib and one garter stripe.
 
-    A pure stripe fabric has its stripe as both; ``plain`` is needed if the pattern has plain knit.
+    A pure stripe fabric has its stripe as both.
     """
     layout = fabric_layout(pattern, sheet, options, plain)
     return layout.net, layout.fabric(StripePair.of([weft], [warp]))

@@ -39,7 +39,7 @@ class MeshShape:
 
     @property
     def nodes_x(self) -> int:
-        """Columns of nodes: one more than of cells, unless the sheet is periodic."""
+        """Columns of nodes."""
         return self.cells_x + (not self.periodic)
 
     @property
@@ -63,9 +63,8 @@ def cached_by_shape(
 ) -> Callable[Concatenate[MeshShape, Others], Result]:
     """Decorator that keeps the most recent results for mesh shapes, apart for small and for large.
 
-    What follows from a large shape may take a gigabyte, and a sample has subdomains of many small
-    shapes. In one cache for all, subdomains would evict the sample that they belong to, or samples
-    that are no longer needed would fill the memory.
+    What follows from a large shape may take a gigabyte; the subdomains of many small shapes of a
+    sample would evict it from a cache for all, or samples no longer needed would fill the memory.
     """
     large: Callable[..., Result] = lru_cache(LARGE_KEPT)(function)
     small: Callable[..., Result] = lru_cache(SMALL_KEPT)(function)
@@ -83,10 +82,8 @@ class Elements:
 
     Attributes:
         nodes: node numbers of every element.
-        images: periods of periodic fabric along (x, y) by which each node is shifted; zero unless
-            the element crosses the periodic boundary.
-        incidence: the vectors as differences of nodes, −1 where a vector starts and 1 where it
-            ends.
+        images: periods of periodic fabric along (x, y) by which each node is shifted.
+        incidence: the vectors: −1 at the node where one starts, 1 where it ends.
         shape: the mesh shape.
     """
 
@@ -106,9 +103,6 @@ class Elements:
         return np.einsum("vn,enk->vke", self.incidence, self.images).astype(float)
 
 
-SPRING_VECTORS = np.array([[-1, 1]])
-"""From one end to the other."""
-
 HINGE_VECTORS = np.array(
     [
         [-1, 1, 0, 0, 0, 0],
@@ -127,13 +121,11 @@ class Network:
     """Springs and hinges of one mesh shape (paper, Sec. "3D model", Fig. 1F).
 
     Attributes:
-        shape: the mesh shape.
         springs: two nodes each: weft springs, warp springs, then two diagonals per grid cell.
         weft, warp: which springs are along x, which along y; the others are diagonals.
         hinges: six nodes each: the ends a, b of the shared edge, the far nodes c, d of the cell
             before it and e, f of the cell after it (c and e beside a, d and f beside b).
-        wale: which hinges have an edge along y, as rib ridges have; the others have an edge along
-            x, as garter ridges have.
+        wale: which hinges have an edge along y, as rib ridges have.
         spring_cells: the two grid cells (y, x) beside every spring; twice the same cell for a
             diagonal and at an edge.
         hinge_cells: grid cell (y, x) after each hinge's edge.
@@ -152,48 +144,42 @@ class Network:
 @cached_by_shape
 def network(shape: MeshShape) -> Network:
     """Build the network of a mesh shape."""
-    cells = np.arange(shape.cells_y), np.arange(shape.cells_x)
+    cells = cells_y, cells_x = np.arange(shape.cells_y), np.arange(shape.cells_x)
     rows, columns = np.arange(shape.nodes_y), np.arange(shape.nodes_x)
-    first_line = 0 if shape.periodic else 1
+    first = 0 if shape.periodic else 1
+    # Rows and columns with such an element, its nodes, and the cells beside it.
+    springs = (
+        ((rows, cells_x), [(0, 0), (0, 1)], [(-1, 0), (0, 0)]),
+        ((cells_y, columns), [(0, 0), (1, 0)], [(0, -1), (0, 0)]),
+        (cells, [(0, 0), (1, 1)], [(0, 0), (0, 0)]),
+        (cells, [(0, 1), (1, 0)], [(0, 0), (0, 0)]),
+    )
+    hinges = (
+        ((cells_y, cells_x[first:]), [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)]),
+        # The edge points to −x so that, as for a wale hinge, a mountain has a positive angle.
+        ((cells_y[first:], cells_x), [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)]),
+    )
 
-    def elements(incidence: np.ndarray, *indices: np.ndarray) -> Elements:
+    def elements(incidence: np.ndarray, indices: list[np.ndarray]) -> Elements:
         turns, wrapped = np.divmod(np.concatenate(indices), (shape.nodes_y, shape.nodes_x))
         nodes = wrapped[..., 0] * shape.nodes_x + wrapped[..., 1]
         return Elements(nodes, turns[..., ::-1], incidence, shape)
 
-    weft = _at_every((rows, cells[1]), [(0, 0), (0, 1)])
-    warp = _at_every((cells[0], columns), [(0, 0), (1, 0)])
-    rising = _at_every(cells, [(0, 0), (1, 1)])
-    falling = _at_every(cells, [(0, 1), (1, 0)])
-    spring_kind = np.repeat([0, 1, 2], [len(weft), len(warp), len(rising) + len(falling)])
-    beside_springs = np.concatenate(
-        [
-            _at_every((rows, cells[1]), [(-1, 0), (0, 0)]),
-            _at_every((cells[0], columns), [(0, -1), (0, 0)]),
-            *[_at_every(cells, [(0, 0), (0, 0)])] * 2,
-        ]
-    )
+    spring_nodes = [_at_every(origins, nodes) for origins, nodes, _ in springs]
+    hinge_nodes = [_at_every(origins, nodes) for origins, nodes in hinges]
+    kind = np.repeat(np.arange(len(springs)), [len(nodes) for nodes in spring_nodes])
+    beside = np.concatenate([_at_every(origins, its_cells) for origins, _, its_cells in springs])
     size = np.array([shape.cells_y, shape.cells_x])
-
-    after_wale = cells[0], cells[1][first_line:]
-    wale = _at_every(after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
-    # The edge points to −x so that, as for a wale hinge, a mountain has a positive angle.
-    after_course = cells[0][first_line:], cells[1]
-    course = _at_every(after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
-    hinge_cells = [_at_every(after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]
-
     return Network(
         shape=shape,
-        springs=elements(SPRING_VECTORS, weft, warp, rising, falling),
-        weft=spring_kind == 0,
-        warp=spring_kind == 1,
-        hinges=elements(HINGE_VECTORS, wale, course),
-        wale=np.arange(len(wale) + len(course)) < len(wale),
+        springs=elements(np.array([[-1, 1]]), spring_nodes),
+        weft=kind == 0,
+        warp=kind == 1,
+        hinges=elements(HINGE_VECTORS, hinge_nodes),
+        wale=np.repeat([True, False], [len(nodes) for nodes in hinge_nodes]),
         # At an edge there is a cell only on one side.
-        spring_cells=beside_springs % size
-        if shape.periodic
-        else np.clip(beside_springs, 0, size - 1),
-        hinge_cells=np.concatenate(hinge_cells),
+        spring_cells=beside % size if shape.periodic else np.clip(beside, 0, size - 1),
+        hinge_cells=np.concatenate([_at_every(origins, [(0, 0)])[:, 0] for origins, _ in hinges]),
     )
 
 

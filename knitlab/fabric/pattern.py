@@ -247,15 +247,9 @@ def graded_pattern(
     folds: tuple[SingleFold, ...] = (),
     cells_per_period: int = CELLS_PER_PERIOD,
 ) -> PatchGrid:
-    """The pattern of a whole fabric.
+    """The pattern of a whole fabric: letters in rows, top course first, and their repeats (y, x).
 
-    Args:
-        rows: letters of the repeated patches, top course first.
-        periods: P of every patch, if they are not graded.
-        repeats: number of repeats along (y, x).
-        grading: sizes and stripes of the rows and columns, if they are graded.
-        folds: single folds of the repeated patches.
-        cells_per_period: grid cells along one period.
+    Each patch has P periods, if they are not graded. The folds are those of one repeat.
 
     Raises:
         BadPattern: if the rows are not a map of patches.
@@ -277,10 +271,7 @@ def graded_pattern(
 def recorded_pattern(
     record: Mapping[str, Any], repeats: tuple[int, int] | None = None
 ) -> PatchGrid:
-    """The pattern of a whole fabric, from the record of its case as read from JSON.
-
-    ``repeats`` along (y, x) are by default those of the case.
-    """
+    """The pattern of a whole fabric, from the record of its case; by default with its repeats."""
     along_y, along_x = repeats or record["unit_cells"]
     return graded_pattern(
         tuple(record["pattern"]),

@@ -128,14 +128,6 @@ def largest_thickness(cell: float, theta_0: float) -> float:
 
     Nearest to each other of parts that are not near on the grid are the cell beside a fold and, on
     its other side, the next cell but one. In a fold at rest their distance is cell × sin(θ0), or a
-    cell in a blunt one.
-
-    Args:
-        cell: shortest side of a grid cell of the paper's grid [mm].
-        theta_0: sharpest rest angle [rad].
-
-    Example:
-        >>> round(largest_thickness(0.35, 0.77), 3)
-        0.195
+    cell in a blunt one. The cell is the shortest side on the paper's grid, the fold the sharpest.
     """
     return cell * math.sin(min(theta_0, math.pi / 2)) / (1 + CONTACT_RANGE)

@@ -57,9 +57,8 @@ class SpringCurve:
     def spline(self) -> PPoly:
         """Force over k_s times rest length, as a function of strain [1].
 
-        The monotone cubic of Fritsch and Butland (:class:`scipy.interpolate.PchipInterpolator`)
-        has continuous first derivatives, so that the energy is smooth to second order. The end
-        slopes are those of the last chords, and beyond the table the force is linear.
+        The monotone cubic of Fritsch and Butland, with end slopes of the last chords, is smooth
+        enough for second derivatives of the energy. Beyond the table the force is linear.
         """
         return _spline(self)
 
@@ -114,10 +113,8 @@ class SpringLaw(eqx.Module):
     """The law of some springs; its parameters, if it has any, are along the first axis.
 
     Without parameters f = e: the paper's linear springs (Eq. 1). A spring with a stiffening strain
-    e_s has f = e + e³/e_s², cubic hardening (Duffing's): at e_s the force is twice that of a linear
-    spring. This law is smooth, stiffens in compression as in tension, so that no cell of the
-    network softens when it is crushed, and its energy does not overflow in a long step of a solver,
-    as that of an exponential law would.
+    e_s has f = e + e³/e_s², cubic hardening: at e_s the force is twice that of a linear spring. It
+    stiffens in compression as in tension, so that no cell softens when crushed.
 
     Attributes:
         rate: 1/e_s² of stiffening springs, 0 of the others; None if all are linear [1].

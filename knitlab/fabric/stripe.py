@@ -73,10 +73,7 @@ class Stripe:
 class StripeNumbers(eqx.Module):
     """The parameters of one stripe, or of several along an axis, as variables of derivatives.
 
-    Attributes:
-        k_s, k_t, theta_0, period: those of a :class:`Stripe`.
-        stiffening_strain: infinite for stripes with another law, None if all have another law.
-        spring_curves: measured curve of the springs of each stripe, None for another law.
+    The stiffening strain is infinite for stripes with another law.
     """
 
     k_s: Float[Array | np.ndarray, "*quantity"]
@@ -89,32 +86,26 @@ class StripeNumbers(eqx.Module):
     @classmethod
     def of(cls, stripes: Sequence[Stripe]) -> "StripeNumbers":
         """The parameters of stripes."""
-        shape = () if len(stripes) == 1 else (len(stripes),)
 
-        def numbers(values: Sequence[float]) -> Float[np.ndarray, "*stripe"]:
-            return np.array(values, float).reshape(shape)
+        def numbers(name: str) -> Float[np.ndarray, "*stripe"]:
+            values = [getattr(stripe, name) or np.inf for stripe in stripes]
+            return np.array(values if len(stripes) > 1 else values[0], float)
 
-        strains = [stripe.stiffening_strain for stripe in stripes]
+        strain = numbers("stiffening_strain")
         return cls(
-            k_s=numbers([stripe.k_s for stripe in stripes]),
-            k_t=numbers([stripe.k_t for stripe in stripes]),
-            theta_0=numbers([stripe.theta_0 for stripe in stripes]),
-            period=numbers([stripe.period for stripe in stripes]),
-            stiffening_strain=numbers([strain or np.inf for strain in strains])
-            if any(strains)
-            else None,
+            k_s=numbers("k_s"),
+            k_t=numbers("k_t"),
+            theta_0=numbers("theta_0"),
+            period=numbers("period"),
+            stiffening_strain=strain if np.isfinite(strain).any() else None,
             spring_curves=tuple(stripe.spring_curve for stripe in stripes),
         )
 
 
 class StripePair(eqx.Module):
-    """The stripes of a fabric; also a derivative with respect to each of their parameters.
+    """Rib and garter stripes of a fabric, with the periods w and h, or derivatives by them.
 
-    A graded fabric has several stripes of each knit, along an axis of the parameters.
-
-    Attributes:
-        weft: the rib stripes, whose period is w; of a pure stripe fabric, that stripe.
-        warp: the garter stripes, whose period is h; of a pure stripe fabric, that stripe.
+    A graded fabric has several stripes of each knit, a pure stripe fabric has its stripe as both.
     """
 
     weft: StripeNumbers

@@ -26,15 +26,7 @@ LARGEST_LOG_TILT = 40.0
 
 
 class Zigzag(eqx.Module):
-    """Parameters of the zigzag of one stripe.
-
-    Attributes:
-        period: relaxed peak-to-peak distance [mm].
-        k_s: stiffness of a spring [N/mm].
-        k_t: stiffness of a hinge [N mm].
-        theta_0: interior rest angle of a fold [rad].
-        law: force of a spring as a function of its length.
-    """
+    """The zigzag of one stripe: its relaxed period [mm], and its springs and hinges."""
 
     period: Float[Array, ""]
     k_s: Float[Array, ""]
@@ -82,12 +74,7 @@ def relaxed_chain(chain: Zigzag, periods: int) -> Float[Array, "node 2"]:
 
 
 def chain_energy(chain: Zigzag, nodes: Float[Array, "node 2"]) -> Float[Array, ""]:
-    """E_tot of a zigzag [N mm] (paper, Eq. 1).
-
-    Args:
-        chain: parameters of the zigzag.
-        nodes: positions (x, y) [mm]; folds are at the odd nodes, alternately up and down.
-    """
+    """E_tot of a zigzag [N mm] (paper, Eq. 1); folds are at odd nodes, alternately up and down."""
     segments = jnp.diff(nodes, axis=0)
     lengths = jnp.linalg.norm(segments, axis=1)
     before, after = segments[:-1], segments[1:]

@@ -122,6 +122,11 @@ def row_count(cubes: Sequence[xr.Dataset]) -> int:
     return len({int(design["n_stripe"]) for cube in cubes for design in designs_of(cube)})
 
 
+def design_name(design: xr.Dataset) -> str:
+    """A design as text: ``(4, 16)``."""
+    return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
+
+
 def _stripe_and_periods(design: xr.Dataset) -> tuple[int, float]:
     n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
     return n_stripe, n_subunit / (2 * n_stripe)
@@ -129,7 +134,7 @@ def _stripe_and_periods(design: xr.Dataset) -> tuple[int, float]:
 
 def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: Colour) -> None:
     axes.annotate(
-        f"({int(design['n_stripe'])}, {int(design['n_subunit'])})",
+        design_name(design),
         (column - 0.5, row + 0.5),
         xytext=(3, -3),
         textcoords="offset points",

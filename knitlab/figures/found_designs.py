@@ -53,6 +53,8 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
                     panel.plot(reached.at, values, color=colour, label=name)
             if curved:
                 panel.set(xlabel="applied strain [1]", xlim=(reached.at[0], reached.at[-1]))
+        # Not before all curves are drawn, which the limits of the panels must hold.
+        for panel in panels:
             _draw_wanted(panel, reached.target)
         panels[0].set_ylabel(_label(reached.target), fontsize="small")
         # The first panel has every entry: those of the others repeat it.
@@ -150,8 +152,9 @@ def pareto_figure(
         # Trials far from the front would hide its shape.
         room = 0.3 * max(float(np.ptp(on_front)), 1.0)
         limits = max(float(on_front.min()) - room, -0.1), float(on_front.max()) + room
-        axes.set(**{f"{axis}lim": limits})
-        axes.set(**{f"{axis}label": f"off by, in tolerances:\n{label}"})
+        axes.set(**{f"{axis}lim": limits, f"{axis}label": f"off by, in tolerances:\n{label}"})
+    for axis_label in (axes.xaxis.label, axes.yaxis.label):
+        axis_label.set_fontsize("small")
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 

@@ -75,13 +75,13 @@ def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
 
 def headers(text: str) -> dict[str, str]:
     """The headers of a program, by name."""
-    found: dict[str, str] = {}
+    stated: dict[str, str] = {}
     for content in text.split("\n")[1:]:
         if not content.startswith(";;"):
             break
         name, _, value = content[2:].partition(":")
-        found[name.strip()] = value.strip()
-    return found
+        stated[name.strip()] = value.strip()
+    return stated
 
 
 class CarriagePass(NamedTuple):

@@ -62,11 +62,11 @@ def round_trip(
         notes.append(f"interpreter: not run, as {length} operations take long; take fewer repeats")
     else:
         try:
-            found = _differences(interpreted(program), chart, machine)
+            differences = _differences(interpreted(program), chart, machine)
         except Refused as error:
-            found = [f"refuses it: {error}"]
-        notes.append(f"interpreter: {count}, {len(found)} faults")
-        faults += [f"the interpreter {each}" for each in found]
+            differences = [f"refuses it: {error}"]
+        notes.append(f"interpreter: {count}, {len(differences)} faults")
+        faults += [f"the interpreter {each}" for each in differences]
     return RoundTrip(tuple(faults), tuple(notes))
 
 

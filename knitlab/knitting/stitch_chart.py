@@ -54,7 +54,7 @@ def stitch_chart(
 
     Example:
         >>> from knitlab.sweep.plan import make_plan
-        >>> (case,) = make_plan("preview", {"n_stripe": 4, "n_subunit": 16}).cases.values()
+        >>> (case,) = make_plan("periodic", {"n_stripe": 4, "n_subunit": 16}).cases.values()
         >>> chart = stitch_chart(case)
         >>> chart.courses, chart.wales, str(chart.stitches[0, 4])
         (64, 32, 'a back knit')

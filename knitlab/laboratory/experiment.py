@@ -106,9 +106,9 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
         numbers = pd.RangeIndex(1, len(cycles) + 1, name=CYCLE)
         cube = xr.concat(of_cycles, numbers, data_vars="all")
     cube = cube.expand_dims({"n_stripe": [sample.n_stripe], "n_subunit": [sample.n_subunit]})
-    places = {dim: np.arange(size) for dim, size in cube.sizes.items() if dim not in cube.coords}
+    indices = {dim: np.arange(size) for dim, size in cube.sizes.items() if dim not in cube.coords}
     strains = list(description.protocol.applied_strain)
-    cube = cube.assign_coords(places | {"applied_strain": strains, SOURCE: source})
+    cube = cube.assign_coords(indices | {"applied_strain": strains, SOURCE: source})
     parameters = {
         "unit_cells": list(sample.unit_cells),
         "length": number(sample.length, "mm"),

@@ -24,7 +24,7 @@ from knitlab.sweep.parameters import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
 FEWEST_POINTS = 3
-UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}
+COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}
 """Units of the columns of a log."""
 
 Record = Float[np.ndarray, " record"]
@@ -86,12 +86,12 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
         raise TypeError("the description has no tensile test")
     path, length = folder / table.file, number(description.sample.length, "mm")
     log, triggered = _read_log(path, table)
-    found = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
+    pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
     place = f"{path}: column {table.extension.column}"
-    if not found:
+    if not pulls:
         after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
         raise fault(place, f"never rises{after}; give a test in which the sample is pulled")
-    pulled = found[0].loaded(log["time"])
+    pulled = pulls[0].loaded(log["time"])
     strain, force = log["extension"][pulled] / length, log["force"][pulled]
     requested = protocol.applied_strain
     if strain.max() < requested[1]:
@@ -117,7 +117,7 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
             f"{path}: column {table.force.column}",
             "falls as the sample is pulled; give tension as positive",
         )
-    return Pulls(**log, triggered=triggered, length=length, cycles=found)
+    return Pulls(**log, triggered=triggered, length=length, cycles=pulls)
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
@@ -188,23 +188,23 @@ def _capacitance_values(
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float | None]:
-    """Columns of a log in :data:`UNITS`, and the time at which its trigger rose, if it has one."""
+    """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, if any."""
     headers, rows = read_table(path, EXAMPLE)
     headers = [header.strip() for header in headers]
     values, faults = {}, list[Fault]()
-    for name in (*UNITS, "trigger"):
+    for name in (*COLUMN_UNITS, "trigger"):
         column: Column | PlainColumn | None = getattr(table, name, None)
         if column is None:
             continue
-        places = [place for place, header in enumerate(headers) if header == column.column]
-        if len(places) != 1:
+        matching = [at for at, header in enumerate(headers) if header == column.column]
+        if len(matching) != 1:
             problem = "occurs twice; keep one"
-            if not places:
+            if not matching:
                 problem = f"is missing; the file has {', '.join(headers)}"
             faults.append(Fault(f"{path}: column {column.column}", problem))
             continue
-        numbers, wrong = numbers_of(path, column.column, rows[places[0]])
-        factor = conversion(column.unit, UNITS[name]) if isinstance(column, Column) else 1.0
+        numbers, wrong = numbers_of(path, column.column, rows[matching[0]])
+        factor = conversion(column.unit, COLUMN_UNITS[name]) if isinstance(column, Column) else 1.0
         values[name] = numbers * factor
         faults += wrong
     if faults:

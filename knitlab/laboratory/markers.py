@@ -58,11 +58,11 @@ class MarkedSample:
     @property
     def summary(self) -> str:
         """Summary in one sentence."""
-        found = " × ".join(str(count - 1) for count in self.relaxed.shape[:2])
+        marked = " × ".join(str(count - 1) for count in self.relaxed.shape[:2])
         whole = " × ".join(map(str, self.unit_cells))
         missing = int((self.grid.marker < 0).sum())
         turn = round(np.degrees(self.turn), 1) + 0.0
-        parts = [f"{found} unit cells of {whole}", f"turned by {turn:.1f}°"]
+        parts = [f"{marked} unit cells of {whole}", f"turned by {turn:.1f}°"]
         if missing:
             parts.append(f"{missing} position{'s' * (missing > 1)} of the grid without a marker")
         if self.grid.strays:
@@ -159,12 +159,12 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     """Check direction, number and size of the unit cells against the description."""
-    found = tuple(count - 1 for count in marked.relaxed.shape[:2])
+    marked_rows, marked_columns = (count - 1 for count in marked.relaxed.shape[:2])
     rows, columns = sample.unit_cells
-    if min(found) < 1 or found[0] > rows or found[1] > columns:
+    if not (1 <= marked_rows <= rows and 1 <= marked_columns <= columns):
         raise fault(
             str(path),
-            f"shows {found[0]} × {found[1]} unit cells of a sample of {rows} × {columns};"
+            f"shows {marked_rows} × {marked_columns} unit cells of a sample of {rows} × {columns};"
             " give markers_per_cell, or a table of places",
         )
     cells = lattice_vectors(marked.relaxed).reshape(-1, 2, 2)

@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 from pydantic import PositiveFloat
 
-from knitlab.measure.unit_cells import central
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured, above, below, within, worst
 from knitlab.validation.samples import (
     Checkerboards,
@@ -117,6 +116,8 @@ def largest_at_centre(
 
     Both are compared at one ``applied_strain``.
     """
+    # JAX is imported only for this check.
+    from knitlab.measure.unit_cells import central
 
     def measure(sample: xr.Dataset) -> Measured:
         field = sample[of].sel(applied_strain=applied_strain, method="nearest")

@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.fabric.barrier import Barrier
+from knitlab.fabric.barrier import Barrier, shortened
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
-from knitlab.fabric.pair_search import shortened
 from tests.fabric.test_barrier import CELL, PRESSURE, THICKNESS, evaluated
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -11,12 +11,11 @@ from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.figures.cells import designs_of
+from knitlab.figures.cells import design_name, designs_of
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
 from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
 from knitlab.io.errors import fault
-from knitlab.measure.unit_cells import central
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
@@ -46,7 +45,7 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
         colours = ValueColours.of(values, signed=True)
         for axes, sample in zip(row, shown, strict=True):
             _draw_cells(axes, sample, sample[name], colours)
-            title = "({}, {})".format(*_design(sample))
+            title = design_name(sample)
             title += f" {source_of(sample)}" if is_measured(sample) else ""
             axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
         colours.bar(figure, list(row), label=f"{label} [1]", shrink=0.9)
@@ -72,16 +71,15 @@ def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
         if int(design["status"]) == Status.ok
     ]
     samples = [sample for sample in samples if int(sample["strain_xx"].notnull().sum()) > 1]
-    first = {design: number for number, design in enumerate(PAPER_DESIGNS)}
-    shown = [each for each in samples if is_measured(each) or _design(each) in first]
-    return sorted(shown, key=lambda each: first.get(_design(each), len(first)))
-
-
-def _design(sample: xr.Dataset) -> tuple[int, int]:
-    return int(sample["n_stripe"]), int(sample["n_subunit"])
+    order = {str(design): number for number, design in enumerate(PAPER_DESIGNS)}
+    shown = [each for each in samples if is_measured(each) or design_name(each) in order]
+    return sorted(shown, key=lambda each: order.get(design_name(each), len(order)))
 
 
 def _draw_cells(axes: Axes, sample: xr.Dataset, field: xr.DataArray, colours: ValueColours) -> None:
+    # JAX is imported only when this figure is drawn.
+    from knitlab.measure.unit_cells import central
+
     observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
     rows, columns = observed.shape
     width, height = float(sample["relaxed_cell_x"]), float(sample["relaxed_cell_y"])
@@ -144,9 +142,8 @@ def _by_face(state: xr.Dataset) -> np.ndarray:
 
 def _name(case: xr.Dataset) -> str:
     cells_y, cells_x = case["strain_xx"].shape
-    design = f"({int(case['n_stripe'])}, {int(case['n_subunit'])})"
-    if "pattern" in case.coords:
-        design = str(case["pattern"].item()).replace("_", " ")
+    patterned = "pattern" in case.coords
+    design = str(case["pattern"].item()).replace("_", " ") if patterned else design_name(case)
     return f"{design}\n{cells_x} × {cells_y} cells"
 
 

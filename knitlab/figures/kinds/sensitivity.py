@@ -6,7 +6,15 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.schema import Status
-from knitlab.figures.cells import MARKS, cell, designs_of, marks_legend, remove_frame, value_cell
+from knitlab.figures.cells import (
+    MARKS,
+    cell,
+    design_name,
+    designs_of,
+    marks_legend,
+    remove_frame,
+    value_cell,
+)
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
@@ -109,7 +117,7 @@ def _symbol(parameter: str) -> str:
 def _name(design: xr.Dataset) -> str:
     strain = float(design["applied_strain_at_min"])
     where = f"at {strain:.0%}" if np.isfinite(strain) else ""
-    return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})  {where}"
+    return f"{design_name(design)}  {where}"
 
 
 FIGURES = {"sensitivity": FigureKind(sensitivity_map)}

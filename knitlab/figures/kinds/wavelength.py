@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
+from knitlab.figures.cells import design_name
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.measure.fit_statistics import linear_fit
-from knitlab.measure.wavelength import spectrum
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
 PEAK = CATEGORY_COLOURS[1]
@@ -50,10 +50,13 @@ def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     within = abs(along - along[-1] / 2) <= shown_length / 2
     axes.plot(along[within], across[within], color="black", lw=0.9)
     axes.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
-    axes.set_title(f"boundary of ({int(shown['n_stripe'])}, {int(shown['n_subunit'])})")
+    axes.set_title(f"boundary of {design_name(shown)}")
 
 
 def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
+    # JAX is imported only when this figure is drawn.
+    from knitlab.measure.wavelength import spectrum
+
     length = float(shown[f"boundary_length_{direction}"])
     wavenumbers, amplitudes = spectrum(shown[f"boundary_{direction}"].values, length)
     wavelength = float(shown[f"wavelength_{direction}"])
