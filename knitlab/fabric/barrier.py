@@ -41,8 +41,6 @@ LEAST_FREE = 1e-12
 
 Unknowns = Float[np.ndarray, " unknown"]
 Vertices = Float[np.ndarray, "vertex 3"]
-
-
 Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Float[np.ndarray, "part 3"]]
 """Pairs within reach of the barrier, their collision mesh, and the positions of its vertices."""
 

@@ -51,18 +51,8 @@ def draw_map(
     the same few P, but at values of n_subunit of its own. Each cell names its design. A measured
     design has a dashed frame; where it is simulated too, the measurement is the strip at the
     bottom of its cell.
-
-    Args:
-        figure: the figure.
-        axes: axes to draw on.
-        cubes: cubes of checkerboards, at most one of them simulated.
-        name: the variable shown.
-        label: label of the colour bar.
-        text: text of a cell, given its value and the design.
-        signed: whether white stands for zero.
-
-    Returns:
-        The statuses that are marked, and whether there are places without a cell.
+    A cell has the text of its value and design. Of the cubes at most one is simulated. Returned
+    are the statuses that are marked, and whether there are places without a cell.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = ValueColours.of(np.concatenate([np.empty(0), *values]), signed)

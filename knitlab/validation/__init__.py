@@ -4,5 +4,5 @@ In: cubes, and the claims of ``params/claims.toml``. Out: for each claim whether
 margin, and on which samples.
 
 Read ``claims.py`` and ``judgement.py``; each claim's ``test`` is a function of
-``sample_checks.py``, ``line_checks.py`` or ``comparison_checks.py``.
+``sample_checks.py`` or ``comparison_checks.py``.
 """

@@ -76,14 +76,14 @@ def stripe_order(
 
 
 def _trend(
-    samples: Samples, values: dict[Labels, float], place: int, direction: Direction
+    samples: Samples, values: dict[Labels, float], label: int, direction: Direction
 ) -> CheckResult:
     """The result for a value that should rise or fall with one of the labels."""
 
     def others(labels: Labels) -> Labels:
-        return (*labels[:place], *labels[place + 1 :])
+        return (*labels[:label], *labels[label + 1 :])
 
-    ordered = sorted(values, key=lambda labels: (others(labels), labels[place]))
+    ordered = sorted(values, key=lambda labels: (others(labels), labels[label]))
     steps = [each for each in pairwise(ordered) if others(each[0]) == others(each[1])]
     if not steps:
         raise samples.too_few(len(values))

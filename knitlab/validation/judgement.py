@@ -67,15 +67,11 @@ class Judgement:
 def judged(
     claims: Sequence[Claim], cubes: Sequence[Path], selections: Mapping[str, Any] = {}
 ) -> list[Judgement]:
-    """Judge claims by cubes.
+    """Judge claims by cubes, or by results folders that hold one.
 
     If several cubes measure a claim, the one whose samples are nearest the paper's decides
-    (:func:`.preference`), or the first of equal ones.
-
-    Args:
-        claims: the claims.
-        cubes: cubes, or results folders that hold one.
-        selections: one value of each swept setting, by its name.
+    (:func:`.preference`), or the first of equal ones. Selections are one value of each swept
+    setting.
 
     Raises:
         BadInput: if a cube cannot be read or has several values of a setting without a selection,
@@ -85,9 +81,8 @@ def judged(
     swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
     remedy = f"select along {', '.join(swept)}" if swept else "leave it out: there are none"
     refuse_others(selections, swept, f"is not a swept setting of these cubes; {remedy}")
-    return judged_slices(
-        claims, [(path, _one_slice(path, cube, selections)) for path, cube in whole]
-    )
+    slices = [(path, _one_slice(path, cube, selections)) for path, cube in whole]
+    return judged_slices(claims, slices)
 
 
 def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judgement]:

@@ -31,9 +31,6 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     Each line and row is a design, with contact compared to without. Rows of designs that pass
     through themselves without contact, when relaxed, are shaded. Designs that are not ok in both
     are left out, and named below.
-
-    Args:
-        cube: with designs without contact and with it, as a sweep of ``contact`` gives.
     """
     if "contact" not in cube.dims or {*CONTACT} - {*map(str, cube["contact"].values)}:
         raise fault(

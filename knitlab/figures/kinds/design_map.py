@@ -97,13 +97,10 @@ PAPER = (
 def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure:
     """Sensor design map: sensitivity and working range of every design, and their trade-off.
 
-    With a ``window`` of applied strain, mean slope and linearity of the capacitance within it take
-    their place. The Pareto front is joined, named and listed. Designs without a value are marked by
-    status, so that a failure never looks like a value; measured ones have a dashed frame.
-
-    Args:
-        cubes: the cubes.
-        window: the strains, such as ``0.1:0.3``.
+    With a ``window`` of applied strain, such as ``0.1:0.3``, mean slope and linearity of the
+    capacitance within it take their place. The Pareto front is joined, named and listed. Designs
+    without a value are marked by status, so that a failure never looks like a value; measured ones
+    have a dashed frame.
     """
     if any(CAPACITANCE not in cube for cube in cubes):
         raise fault("sensor", NEEDED)

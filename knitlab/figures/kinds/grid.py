@@ -46,8 +46,7 @@ def value_grid(
         cube: the cube.
         x: dimension across, or ``periods`` for P = n_subunit / (2 n_stripe).
         y: dimension up, or ``periods``.
-        of: the variable, or a reduction of one along the strain, as in queries:
-            ``slope(capacitance, 0.1:0.3)``.
+        of: the variable, or a reduction of one, as in queries: ``slope(capacitance, 0.1:0.3)``.
     """
     (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:

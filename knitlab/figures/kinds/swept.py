@@ -20,8 +20,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
 
     Args:
         cube: a cube with one swept setting; select one value of every other.
-        of: the variable, or a reduction of one along the strain, as in queries:
-            ``slope(capacitance, 0.1:0.3)``.
+        of: the variable, or a reduction of one, as in queries: ``slope(capacitance, 0.1:0.3)``.
     """
     (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:

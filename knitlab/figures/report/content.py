@@ -4,6 +4,7 @@ Near misses are separate from claims that fail by more.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 from knitlab.validation.claims import TOPICS
@@ -38,22 +39,16 @@ WHY_NOT = "why not, as far as it is known"
 
 
 def introduction(judgements: Sequence[Judgement]) -> dict[str, list[tuple[str, str]]]:
-    """Which claims a user may rely on: pairs of an assessment and its claims, topic by topic.
-
-    Topics without claims are left out.
-    """
+    """Which claims a user may rely on: pairs of an assessment and its claims, topic by topic."""
     topics: dict[str, list[tuple[str, str]]] = {}
-    for topic in TOPICS:
-        groups: dict[str, list[str]] = {group: [] for group in OPENINGS}
-        for one in judgements:
-            if one.claim.topic == topic:
-                groups[reliance(one)].append(_quoted(one))
-        if any(groups.values()):
-            topics[topic] = [
-                (OPENINGS[group], "; ".join(claims) + ".")
-                for group, claims in groups.items()
-                if claims
-            ]
+    for topic, (group, opening) in product(TOPICS, OPENINGS.items()):
+        claims = [
+            _quoted(one)
+            for one in judgements
+            if one.claim.topic == topic and reliance(one) == group
+        ]
+        if claims:
+            topics.setdefault(topic, []).append((opening, "; ".join(claims) + "."))
     return topics
 
 
@@ -106,12 +101,7 @@ def _letters(number: int) -> str:
 
 
 def row(one: Judgement, letters: Mapping[str, str]) -> dict[str, str]:
-    """The cells of a claim by the heading of their column.
-
-    Args:
-        one: the claim and its verdict.
-        letters: a letter for every set of model options, by their text.
-    """
+    """The cells of a claim by the heading of their column; letters stand for model options."""
     claim, result = one.claim, one.result
     judged_on = [result.count, *(_sample(sample, letters) for sample in one.samples)]
     if one.contrary:

@@ -101,7 +101,7 @@ def write_page(
     Args:
         judgements: the claims and their verdicts.
         page: file to write, Markdown or HTML by its suffix.
-        selections: values of the coordinates that the cubes were sliced by.
+        selections: values of the swept settings that the cubes were judged at.
 
     Returns:
         The files, and why some figures could not be drawn.
@@ -169,10 +169,7 @@ def _key(one: Judgement) -> Key:
 def _draw_figures(
     judgements: Sequence[Judgement], folder: Path, selections: Mapping[str, Any]
 ) -> tuple[dict[Key, Path], list[Fault]]:
-    """Draw the figures of all claims that were measured, each once for its cubes.
-
-    Returns the files, and why some figures could not be drawn.
-    """
+    """Draw the figures of claims that were measured, or say why some cannot be drawn."""
     files: dict[Key, Path] = {}
     faults: list[Fault] = []
     keys = [_key(one) for one in judgements if one.result.margin is not None]
