@@ -57,6 +57,8 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
             f"has the dimensions {', '.join(dims)}, but the workflow has {', '.join(plan.dims)};"
             " name another results folder",
         )
+    if not {*UNIT_CELLS, "code"} <= set(cube):
+        raise fault(str(path), "is of another version of knitlab; name another results folder")
     others = set(cells(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
     changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
@@ -67,8 +69,6 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
             f"holds {len(others)} designs computed otherwise ({listed}); name another"
             " results folder, or list the values of a setting to make it a dimension",
         )
-    if not {*UNIT_CELLS, "code"} <= set(cube):
-        raise fault(str(path), "is of another version of knitlab; name another results folder")
     return cube
 
 
