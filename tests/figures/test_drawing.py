@@ -197,7 +197,12 @@ def made_up_case(periodic: bool) -> xr.Dataset:
         "pattern": ["GR", "RG"],
         "periods": 2,
         "sheet": {"z_max": 6.0, "k_wall": 100.0},
-        "options": {"boundary": "periodic" if periodic else "clamped"},
+        "options": {
+            "boundary": "periodic" if periodic else "clamped",
+            "cells_per_period": 4,
+        },
+        "grading": None,
+        "folds": [],
     }
     return xr.Dataset(
         {

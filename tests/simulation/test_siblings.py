@@ -77,9 +77,8 @@ def test_siblings_differ_from_one_another():
     assert len({sibling(case, number).case_id for number in range(1, 11)}) > 8
 
 
-def test_a_case_without_siblings_keeps_its_identifier():
+def test_siblings_enter_the_identifier_of_a_case():
     plain = case_of("n_stripe=4", "n_subunit=16", "robustness=0")
-    assert "robustness" not in plain.record
     assert case_of("n_stripe=4", "n_subunit=16", "robustness=2").case_id != plain.case_id
 
 

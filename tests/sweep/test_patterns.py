@@ -161,7 +161,6 @@ def test_a_changed_map_changes_the_plan(tmp_path):
 
 def test_plain_knit_is_a_setting_and_enters_only_patterns_that_have_it():
     assert case().plain is None
-    assert "plain" not in case().record
     framed = case("pattern=framed", "plain_stretch_weft=2.0")
     assert framed.plain.plain_stretch_weft == 2.0
 

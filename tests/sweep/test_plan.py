@@ -207,6 +207,8 @@ def test_a_plan_records_everything_it_resolved(tmp_path):
         "k_s": 4.78,
         "theta_0": 0.68,
         "k_t": 0.045,
+        "stiffening_strain": None,
+        "spring_curve": None,
     }
     assert case["options"]["fold_phase"] == "stripe_border"
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.json"]
