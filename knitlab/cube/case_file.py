@@ -37,14 +37,10 @@ def checksum_path(results: Path, case_id: str) -> Path:
 
 
 def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
-    """Write a case file and its checksum, each atomically.
+    """Write a case file and its checksum, each atomically; CannotWrite if that fails.
 
     The format is netCDF's classic one: of some fifty small variables each costs more than its
-    numbers in that of HDF5. The checksum is written first, so that a case file without one is
-    damaged.
-
-    Raises:
-        CannotWrite: if they cannot be written.
+    numbers in that of HDF5. The checksum is first, so that a case file without one is damaged.
     """
     contents = bytes(
         dataset.to_netcdf(
@@ -101,10 +97,7 @@ def read_case(results: Path, case_id: str) -> "xr.Dataset":
 
 
 def configurations(case: "xr.Dataset") -> "Configuration":
-    """Configurations of a case at every strain, along a leading axis.
-
-    The lengths of open samples, which have none, are 0.
-    """
+    """Configurations of a case along a leading axis of strain; lengths of open samples are 0."""
     from knitlab.fabric.configuration import Configuration
 
     positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values

@@ -32,12 +32,8 @@ def common_settings(
 ) -> dict[str, Any]:
     """The settings that the records of all cases of a plan share, without those that are swept.
 
-    All other settings are in ``plan.json`` and in each case file.
-
-    Args:
-        records: the records of the cases.
-        swept: settings that are dimensions, or quantities that have a factor as a dimension.
-        stripes: fingerprint of the stripes.
+    ``swept`` are settings that are dimensions, or quantities that have a factor as a dimension;
+    ``stripes`` is the fingerprint of the stripes.
     """
     # Converted to JSON, so that they can be compared with those of a cube.
     common: dict[str, Any] = reduce(shared, json.loads(json.dumps(list(records))))
@@ -71,10 +67,7 @@ def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
 def differences(
     one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
 ) -> tuple[SettingDifference, ...]:
-    """Where two records have different values under the same key, in the order of the sentences.
-
-    ``within`` has the keys of the tables that contain the records.
-    """
+    """Where records, within tables of some keys, differ under the same key, sorted as sentences."""
     found: list[SettingDifference] = []
     for key in one.keys() & other.keys():
         before, after = one[key], other[key]

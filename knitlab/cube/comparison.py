@@ -24,10 +24,10 @@ COMPARED = (
 
 
 class CurveDifference(NamedTuple):
-    """The difference between two curves at some number of strains.
+    """The root mean square difference between two curves at some number of strains.
 
-    It is the root mean square, with its standard error by the errors of the measured curve. These
-    would make a noise, likewise a root mean square, between equal curves.
+    ``uncertainty`` is its standard error by the errors of the measured curve; ``noise`` is what
+    these would make of it between equal curves.
     """
 
     strains: int
@@ -39,10 +39,10 @@ class CurveDifference(NamedTuple):
 def difference(
     simulated: np.ndarray, measured: np.ndarray, errors: np.ndarray
 ) -> CurveDifference | None:
-    """The difference of two curves at the same strains; ``None`` if they have no strain in common.
+    """The difference of curves at the same strains, NaN where missing; None if none is in common.
 
-    Standard errors are assumed independent between strains, and 0 where unknown; if all are
-    unknown, so is the uncertainty. Values are NaN where missing.
+    Standard errors are taken as independent between strains, and 0 where unknown; if all are
+    unknown, so is the uncertainty.
     """
     both = np.isfinite(simulated) & np.isfinite(measured)
     count = int(both.sum())
@@ -60,15 +60,11 @@ def difference(
 
 
 def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.DataFrame:
-    """Differences of every curve of every design that a simulation and an experiment both have.
+    """One row for each curve of a design that a simulation and an experiment both have.
 
     The simulation is interpolated linearly to the measured strains, and its force is scaled to the
     number of unit cells across the measured sample. Capacitances, which depend on the length of the
     electrodes, are normalised at the first common strain.
-
-    Returns:
-        One row for each curve: source, number of strains, RMS difference, its uncertainty, the
-        noise, and the largest measured value, in the unit of the variable.
 
     Raises:
         BadInput: if the cubes are not one simulation and experiments, have swept settings, or have

@@ -51,16 +51,13 @@ def no_column(name: str, table: pd.DataFrame) -> str:
 
 
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
-    """Whether an expression over the columns of a table is true, for each row.
+    """Whether an expression over the columns of a table, each a variable, is true for each row.
 
-    Args:
-        expression: for example ``poisson_ratio_min < -0.3 and status == "ok"``.
-        table: one column for each variable; ``attrs["words"]`` has the words that columns may have.
+    The attribute ``words`` of the table has the words that columns may have.
 
     Raises:
         BadInput: if it cannot be parsed, contains anything but :data:`ALLOWED`, names an unknown
-            column or a word that the column cannot have, compares a word with a number, or is not
-            a condition.
+            column or word, compares a word with a number, or is not a condition.
     """
     where = f"where {expression!r}"
     plain = expression.strip()

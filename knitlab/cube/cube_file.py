@@ -86,11 +86,7 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:
-    """Write the file of a cube atomically.
-
-    Raises:
-        CannotWrite: if it cannot be written.
-    """
+    """Write the file of a cube atomically; CannotWrite if that fails."""
     with atomic_write(path) as temporary:
         cube.to_netcdf(temporary, encoding=encoding(cube))
 

@@ -23,16 +23,14 @@ class Reached:
     """Distances of the candidates from one target.
 
     Attributes:
-        target: the target.
         at: strains at which the variable was evaluated; empty for a single number [1].
-        values: values of the candidates at these, (design, strain), or (design, 1) for a number.
-        obtained: one number for each candidate: the value, or the mean over the window.
+        values: of the candidates at these, (design, strain), or (design, 1) for a number.
+        obtained: for each candidate the value, or the mean over the window.
         off_by: distance from the target, in the unit of the variable; for a curve the root mean
             square over the window.
         worst: the same for the worst fabric within the spread over a design's siblings; equal to
             ``off_by`` if the spread is unknown.
-        in_spread: whether the spread over a design's siblings overlaps the target at every
-            strain: ``yes``, ``no``, or ``unknown`` as the spread is.
+        in_spread: whether that spread overlaps the target at every strain: yes, no, or unknown.
         band: lowest and highest values of the siblings, like ``values``; empty for a number.
     """
 
@@ -94,11 +92,9 @@ def find_designs(
     """Rank the designs of cubes along the same dimensions by their distance from targets.
 
     The distance is the root mean square of the distances from each target, each over its
-    tolerance or, without one, over the scatter of that variable among the designs. Designs that do
-    not meet the targets of ``subject_to`` are left out, and so are those after the first ``most``.
-
-    Raises:
-        BadInput: if there is no target or no design that is ok, or if the cubes lack a variable.
+    tolerance or, without one, over the scatter of that variable among the designs. At most ``most``
+    are kept, of those that meet the targets of ``subject_to``. BadInput if there is no target or no
+    design that is ok, or if the cubes lack a variable.
     """
     if not targets:
         raise fault("targets", "none is given; give a target")

@@ -19,11 +19,7 @@ def reduced_columns(text: str) -> list[str]:
 
 
 def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.Dataset]:
-    """Cubes with the reduced columns in some texts as variables of these names.
-
-    Raises:
-        BadInput: if no cube has the curve that a column reduces, or a window is none.
-    """
+    """Cubes with the reduced columns in some texts as variables; BadInput if these cannot be."""
     curves = {
         str(name)
         for cube in cubes

@@ -38,10 +38,8 @@ class Variable:
     """One variable, as a case holds it; a cube adds the dimensions of its designs.
 
     Attributes:
-        dims: its dimensions within a case.
-        units: unit in UDUNITS notation.
+        units: in UDUNITS notation.
         long_name: label for the axis of a figure.
-        description: further explanation, if the name needs one.
         in_cube: whether cubes have it, rather than case files only.
         of: which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
             patches, with sensitivities, electrodes, unloading, siblings or contact, experiments,

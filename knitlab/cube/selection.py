@@ -16,11 +16,7 @@ MOST_CHOICES = 30
 
 
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Keep the selected values of coordinates; all dimensions are kept.
-
-    Raises:
-        BadInput: with every selection that does not exist.
-    """
+    """Keep the selected values of coordinates and all dimensions; BadInput if one is not there."""
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
     return cube.isel(chosen_places(coordinates, selections))
 
@@ -37,11 +33,7 @@ def as_given(selections: Mapping[str, Any]) -> list[str]:
 
 
 def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: str) -> None:
-    """Check that selections are along known coordinates.
-
-    Raises:
-        BadInput: with every selection along another one, and the problem with it.
-    """
+    """BadInput with a problem, for every selection that is not along a known coordinate."""
     names = set(known)
     others = {name: value for name, value in selections.items() if name not in names}
     if others:
@@ -56,11 +48,7 @@ def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
 def chosen_places(
     coordinates: Mapping[str, np.ndarray], selections: Mapping[str, Any]
 ) -> dict[str, list[int]]:
-    """Indices of the selected values among the values along every coordinate.
-
-    Raises:
-        BadInput: with every selection that does not exist.
-    """
+    """Indices of the selected values along coordinates; BadInput with every one not there."""
     chosen: dict[str, list[int]] = {}
     faults = ErrorCollector()
     for name, value in selections.items():

@@ -36,8 +36,7 @@ class StrainWindow:
     def of(cls, text: str, source: str) -> "StrainWindow":
         """The window of a text ``STRAIN`` or ``STRAIN:STRAIN``; messages name its source.
 
-        Raises:
-            BadInput: if it is not a window, or does not ascend from at least 0.
+        BadInput if it is not a window, or does not ascend from at least 0.
         """
         try:
             start, *rest = (float(part) for part in text.split(":"))

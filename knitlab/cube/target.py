@@ -38,10 +38,8 @@ class Target:
     """A wanted value or range of one variable.
 
     Attributes:
-        text: as it was given.
-        name: variable of the cube.
-        low: lowest value that meets it, or minus infinity, in the variable's unit.
-        high: highest value that meets it, or infinity; the same as ``low`` for one value.
+        low, high: bounds of the wanted range, which may be infinite, in the variable's unit; equal
+            for one value.
         tolerance: unit of distance; ``None`` for the scatter among the designs.
         window: applied strains that the target applies to, for a variable along the strain.
         reduction: reduction of the curve over the window; ``None`` for every strain of it.
@@ -128,11 +126,7 @@ class CurveTable(StrictModel):
 
 
 def check_window(target: Target, along_strain: bool, source: str) -> None:
-    """Check that a target has a window of strain if and only if its variable needs one.
-
-    Raises:
-        BadInput: if not.
-    """
+    """BadInput unless a target has a window of strain if and only if its variable needs one."""
     if along_strain and target.window is None:
         raise fault(source, f"{target.name} varies with {STRAIN}; add @ STRAIN or @ FROM:TO")
     if not along_strain and (target.window is not None or target.reduction is not None):
@@ -142,16 +136,11 @@ def check_window(target: Target, along_strain: bool, source: str) -> None:
 def read_target(
     given: str | Mapping[str, Any] | Target, source: str = "target", folder: Path = Path()
 ) -> Target:
-    """A target from its text, or from a table of a wanted curve.
+    """A target from its text, one of the :data:`FORMS`, or from a table of a wanted curve.
 
-    Args:
-        given: the text, one of the :data:`FORMS` with ``± TOLERANCE``, ``{"name": …,
-            "applied_strain": […], "value": […], "tolerance": …}``, or a target.
-        source: name of the argument that gives it, for the message.
-        folder: folder that the path of a curve's file is relative to.
-
-    Raises:
-        BadInput: with every fault of it.
+    The table has ``name``, ``applied_strain``, ``value`` and ``tolerance``. ``source`` names the
+    argument in messages; ``folder`` is what the path of a curve's file is relative to. BadInput has
+    every fault.
     """
     if isinstance(given, Target):
         return given

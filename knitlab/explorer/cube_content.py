@@ -33,11 +33,7 @@ WHY_NOT = {
 
 
 def cube_content(cube: xr.Dataset) -> dict[str, Any]:
-    """What the page holds of a cube.
-
-    Shapes, reasons of failures, and figures come from the results folder that the cube was opened
-    from, as far as they are there.
-    """
+    """What the page holds of a cube, with what is in the results folder that it was opened from."""
     source = cube.encoding.get("source")
     folder = Path(source).parent if source else None
     places = list(map(tuple, np.argwhere(cube["status"].values != Status.excluded).tolist()))
@@ -92,9 +88,9 @@ def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | s
 
 
 def variables_of(cube: xr.Dataset, places: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
-    """Every variable of a cube that a map or a curve can show, with its values at some designs.
+    """The variables that a map or a curve can show, with their values at some designs.
 
-    Those along unit cells or along a boundary are left out, and so are those without any value.
+    Left out are those along unit cells or along a boundary, and those without any value.
     """
     found = [
         content

@@ -44,12 +44,7 @@ SHADES = 33
 def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
     """Write the explorer of cubes: one file that opens in a browser without a network.
 
-    Returns:
-        The file, as it was given.
-
-    Raises:
-        BadInput: if there is no cube, or the suffix is not ``.html``.
-        CannotWrite: if the file cannot be written.
+    BadInput if there is no cube or the suffix is not ``.html``, CannotWrite if writing fails.
     """
     check_suffix(output)
     if not cubes:
@@ -114,10 +109,7 @@ def page_of(title: str, content: dict[str, Any]) -> str:
 
 
 def as_script_data(content: Any) -> str:
-    """JSON that can stand within ``<script>``: no text of it can end the element.
-
-    NaN is refused.
-    """
+    """JSON that can stand within ``<script>``: no text of it can end the element. No NaN."""
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

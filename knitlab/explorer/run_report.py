@@ -34,8 +34,7 @@ def run_of(
 ) -> dict[str, Any]:
     """What ran, how long it took, what failed, and the code and settings behind it.
 
-    Designs have a ``status`` and ``seconds``, the wall time of their batch; the folder is that of
-    the results, if the cube was opened from a file.
+    Designs have a ``status`` and ``seconds``, the wall time of their batch.
     """
     strains = cube["applied_strain"].values
     return {

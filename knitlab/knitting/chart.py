@@ -105,8 +105,8 @@ class StitchChart:
     def table(self) -> str:
         """The chart as comma-separated text, the last course first, as the fabric is seen.
 
-        Each wale of a course has ``k`` for a stitch of the front bed (knit) and ``p`` for one of
-        the back bed (purl), with the letter of its electrode if it is plated.
+        ``k`` is a stitch of the front bed (knit), ``p`` one of the back bed (purl), with the letter
+        of its electrode if it is plated.
         """
         letters = np.where(self.front, "k", "p").astype(object)
         for number in self.electrodes:

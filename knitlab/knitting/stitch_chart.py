@@ -161,8 +161,8 @@ def _lines_of(
 def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
     """The rows and the columns of patches of a case.
 
-    A pure stripe, which the model gives as many grid cells along its ridges as across them, takes
-    a stripe's length of stitches for the same number of cells, by the stitch's shape of 1:2.
+    A pure stripe, with as many grid cells along its ridges as across them, takes a stripe's length
+    of stitches for the same number of cells, by the stitch's shape of 1:2.
     """
     sample, grading = case.sample, case.grading
     warp = (case.warp,) if grading is None else grading.warp
@@ -192,10 +192,10 @@ def _front_stitches(
 def _plated_stitches(
     case: Case, lines: tuple[_PatchLines, _PatchLines]
 ) -> Int[np.ndarray, "course wale"]:
-    """Numbers of the electrodes that stitches are plated for, 0 where they are not.
+    """Electrodes that stitches are plated for, 0 where none.
 
-    Edges of electrodes are rounded to whole stitches; one narrower than a stitch takes one. On
-    periodic fabric, one that crosses the seam goes on at the other edge.
+    Edges are rounded to whole stitches; an electrode narrower than a stitch takes one. On periodic
+    fabric, one that crosses the seam goes on at the other edge.
     """
     rows, columns = lines
     plated = np.zeros((rows.size, columns.size), int)

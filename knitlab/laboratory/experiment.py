@@ -39,11 +39,9 @@ class Imported:
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import the records of one kind that a description names into the experiment's cube.
 
-    The cube is written to a folder with the name of the description, within ``results``. Records of
-    other kinds that it already holds are kept, if they are of the same sample at the same strains.
-
-    Raises:
-        BadInput: with every fault that was found; nothing is written then.
+    The cube is in a folder with the name of the description, within ``results``. Its records of
+    other kinds are kept, if they are of the same sample at the same strains. BadInput has every
+    fault that was found; nothing is written then.
     """
     description = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, description)

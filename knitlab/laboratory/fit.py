@@ -71,15 +71,13 @@ class Fit:
     """A fit to a whole fabric.
 
     Attributes:
-        before: the case with the tabulated stripes.
-        after: the case with the fitted stripes.
+        before, after: the case with the tabulated and with the fitted stripes.
         factors: fitted over tabulated value, by parameter.
         standard_errors: standard errors of the logarithms of the factors, including the prior.
         learned: fraction of the prior variance that the test has removed, by parameter.
         correlations: correlations between the fitted parameters.
-        target: the measured test.
-        curves: curves of the tests with the tabulated and with the fitted stripes, each simulated
-            from the flat sheet, as in a sweep.
+        curves: of the tests with the tabulated and with the fitted stripes, each simulated from the
+            flat sheet, as in a sweep.
         chi_squared: χ² before and after the fit.
         tests: number of simulated tests.
         converged: whether the search met its tolerances.
@@ -119,10 +117,7 @@ def fit_stripes(
 
     The prior has the relative standard deviation ``looseness``. At most ``starts`` are tried until
     the test is matched; the first is the tables. ``step`` is called after every test with the
-    number of tests and χ² of the last.
-
-    Raises:
-        NoFit: if the test with the tabulated stripes does not converge.
+    number of tests and χ² of the last. NoFit if the test with the tables does not converge.
     """
     search = _Search(case, target, looseness, step)
     tables = np.zeros(len(FITTED))
@@ -329,10 +324,7 @@ def report(fit: Fit) -> list[str]:
 
 
 def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
-    """Write both fitted stripes in the form of ``params/stripes.toml``, for ``stripe_files``.
-
-    The cube of the experiment is named as their source.
-    """
+    """Write both fitted stripes, with the experiment's cube, as a file for ``stripe_files``."""
     stripes = []
     for side in ("weft", "warp"):
         errors = ", ".join(

@@ -60,13 +60,10 @@ class MeasuredTest:
 
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
-    """The measured curves of an experiment, scaled to the sample of a case.
+    """The measured curves of an experiment, scaled to the number of unit cells across a case.
 
-    The force is scaled to its number of unit cells across. ``model_error`` is the fraction of the
-    largest value of a curve that is added in quadrature to its standard errors.
-
-    Raises:
-        BadInput: if it is not a single test with markers or force.
+    ``model_error`` is the fraction of the largest value of a curve that is added in quadrature to
+    its standard errors. BadInput if it is not a single test with markers or force.
     """
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
@@ -94,11 +91,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
 
 
 def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
-    """The case of a plan with the design of an experiment.
-
-    Raises:
-        BadInput: if there is none, or several, or it cannot be fitted.
-    """
+    """The one case of a plan with the design of an experiment; BadInput if it cannot be fitted."""
     if not is_measured(experiment):
         raise fault("fit", "needs an experiment, and this cube was simulated; import one")
     wanted = {dim: int(experiment[dim].values[0]) for dim in DESIGN_DIMS}

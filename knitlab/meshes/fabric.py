@@ -41,13 +41,8 @@ def fabric_meshes(
 ) -> list[SurfaceMesh]:
     """The surface of a fabric at several strains, quad by quad, with its fields.
 
-    Args:
-        case_file: contents of a case file, with node positions.
-        places: indices of the strains, all of them reached.
-        repeats: how often periodic fabric is repeated along (y, x).
-
-    Raises:
-        BadInput: if the repeats do not fit the fabric, or another version recorded the case.
+    ``places`` are indices of the strains, all of them reached; ``repeats`` is how often periodic
+    fabric is repeated along (y, x). BadInput if the repeats do not fit the fabric.
     """
     case = _recorded_case(case_file)
     _check_repeats(case_file, repeats)
@@ -82,10 +77,9 @@ def is_periodic(case_file: xr.Dataset) -> bool:
 def closed_nodes(
     case_file: xr.Dataset, repeats: tuple[int, int] = (1, 1)
 ) -> Float[np.ndarray, "strain node_y node_x 3"]:
-    """Nodes of a fabric at every strain [mm].
+    """Nodes of a fabric at every strain [mm]; periodic fabric is repeated and closed by images.
 
-    Periodic fabric is repeated along (y, x), and closed by images. Neighbouring repeats share their
-    nodes, so that there is no seam.
+    Neighbouring repeats, along (y, x), share their nodes, so that there is no seam.
     """
     from knitlab.fabric.network import MeshShape
     from knitlab.measure.unit_cells import nodes_at
@@ -120,10 +114,7 @@ def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
 
 
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
-    """Fields of grid cells that are the same at every strain.
-
-    Patches are counted from 0 at the bottom left along the courses.
-    """
+    """Fields of grid cells that never change; patches count from the bottom left along courses."""
     from knitlab.fabric.pattern import recorded_pattern
 
     along_y, along_x = case.unit_cells

@@ -27,10 +27,7 @@ METRES_OF_Z_UP = np.array(
 
 
 def node_colours(mesh: SurfaceMesh) -> UInt8[np.ndarray, "node 3"]:
-    """Colour of every node in sRGB: the mean over the faces around it.
-
-    A face has the colour of its electrode or, where there is none, of its knit.
-    """
+    """Mean colour of the faces around a node [sRGB], by their electrode or, without one, knit."""
     colours = np.array(KNIT_COLOURS, float)[mesh.face_fields[KNIT]]
     if ELECTRODE in mesh.face_fields:
         electrode = mesh.face_fields[ELECTRODE]
@@ -92,11 +89,7 @@ SERIES = ".pvd"
 
 
 def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
-    """Write a mesh into a file with a suffix of :data:`FORMATS`, atomically.
-
-    Raises:
-        CannotWrite: if it cannot be written.
-    """
+    """Write a mesh atomically in the format of its suffix; CannotWrite if that fails."""
     with atomic_write(path) as temporary:
         FORMATS[path.suffix.lower()](mesh, temporary)
 
@@ -105,14 +98,8 @@ def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: 
     """Write a mesh for each applied strain into a folder, and the collection that lists them.
 
     The collection is a ``.pvd`` file of ParaView, for which the strain is the time; the folder lies
-    beside it and has its name. Every file is written atomically, the collection last, so that it
-    never lists a file that is not there.
-
-    Returns:
-        The collection, then the meshes.
-
-    Raises:
-        CannotWrite: if a file cannot be written.
+    beside it and has its name. The collection is written last, so that it never lists a file that
+    is not there. Returns it, then the meshes; CannotWrite if a file cannot be written.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
