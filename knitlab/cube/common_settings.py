@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     import xarray as xr  # slow to import
 
-ATTRIBUTE = "parameters"
-"""Attribute of a cube that contains the common settings."""
-OF_DESIGNS = ("design", "weft", "warp", "periods")
-"""Entries of a record that follow from a design and its stripes."""
+ATTRIBUTE = "parameters"  # of a cube, with the common settings
+OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
 
 
 class SettingDifference(NamedTuple):

@@ -23,8 +23,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 
 CUBE = "cube.nc"
-OPTION = "model_"
-"""Prefix of the attributes of a cube that state its model options."""
+OPTION = "model_"  # prefix of the attributes of a cube that are model options
 PRECEDENCE = {
     Status.excluded: 0,
     Status.pending: 1,

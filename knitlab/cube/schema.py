@@ -21,8 +21,7 @@ class Status(IntEnum):
     excluded = 4
 
 
-RUN = (Status.ok, Status.not_converged)
-"""Statuses of designs that have results."""
+RUN = (Status.ok, Status.not_converged)  # statuses of designs that have results
 FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
 """Variables whose values are flags, and their flags."""
 Kind = Literal[
@@ -72,12 +71,9 @@ def _variable(
 DESIGN_DIMS = ("n_stripe", "n_subunit")
 """Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
 STRIPE_DIMS = ("knit", "n", "boundary")
-CYCLE = "cycle"
-"""Dimension of an experiment with several cycles."""
-SOURCE = "source"
-"""Coordinate that states the source of a cube."""
-SIMULATION = "simulation"
-"""Source of a simulated cube; that of an experiment is its name."""
+CYCLE = "cycle"  # dimension of an experiment with several cycles
+SOURCE = "source"  # coordinate that states the source of a cube
+SIMULATION = "simulation"  # source of a simulated cube; that of an experiment is its name
 
 COORDINATES = {
     name: _variable((name,) if name != SOURCE else (), text)
@@ -383,8 +379,7 @@ INTEGERS = (
     *("capacitor_status", "markers_lost", "cells_lost"),
 )
 """Variables that are stored as integers."""
-MISSING = -1
-"""Their missing value."""
+MISSING = -1  # value of a missing integer
 
 
 def described(dataset: "xr.Dataset") -> "xr.Dataset":

@@ -11,8 +11,7 @@ import xarray as xr
 
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
 
-MOST_CHOICES = 30
-"""Largest number of values of a coordinate that a message lists."""
+MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 
 
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:

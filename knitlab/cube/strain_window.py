@@ -8,10 +8,8 @@ from jaxtyping import Float
 
 from knitlab.io.errors import fault
 
-STRAIN = "applied_strain"
-"""Dimension of windows."""
-PARTS = 64
-"""Number of equal intervals of a window at whose ends a curve is interpolated."""
+STRAIN = "applied_strain"  # dimension of windows
+PARTS = 64  # equal intervals of a window at whose ends a curve is interpolated
 
 Curves = Float[np.ndarray, "design strain"]
 Numbers = Float[np.ndarray, " design"]

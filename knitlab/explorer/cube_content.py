@@ -16,14 +16,10 @@ from knitlab.explorer.shapes import shape_of
 from knitlab.sweep.results_folder import earlier_failures
 
 STRAIN = "applied_strain"
-EXPANDED = ("stripe_parameter",)
-"""Dimensions along which a variable becomes one for each label."""
-DIGITS = 6
-"""Significant digits of the numbers on the page."""
-NEGLIGIBLE = 1e-7
-"""Fraction of the largest value of a variable below which another is zero but for round-off."""
-BAND = ("low", "high", "error")
-"""Endings of the variables that give the band of another."""
+EXPANDED = ("stripe_parameter",)  # dimensions along which a variable becomes one for each label
+DIGITS = 6  # significant digits of the numbers on the page
+NEGLIGIBLE = 1e-7  # fraction of the largest value, below which one is zero but for round-off
+BAND = ("low", "high", "error")  # endings of the variables that give the band of another
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
 WHY_NOT = {

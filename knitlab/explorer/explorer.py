@@ -28,8 +28,7 @@ from knitlab.io.errors import fault
 
 SUFFIX = ".html"
 PAGE = files("knitlab.explorer").joinpath("page")
-PREFIX = "explorer/"
-"""What the names of modules begin with in their imports."""
+PREFIX = "explorer/"  # what the names of modules begin with in their imports
 STYLES = ("theme.css", "layout.css", "views.css", "tables.css", "narrow.css")
 """In the order in which they apply."""
 COLOUR_MAPS = {

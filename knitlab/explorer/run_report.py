@@ -24,8 +24,7 @@ PROVENANCE = {
     "random_seeds": "random seeds",
     "references": "reference",
 }
-WIDEST = 1400
-"""Width to which figures are reduced [pixels]."""
+WIDEST = 1400  # width to which figures are reduced [pixels]
 MOST_FIGURES = 10
 
 

@@ -14,13 +14,11 @@ from pydantic import ValidationError
 if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
 
-MOST_NODES = 4096
-"""Largest number of nodes of a large sample that are shown: of the paper's largest unit cell."""
+MOST_NODES = 4096  # of a large sample that are shown: those of the paper's largest unit cell
 NO_POSITIONS = "Its case file holds no node positions, so that there is no shape."
 NO_STATE = "No state of it was reached, so that there is no shape."
 LEVELS = (1 << 12) - 1
-SMALLEST_STEP = 1e-9
-"""Step of a component that does not vary [mm]."""
+SMALLEST_STEP = 1e-9  # step of a component that does not vary [mm]
 
 
 class Window(NamedTuple):

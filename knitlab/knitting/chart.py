@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Int
 
-Face = Literal["front", "back"]
-"""A face of the fabric."""
+Face = Literal["front", "back"]  # a face of the fabric
 
 
 def electrode_name(number: int) -> str:

@@ -15,10 +15,8 @@ from knitlab.knitting.knitout import VERSION
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import OF_CARRIERS, Needle, Operation, headers, operations
 
-MOST_STITCHES_HELD = 2
-"""Stitches that a needle may hold: a loop and a tuck, or two loops that a bind-off joins."""
-MOST_CARRIERS = 2
-"""Carriers of a stitch that every back end takes."""
+MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
+MOST_CARRIERS = 2  # of a stitch, that every back end takes
 
 
 @dataclass(frozen=True)

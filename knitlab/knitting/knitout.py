@@ -17,10 +17,8 @@ from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import Needle
 
-VERSION = 2
-"""Version of the language that version 0.6 of its specification describes."""
-LEFTWARD, RIGHTWARD = -1, 1
-"""Directions of the carriage, as steps from needle to needle."""
+VERSION = 2  # version of the language that version 0.6 of its specification describes
+LEFTWARD, RIGHTWARD = -1, 1  # directions of the carriage, as steps from needle to needle
 
 
 def knitout(chart: StitchChart, machine: Machine) -> str:

@@ -19,10 +19,8 @@ from knitlab.knitting.checks import FormedStitch, check
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import headers, operations
 
-MOST_OPERATIONS = 20_000
-"""Operations up to which the interpreter runs by default; it takes about 1 ms for each."""
-KNOWN_MACHINE = "SWG091N2"
-"""The only machine of the interpreter."""
+MOST_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
+KNOWN_MACHINE = "SWG091N2"  # the only machine of the interpreter
 KNOWN_HEADERS = ("Gauge", "Carriers", "Position")
 
 

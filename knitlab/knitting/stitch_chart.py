@@ -28,8 +28,7 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.knitting.chart import Face, StitchChart
 from knitlab.simulation.case import Case
 
-ASPECT = 2.0
-"""Length over width of a sample on a number of needles (paper, "Kinematics": 200 by 400 mm)."""
+ASPECT = 2.0  # length over width of a sample on needles (paper, "Kinematics": 200 by 400 mm)
 
 
 def stitch_chart(

@@ -78,8 +78,7 @@ def _in(target: str, *, positive: bool = False) -> AfterValidator:
 
 Length = Annotated[MeasuredQuantity, _in("mm", positive=True)]
 Time = Annotated[MeasuredQuantity, _in("s")]
-TwoCounts = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
-"""Counts along (y, x)."""
+TwoCounts = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]  # counts along (y, x)
 
 
 class SampleTable(StrictModel):

@@ -38,31 +38,20 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """Fitted parameters: all but the periods, which can be measured directly."""
-LARGEST_FACTOR = 3.0
-"""Largest ratio between a fitted and a tabulated parameter, or its inverse."""
-LARGEST_REST_ANGLE = 3.0
-"""Upper bound of a rest angle, below π, which is flat [rad]."""
-MOST_TESTS = 25
-"""Largest number of tests in a search on one branch."""
-MOST_SEARCHES = 4
-"""Largest number of branches searched from one start."""
-GOOD_MATCH = 1.0
-"""χ² per measured value up to which no other start is tried."""
-SAME_STATES = 0.5
-"""Difference of two tests, in standard errors, up to which they have the same states."""
-TOLERANCE = 1e-3
-"""Relative change of χ², and of a factor, that ends a search."""
-POOR_FIT = 4.0
-"""χ² per degree of freedom above which the fit is reported as poor."""
+LARGEST_FACTOR = 3.0  # largest ratio of a fitted and a tabulated parameter, or its inverse
+LARGEST_REST_ANGLE = 3.0  # upper bound of a rest angle, below π, which is flat [rad]
+MOST_TESTS = 25  # in a search on one branch
+MOST_SEARCHES = 4  # branches searched from one start
+GOOD_MATCH = 1.0  # χ² per measured value up to which no other start is tried
+SAME_STATES = 0.5  # difference, in standard errors, up to which two tests have the same states
+TOLERANCE = 1e-3  # relative change of χ², and of a factor, that ends a search
+POOR_FIT = 4.0  # χ² per degree of freedom above which the fit is reported as poor
 AT_BOUND = 1e-3
-INSIDE = 0.9
-"""Fraction of the distance to a bound within which starts are placed."""
-ALIKE = 0.9
-"""Correlation above which two parameters are reported as hard to separate."""
+INSIDE = 0.9  # fraction of the distance to a bound within which starts are placed
+ALIKE = 0.9  # correlation above which parameters are reported as hard to separate
 
 Factors = dict[str, float]
-Logarithms = Float[np.ndarray, " name"]
-"""Logarithms of the factors on the parameters."""
+Logarithms = Float[np.ndarray, " name"]  # logarithms of the factors on the parameters
 Step = Callable[[int, float], None]
 
 

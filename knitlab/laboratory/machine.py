@@ -28,10 +28,8 @@ COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF
 """Units of the columns of a log."""
 
 Record = Float[np.ndarray, " record"]
-Values = dict[str, Any]
-"""Values by variable name."""
-Imports = tuple[list[Values], list[str]]
-"""Values of every cycle, and a summary in lines of text."""
+Values = dict[str, Any]  # values by variable name
+Imports = tuple[list[Values], list[str]]  # values of every cycle, and a summary in lines of text
 
 
 @dataclass(frozen=True)

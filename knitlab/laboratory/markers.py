@@ -22,21 +22,16 @@ from knitlab.measure.strain import (
     poisson_ratio_of_test,
 )
 
-LARGEST_AT_REST = 0.25
-"""Largest strain of the reference shape, as a fraction of the first applied strain."""
-LEAST_FOLLOWED = 0.02
-"""Axial strain at the centre over applied strain, below which a sample counts as unloaded."""
-PULLED_MARGIN = 0.1
-"""Frames within this fraction of the largest strain count as fully pulled."""
+LARGEST_AT_REST = 0.25  # strain of the reference shape over the first applied strain
+LEAST_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
+PULLED_MARGIN = 0.1  # frames within this fraction of the largest strain count as fully pulled
 AGREEING = np.radians(6)
 """Angle between drift and separation up to which the drift gives the direction of the pull."""
 LEAST_DRIFT = 0.1
 """Displacement of the middle over the separation of the first and last rows, above which one clamp
 is taken to move."""
-LARGEST_MISALIGNMENT = 35.0
-"""Angle between the fabric and its stated direction above which it is refused [°]."""
-LARGEST_SIZE_RATIO = 1.6
-"""Ratio of measured to stated size, or its inverse, above which it is refused."""
+LARGEST_MISALIGNMENT = 35.0  # of the fabric from its stated direction [°]
+LARGEST_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
 
 
 @dataclass(frozen=True)

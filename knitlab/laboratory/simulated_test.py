@@ -35,7 +35,7 @@ class SimulatedTest:
     values: Float[np.ndarray, "quantity strain"]
 
     def slopes(self) -> Float[np.ndarray, "quantity strain parameter"]:
-        """Logarithmic derivatives by :data:`STRIPE_PARAMETERS`; NoDerivative at an unstable state."""
+        """Derivatives by logarithms of stripe parameters; NoDerivative if a state is unstable."""
         case, (relaxed, *strained) = self.case, self.test.states
         adjoint = adjoint_of(case, relaxed.configuration)
         measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)

@@ -15,8 +15,7 @@ from knitlab.simulation.case import Case
 from knitlab.sweep.plan import Plan
 
 FEWEST_STRAINS = 3
-NO_ERROR = 1.0
-"""Error of a missing value, which does not affect the misfit."""
+NO_ERROR = 1.0  # error of a missing value, which does not affect the misfit
 
 Curves = Float[np.ndarray, "quantity strain"]
 """Values of :data:`~knitlab.laboratory.simulated_test.QUANTITIES`."""

@@ -21,8 +21,7 @@ if TYPE_CHECKING:  # what they are in imports JAX
     from knitlab.fabric.pattern import Knit
     from knitlab.simulation.case import Case
 
-MOST_FACES = 1_000_000
-"""Largest number of grid cells of a mesh."""
+MOST_FACES = 1_000_000  # grid cells of a mesh
 KNITS: tuple["Knit", ...] = ("rib", "garter", "plain")
 HEIGHT = "height [mm]"
 FOLD_ANGLE = "fold_angle [rad]"

@@ -18,8 +18,7 @@ from knitlab.meshes.surface import SurfaceMesh
 
 KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
 """Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
-ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))
-"""Colours of electrodes A and B, likewise [sRGB]."""
+ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))  # of electrodes A and B, likewise [sRGB]
 METRES_OF_Z_UP = np.array(
     [[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]], dtype=float
 )
@@ -82,10 +81,8 @@ FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
     ".glb": _write_glb,
 }
 """What writes a mesh into a file, by its suffix."""
-TRIANGLES = (".stl", ".glb")
-"""Suffixes of formats that cannot hold quads."""
-SERIES = ".pvd"
-"""Suffix of a series of meshes."""
+TRIANGLES = (".stl", ".glb")  # suffixes of formats that cannot hold quads
+SERIES = ".pvd"  # suffix of a series of meshes
 
 
 def write_mesh(mesh: SurfaceMesh, path: Path) -> None:

@@ -11,8 +11,7 @@ from knitlab.meshes.surface import SurfaceMesh
 MITRE_LIMIT = 4.0
 """Largest distance of a node from the sheet, over that of the faces beside it; a fold whose flanks
 enclose 29° reaches it."""
-LEAST = 1e-12
-"""Length below which a vector points nowhere: of a crushed cell, or of opposite normals."""
+LEAST = 1e-12  # length of a vector that points nowhere: of a crushed cell, or opposite normals
 
 
 def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
