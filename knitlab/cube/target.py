@@ -11,7 +11,7 @@ from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
 from knitlab.io.errors import BadInput, fault, faults_of
-from knitlab.io.table_file import numbers_of, read_table
+from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -183,14 +183,8 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
 
 def _curve_of_file(name: str, path: Path) -> Target:
     """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
-    headers, table = read_table(path, CURVE_EXAMPLE)
-    names = [header.partition("[")[0].strip() for header in headers]
-    columns = {}
-    for key, column in (("applied_strain", "strain"), ("value", name)):
-        if names.count(column) != 1:
-            raise fault(f"{path}: column {column}", f"must occur exactly once; {CURVE_EXAMPLE}")
-        numbers, faults = numbers_of(path, column, table[names.index(column)])
-        if faults:
-            raise BadInput(faults)
-        columns[key] = numbers.tolist()
-    return read_target({"name": name, **columns}, str(path))
+    columns = read_columns(
+        path, ("strain", name), CURVE_EXAMPLE, lambda header: header.partition("[")[0].strip()
+    )
+    strains, values = (columns[column].tolist() for column in ("strain", name))
+    return read_target({"name": name, "applied_strain": strains, "value": values}, str(path))

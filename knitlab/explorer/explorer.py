@@ -45,7 +45,8 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
 
     BadInput if there is no cube or the suffix is not ``.html``, CannotWrite if writing fails.
     """
-    check_suffix(output)
+    if output.suffix.lower() != SUFFIX:
+        raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
     if not cubes:
         raise fault("cubes", "are missing; give one or several")
     described = [cube_content(cube) for cube in cubes]
@@ -59,16 +60,6 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
     with atomic_write(output) as temporary:
         temporary.write_text(page_of(f"knitlab explorer: {names}", content), encoding="utf-8")
     return output
-
-
-def check_suffix(output: Path) -> None:
-    """Check the format of an explorer.
-
-    Raises:
-        BadInput: if its suffix is not ``.html``.
-    """
-    if output.suffix.lower() != SUFFIX:
-        raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
 
 
 def colour_maps() -> dict[str, list[str]]:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.table_file import numbers_of, read_table
+from knitlab.io.errors import fault
+from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import (
     CapacitanceTable,
     Column,
@@ -80,8 +80,7 @@ def read_tensile(folder: Path, description: Description) -> Imports:
 def read_pulls(folder: Path, description: Description) -> Pulls:
     """Read a tensile test and check that its first cycle spans the applied strains."""
     table, protocol = description.tensile, description.protocol
-    if table is None:
-        raise TypeError("the description has no tensile test")
+    assert table is not None  # as read_description checks
     path, length = folder / table.file, number(description.sample.length, "mm")
     log, triggered = _read_log(path, table)
     pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
@@ -121,8 +120,7 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
 def read_capacitance(folder: Path, description: Description) -> Imports:
     """Capacitance and its measures as a strain sensor, in every cycle."""
     table, pulls = description.capacitance, read_pulls(folder, description)
-    if table is None:
-        raise TypeError("the description has no capacitance")
+    assert table is not None  # as read_description checks
     path = folder / table.file
     log, triggered = _read_log(path, table)
     lowest = log["capacitance"].min()
@@ -133,10 +131,10 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         )
     if table.starts is not None:
         time = log["time"] + number(table.starts, "s")
-    elif triggered is not None and pulls.triggered is not None:
-        time = log["time"] + (pulls.triggered - triggered)
     else:
-        raise TypeError("a description without starts has triggers")
+        assert triggered is not None  # as without starts both logs have a trigger
+        assert pulls.triggered is not None
+        time = log["time"] + (pulls.triggered - triggered)
     first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
         raise fault(
@@ -187,29 +185,17 @@ def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float | None]:
     """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, if any."""
-    headers, rows = read_table(path, EXAMPLE)
-    headers = [header.strip() for header in headers]
-    values, faults = {}, list[Fault]()
-    for name in (*COLUMN_UNITS, "trigger"):
-        column: Column | PlainColumn | None = getattr(table, name, None)
-        if column is None:
-            continue
-        matching = [at for at, header in enumerate(headers) if header == column.column]
-        if len(matching) != 1:
-            problem = "occurs twice; keep one"
-            if not matching:
-                problem = f"is missing; the file has {', '.join(headers)}"
-            faults.append(Fault(f"{path}: column {column.column}", problem))
-            continue
-        numbers, wrong = numbers_of(path, column.column, rows[matching[0]])
-        factor = conversion(column.unit, COLUMN_UNITS[name]) if isinstance(column, Column) else 1.0
-        values[name] = numbers * factor
-        faults += wrong
-    if faults:
-        raise BadInput(faults)
-    if len(rows) < FEWEST_POINTS:
-        raise fault(str(path), f"has {len(rows)} rows; give at least {FEWEST_POINTS}")
+    stated = {name: getattr(table, name, None) for name in (*COLUMN_UNITS, "trigger")}
+    columns: dict[str, Column | PlainColumn] = {name: its for name, its in stated.items() if its}
+    numbers = read_columns(path, [its.column for its in columns.values()], EXAMPLE)
+    values = {
+        name: numbers[its.column]
+        * (conversion(its.unit, COLUMN_UNITS[name]) if isinstance(its, Column) else 1.0)
+        for name, its in columns.items()
+    }
     time = values["time"]
+    if len(time) < FEWEST_POINTS:
+        raise fault(str(path), f"has {len(time)} rows; give at least {FEWEST_POINTS}")
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
         at = falls[0]
         raise fault(

@@ -69,8 +69,7 @@ class MarkedSample:
 def read_markers(folder: Path, description: Description) -> Imports:
     """Strains and Poisson's ratio in every cycle."""
     table, requested = description.markers, description.protocol.applied_strain
-    if table is None:
-        raise TypeError("the description has no markers")
+    assert table is not None  # as read_description checks
     path = folder / table.file
     marked = read_marked(folder, table, description.sample)
     frames, summary = np.arange(len(marked.corners)), []
@@ -82,7 +81,9 @@ def read_markers(folder: Path, description: Description) -> Imports:
                 f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
                 f" {requested[-1]:g}; reduce strain_max",
             )
-    elif table.frame_rate is not None and table.starts is not None:
+    else:
+        assert table.frame_rate is not None  # as without strain_per_frame it has both
+        assert table.starts is not None
         pulls = read_pulls(folder, description)
         time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
         strain = pulls.strain(time)
@@ -97,8 +98,6 @@ def read_markers(folder: Path, description: Description) -> Imports:
                 " or frame_rate",
             )
         summary.append(pulls.summary)
-    else:
-        raise TypeError("the description has no times for its frames")
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
     if pulled > LARGEST_AT_REST * requested[1]:
         raise fault(

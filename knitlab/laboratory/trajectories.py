@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.format import MAGIC_PREFIX
 
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.table_file import numbers_of, read_table
+from knitlab.io.errors import fault
+from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import MarkersTable, Towards, number
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 
@@ -96,28 +96,7 @@ READERS = {".npy": _read_array, ".csv": _read_rows}
 def _columns(
     path: Path, names: tuple[str, ...], example: str
 ) -> dict[str, Float[np.ndarray, " row"]]:
-    """Columns of a table; x and y may be empty, which is NaN."""
-    headers, rows = read_table(path, example)
-    headers = [header.strip().lower() for header in headers]
-    faults = [
-        Fault(f"{path}: column {name}", f"is missing; {example}")
-        for name in names
-        if name not in headers
-    ]
-    if not faults and rows.empty:
-        faults.append(Fault(str(path), f"has no rows; {example}"))
-    if faults:
-        raise BadInput(faults)
-    columns = {}
-    for name in names:
-        text = rows[headers.index(name)]
-        given = ~(text.str.strip().str.lower().isin(["", "nan"]) & (name in ("x", "y")))
-        columns[name] = np.full(len(text), np.nan)
-        columns[name][given], wrong = numbers_of(path, name, text[given])
-        faults += wrong
-    if faults:
-        raise BadInput(faults)
-    return columns
+    return read_columns(path, names, example, lambda header: header.strip().lower(), ("x", "y"))
 
 
 def _whole(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
