@@ -20,28 +20,16 @@ Numbers = Float[np.ndarray, " design"]
 
 @dataclass(frozen=True)
 class Reached:
-    """Distances of the candidates from one target.
-
-    Attributes:
-        at: strains at which the variable was evaluated; empty for a single number [1].
-        values: of the candidates at these, (design, strain), or (design, 1) for a number.
-        obtained: for each candidate the value, or the mean over the window.
-        off_by: distance from the target, in the unit of the variable; for a curve the root mean
-            square over the window.
-        worst: the same for the worst fabric within the spread over a design's siblings; equal to
-            ``off_by`` if the spread is unknown.
-        in_spread: whether that spread overlaps the target at every strain: yes, no, or unknown.
-        band: lowest and highest values of the siblings, like ``values``; empty for a number.
-    """
+    """Distances of the candidates from one target."""
 
     target: Target
-    at: np.ndarray
-    values: Float[np.ndarray, "design strain"]
-    obtained: Numbers
-    off_by: Numbers
-    worst: Numbers
-    in_spread: np.ndarray
-    band: tuple[np.ndarray, ...] = ()
+    at: np.ndarray  # strains of the values; empty for a variable that is one number
+    values: Float[np.ndarray, "design strain"]  # (design, 1) if it is one number
+    obtained: Numbers  # the value, or the mean over the window
+    off_by: Numbers  # distance in the unit of the variable; of a curve the root mean square
+    worst: Numbers  # the same of the worst of a design's siblings, if these are known
+    in_spread: np.ndarray  # whether these overlap the target at every strain: yes, no, or unknown
+    band: tuple[np.ndarray, ...] = ()  # their lowest and highest values; empty for one number
 
     def __repr__(self) -> str:
         return f"<Reached {self.target.text}: {len(self.obtained)} designs, {len(self.at)} strains>"

@@ -34,22 +34,17 @@ Kind = Literal[
 class Variable:
     """One variable, as a case holds it; a cube adds the dimensions of its designs.
 
-    Attributes:
-        units: in UDUNITS notation.
-        long_name: label for the axis of a figure.
-        in_cube: whether cubes have it, rather than case files only.
-        of: which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
-            patches, with sensitivities, electrodes, unloading, siblings or contact, experiments,
-            candidates of a design. Variables of a ``design``, of its ``stripes`` or of ``cloth``
-            are in the cube only: case files state the first two among their parameters, and the
-            last follow from the gauge of the cube.
+    ``of`` says which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
+    patches, with sensitivities, electrodes, unloading, siblings or contact, experiments, candidates
+    of a design. Variables of a ``design``, of its ``stripes`` or of ``cloth`` are in the cube only:
+    case files state the first two among their parameters, and the last follow from its gauge.
     """
 
     dims: tuple[str, ...]
-    units: str
-    long_name: str
+    units: str  # in UDUNITS notation
+    long_name: str  # label for the axis of a figure
     description: str = ""
-    in_cube: bool = True
+    in_cube: bool = True  # rather than in case files only
     of: Kind = "all"
 
     @property

@@ -35,26 +35,16 @@ Numbers = Annotated[tuple[float, ...], Field(strict=False, min_length=1)]
 
 @dataclass(frozen=True)
 class Target:
-    """A wanted value or range of one variable.
-
-    Attributes:
-        low, high: bounds of the wanted range, which may be infinite, in the variable's unit; equal
-            for one value.
-        tolerance: unit of distance; ``None`` for the scatter among the designs.
-        window: applied strains that the target applies to, for a variable along the strain.
-        reduction: reduction of the curve over the window; ``None`` for every strain of it.
-        curve: strains and wanted values, linear in between, instead of one value; ``low`` and
-            ``high`` are then their range.
-    """
+    """A wanted value or range of one variable, in its unit."""
 
     text: str
     name: str
-    low: float
+    low: float  # equal to high for one value, or infinite; of a curve its range
     high: float
-    tolerance: float | None = None
-    window: StrainWindow | None = None
-    reduction: str | None = None
-    curve: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    tolerance: float | None = None  # unit of distance; None for the scatter among the designs
+    window: StrainWindow | None = None  # of a variable along the strain
+    reduction: str | None = None  # over the window; None for every strain of it
+    curve: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # strains and wanted values
 
     def __repr__(self) -> str:
         return f"<Target {self.text}>"

@@ -33,16 +33,12 @@ class ProgramFault:
 
 @dataclass(frozen=True)
 class FormedStitch:
-    """A stitch of a knit graph, formed on the needle at a position of the front or back bed.
-
-    ``carriers`` are those of its loops, in the order of the operation; ``through`` are the numbers
-    of the stitches that it was pulled through, none of a tuck.
-    """
+    """A stitch of a knit graph, formed on the needle at a position of the front or back bed."""
 
     position: int
     front: bool
-    carriers: tuple[int, ...]
-    through: tuple[int, ...]
+    carriers: tuple[int, ...]  # of its loops, in the order of the operation
+    through: tuple[int, ...]  # numbers of the stitches it was pulled through, none of a tuck
 
 
 @dataclass(frozen=True)

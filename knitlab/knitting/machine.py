@@ -41,56 +41,38 @@ StitchNumber = Annotated[int, Field(ge=0, le=100)]
 
 @dataclass(frozen=True)
 class Machine:
-    """A knitting machine and how it is used; its fields are the settings of ``machine.toml``.
-
-    Attributes:
-        largest_racking: needles by which the back bed moves at most.
-        carriers: count of the yarn carriers, which are numbered from 1.
-        electrode_carriers: carriers of the conductors of electrodes A and B.
-        plating: whether a plated stitch names the carrier of the yarn on the face of its loop
-            first, or that on its reverse.
-        longest_float: needles that a float may pass without a remark.
-        body_stitch_size: stitch sizes are in the machine's unit; stitch and speed numbers are rows
-            of its tables.
-        waste_courses: courses at the beginning, and at the end of a dropped sample.
-        setup_courses: plain courses between the cast-on and the chart.
-        bind_off_tail: stitches on the last needle of a bind-off.
-        turn_time: time to turn the carriage; then those to rack, and to move a carrier in or out.
-    """
+    """A knitting machine and how it is used: the settings of ``machine.toml``."""
 
     model: Word
     needles: PositiveInt
     needles_per_inch: Annotated[PositiveInt, Unit("1/inch")]
-    largest_racking: PositiveInt
-    carriers: PositiveInt
+    largest_racking: PositiveInt  # needles by which the back bed moves at most
+    carriers: PositiveInt  # count; each is named by its number, from 1
     waste_carrier: PositiveInt
     draw_carrier: PositiveInt
     body_carrier: PositiveInt
-    electrode_carriers: tuple[PositiveInt, PositiveInt]
-    plating: Literal["face_first", "reverse_first"]
-    longest_float: PositiveInt
+    electrode_carriers: tuple[PositiveInt, PositiveInt]  # of the conductors of A and B
+    plating: Literal["face_first", "reverse_first"]  # yarn that a plated stitch names first
+    longest_float: PositiveInt  # needles that a float may pass without a remark
     body_yarn: Word
     conductive_yarn: Word
     waste_yarn: Word
-    body_stitch_size: PositiveInt
+    body_stitch_size: PositiveInt  # sizes in the machine's unit; numbers are rows of its tables
     plated_stitch_size: PositiveInt
     waste_stitch_size: PositiveInt
     body_stitch_number: StitchNumber
     plated_stitch_number: StitchNumber
     waste_stitch_number: StitchNumber
     speed_number: Annotated[int, Field(ge=0, le=15)]
-    waste_courses: EvenCount
-    setup_courses: EvenCount
+    waste_courses: EvenCount  # at the beginning, and at the end of a dropped sample
+    setup_courses: EvenCount  # plain, between the cast-on and the chart
     end: Literal["bind_off", "drop"]
-    bind_off_tail: PositiveInt
+    bind_off_tail: PositiveInt  # stitches on the last needle of a bind-off
     knitting_speed: Annotated[PositiveFloat, Unit("m/s")]
     transfer_speed: Annotated[PositiveFloat, Unit("m/s")]
     turn_time: Annotated[PositiveFloat, Unit("s")]
     racking_time: Annotated[PositiveFloat, Unit("s")]
-    carrier_time: Annotated[PositiveFloat, Unit("s")]
-
-    def __repr__(self) -> str:
-        return f"<Machine {self.model}: {self.needles} needles, {self.carriers} carriers>"
+    carrier_time: Annotated[PositiveFloat, Unit("s")]  # to move a carrier in or out
 
     @property
     def pitch(self) -> float:

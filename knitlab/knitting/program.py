@@ -34,15 +34,12 @@ class Needle(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """An operation on a line of a program, from 1: its first word, and the words after that.
+    """An operation on a line of a program: its first word, the rest, and what these name."""
 
-    ``direction`` of the carriage, ``needles`` and ``carriers`` are those that it names, if any.
-    """
-
-    line: int
+    line: int  # from 1
     opcode: str
     parameters: tuple[str, ...]
-    direction: str | None = None
+    direction: str | None = None  # of the carriage
     needles: tuple[Needle, ...] = ()
     carriers: tuple[str, ...] = ()
 

@@ -117,17 +117,12 @@ def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
 
 
 class _PatchLines(NamedTuple):
-    """The rows of patches of a fabric in courses, or its columns in wales.
-
-    ``borders`` are the courses or wales at which they begin and end, ``patch`` is the row or column
-    that each course or wale lies in, ``first`` is whether it lies in the first, third, … stripe of
-    that, and ``grid_lines`` are courses or wales before each grid line of the model.
-    """
+    """The rows of patches of a fabric in courses, or its columns in wales."""
 
     borders: Int[np.ndarray, " border"]
-    patch: Int[np.ndarray, " stitch"]
-    first: Bool[np.ndarray, " stitch"]
-    grid_lines: Float[np.ndarray, " line"]
+    patch: Int[np.ndarray, " stitch"]  # row or column that a course or wale lies in
+    first: Bool[np.ndarray, " stitch"]  # whether in the first, third, … stripe of that
+    grid_lines: Float[np.ndarray, " line"]  # courses or wales before each grid line of the model
 
     @property
     def size(self) -> int:

@@ -16,7 +16,7 @@ from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint, file_digest, text_fingerprint
 from knitlab.io.provenance import provenance
-from knitlab.laboratory.description import Description, RecordKind, number, read_description
+from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import Values, read_capacitance, read_tensile
 from knitlab.laboratory.markers import read_markers
 
@@ -56,18 +56,14 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     if cube_file.exists():
         old = open_cube(cube_file)
         if not is_measured(old):
-            raise fault(
-                str(cube_file),
-                "holds simulations; give the description another name, or another folder",
-            )
+            problem = "holds simulations; give the description another name, or another folder"
+            raise fault(str(cube_file), problem)
         imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
         kept = [name for other in imports if other != kind for name in imports[other]["variables"]]
         if kept and not _is_same_sample(old, cube):
-            raise fault(
-                str(cube_file),
-                "has another sample, length, width, source, cycles or strains than the description;"
-                " remove it, and import all records again",
-            )
+            problem = "has another sample, length, width, source, cycles or strains than the"
+            problem += " description; remove it, and import all records again"
+            raise fault(str(cube_file), problem)
         cube = cube.assign({name: old[name] for name in kept})
     cube.attrs[IMPORTS] = json.dumps(imports)
     write_cube(cube, cube_file)
@@ -109,8 +105,8 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
     cube = cube.assign_coords(indices | {"applied_strain": strains, SOURCE: source})
     parameters = {
         "unit_cells": list(sample.unit_cells),
-        "length": number(sample.length, "mm"),
-        "width": number(sample.width, "mm"),
+        "length": sample.length.to("mm"),
+        "width": sample.width.to("mm"),
         "options": {"boundary": "clamped"},
     }
     attributes: dict[str, Any] = {

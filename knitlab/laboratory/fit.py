@@ -1,9 +1,7 @@
 """Fit to a whole fabric: stripe parameters with which a simulated test matches a measured one.
 
-The paper fits every stripe to the tension curve of its own pure fabric, and names the fit to whole
-fabrics as the next step. Here the tables are the prior: least squares with a Gaussian prior lets a
-parameter depart from its table value only if the match improves. Derivatives are exact, by one
-adjoint solve for each quantity and strain.
+The tables are a Gaussian prior of least squares, so that a parameter departs from its table value
+only if the match improves. Derivatives are exact, by an adjoint solve for each quantity and strain.
 
 A fabric has many equilibria. Every test of a search starts from the states of the previous one, so
 that it stays on one branch and its curves change smoothly. The result is then tested from the flat
@@ -69,7 +67,6 @@ class Fit:
             flat sheet, as in a sweep.
         chi_squared: χ² before and after the fit.
         tests: number of simulated tests.
-        converged: whether the search met its tolerances.
         warnings: reasons to doubt the fit.
     """
 
@@ -127,17 +124,11 @@ def fit_stripes(
 
 
 class _Optimum(NamedTuple):
-    """Result of the last search from one start, and the test there.
-
-    ``confirmed`` is that test repeated from the flat sheet, None if it does not converge;
-    ``chi_squared`` is of that, or infinite, and ``cost`` includes the prior.
-    """
-
     result: OptimizeResult
     fitted: SimulatedTest
-    confirmed: SimulatedTest | None
-    chi_squared: float
-    cost: float
+    confirmed: SimulatedTest | None  # the same from the flat sheet, if it converges
+    chi_squared: float  # of the confirmed test, or infinite
+    cost: float  # χ² and the prior
 
 
 def _by_name(values: Float[np.ndarray, " name"]) -> Factors:

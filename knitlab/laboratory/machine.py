@@ -9,15 +9,7 @@ from jaxtyping import Float
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
-from knitlab.laboratory.description import (
-    CapacitanceTable,
-    Column,
-    Description,
-    PlainColumn,
-    TensileTable,
-    conversion,
-    number,
-)
+from knitlab.laboratory.description import CapacitanceTable, Description, TensileTable
 from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
 from knitlab.measure.records import Cycle, cycles, resampled
 from knitlab.sweep.parameters import defaults
@@ -34,17 +26,13 @@ Imports = tuple[list[Values], list[str]]  # values of every cycle, and a summary
 
 @dataclass(frozen=True)
 class Pulls:
-    """A tensile test: its log by the machine's clock, with extension [mm] and force [N].
-
-    ``length`` is the relaxed length between the clamps [mm]; ``triggered`` the time at which the
-    trigger rose, if there is one.
-    """
+    """A tensile test by the machine's clock [s]."""
 
     time: Record
-    extension: Record
-    force: Record
-    triggered: float | None
-    length: float
+    extension: Record  # [mm]
+    force: Record  # [N]
+    triggered: float | None  # time at which the trigger rose, if there is one
+    length: float  # relaxed, between the clamps [mm]
     cycles: list[Cycle]
 
     def strain(self, time: Record) -> Record:
@@ -71,7 +59,7 @@ def read_tensile(folder: Path, description: Description) -> Imports:
         return {
             "reaction_force": force,
             "reaction_force_error": error,
-            "force_per_width": force / number(description.sample.width, "mm"),
+            "force_per_width": force / description.sample.width.to("mm"),
         }
 
     return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary]
@@ -81,7 +69,7 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     """Read a tensile test and check that its first cycle spans the applied strains."""
     table, protocol = description.tensile, description.protocol
     assert table is not None  # as read_description checks
-    path, length = folder / table.file, number(description.sample.length, "mm")
+    path, length = folder / table.file, description.sample.length.to("mm")
     log, triggered = _read_log(path, table)
     pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
     place = f"{path}: column {table.extension.column}"
@@ -130,7 +118,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
             f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero",
         )
     if table.starts is not None:
-        time = log["time"] + number(table.starts, "s")
+        time = log["time"] + table.starts.to("s")
     else:
         assert triggered is not None  # as without starts both logs have a trigger
         assert pulls.triggered is not None
@@ -143,42 +131,30 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
             f" {first:g} s to {last:g} s; correct starts or the trigger",
         )
     strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
-    values = [
-        _capacitance_values(strains, strain, time, log["capacitance"], cycle)
-        for cycle in pulls.cycles
-    ]
-    shift = f"the meter's clock is {time[0] - log['time'][0]:+.3g} s from the machine's"
-    return values, [pulls.summary, shift]
+    seen, least = np.isfinite(strain), defaults().capacitor.linearity
 
-
-def _capacitance_values(
-    strains: Float[np.ndarray, " strain"],
-    strain: Record,
-    time: Record,
-    capacitances: Record,
-    cycle: Cycle,
-) -> Values:
-    """Capacitance of one cycle at ``strains``, from a log with strain and time of the machine."""
-    seen = np.isfinite(strain)
-    loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
-    capacitance, error, _ = resampled(strains, strain[loading], capacitances[loading])
-    finite = np.isfinite(capacitance)
-    values: Values = {
-        "capacitance": capacitance,
-        "capacitance_error": error / capacitance,
-        "capacitor_status": np.where(finite, CapacitorStatus.measured, np.nan),
-    }
-    if cycle.end > cycle.turn:
-        back = resampled(strains, strain[unloading], capacitances[unloading]).values
-        values |= {"capacitance_unloading": back, "hysteresis": hysteresis(capacitance, back)}
-    if finite.any():
-        values |= {
-            "capacitance_ratio": capacitance / capacitance[finite][0],
-            "applied_strain_opened": strains[finite][0],
-            "sensing_end": strains[finite][-1],
+    def values_of(cycle: Cycle) -> Values:
+        loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
+        capacitance, error, _ = resampled(strains, strain[loading], log["capacitance"][loading])
+        finite = np.isfinite(capacitance)
+        values: Values = {
+            "capacitance": capacitance,
+            "capacitance_error": error / capacitance,
+            "capacitor_status": np.where(finite, CapacitorStatus.measured, np.nan),
         }
-    least = defaults().capacitor.linearity
-    return values | sensor_values(strains[finite], capacitance[finite], least)
+        if cycle.end > cycle.turn:
+            back = resampled(strains, strain[unloading], log["capacitance"][unloading]).values
+            values |= {"capacitance_unloading": back, "hysteresis": hysteresis(capacitance, back)}
+        if finite.any():
+            values |= {
+                "capacitance_ratio": capacitance / capacitance[finite][0],
+                "applied_strain_opened": strains[finite][0],
+                "sensing_end": strains[finite][-1],
+            }
+        return values | sensor_values(strains[finite], capacitance[finite], least)
+
+    shift = f"the meter's clock is {time[0] - log['time'][0]:+.3g} s from the machine's"
+    return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary, shift]
 
 
 def _read_log(
@@ -186,12 +162,12 @@ def _read_log(
 ) -> tuple[dict[str, Record], float | None]:
     """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, if any."""
     stated = {name: getattr(table, name, None) for name in (*COLUMN_UNITS, "trigger")}
-    columns: dict[str, Column | PlainColumn] = {name: its for name, its in stated.items() if its}
+    columns = {name: its for name, its in stated.items() if its is not None}
     numbers = read_columns(path, [its.column for its in columns.values()], EXAMPLE)
     values = {
-        name: numbers[its.column]
-        * (conversion(its.unit, COLUMN_UNITS[name]) if isinstance(its, Column) else 1.0)
-        for name, its in columns.items()
+        name: numbers[columns[name].column] * columns[name].factor(unit)
+        for name, unit in COLUMN_UNITS.items()
+        if name in columns
     }
     time = values["time"]
     if len(time) < FEWEST_POINTS:
@@ -205,7 +181,7 @@ def _read_log(
         )
     if table.trigger is None:
         return values, None
-    levels = values.pop("trigger")
+    levels = numbers[table.trigger.column]
     risen = levels > (levels.min() + levels.max()) / 2
     if risen[0] or not risen.any():
         problem = "does not begin low and rise; give starts instead"

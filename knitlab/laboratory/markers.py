@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import fault
-from knitlab.laboratory.description import Description, MarkersTable, SampleTable, number
+from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
@@ -36,19 +36,14 @@ LARGEST_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
 
 @dataclass(frozen=True)
 class MarkedSample:
-    """The corners of a sample's unit cells, along the fabric's axes; NaN if a marker is lost [mm].
+    """The corners of a sample's unit cells, in the fabric's axes; NaN if a marker is lost [mm]."""
 
-    The relaxed shape is the mean of ``relaxed_frames``. ``unit_cells`` of the sample along (y, x)
-    may have no markers. ``turn`` is the rotation of the fabric in the picture, anticlockwise,
-    relative to the description [rad].
-    """
-
-    relaxed: Float[np.ndarray, "corner_y corner_x 2"]
+    relaxed: Float[np.ndarray, "corner_y corner_x 2"]  # mean of the relaxed frames
     corners: Float[np.ndarray, "frame corner_y corner_x 2"]
     grid: MarkerGrid
     relaxed_frames: int
-    unit_cells: tuple[int, int]
-    turn: float = 0.0
+    unit_cells: tuple[int, int]  # of the whole sample along (y, x)
+    turn: float = 0.0  # of the fabric in the picture from the description, anticlockwise [rad]
 
     @property
     def summary(self) -> str:
@@ -85,7 +80,7 @@ def read_markers(folder: Path, description: Description) -> Imports:
         assert table.frame_rate is not None  # as without strain_per_frame it has both
         assert table.starts is not None
         pulls = read_pulls(folder, description)
-        time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
+        time = table.starts.to("s") + frames / table.frame_rate.to("Hz")
         strain = pulls.strain(time)
         seen = np.isfinite(strain)
         spans = [np.flatnonzero(cycle.loaded(time) & seen) for cycle in pulls.cycles]
@@ -176,8 +171,8 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
             " turned",
         )
     for size, whole, count, side in (
-        (sizes[0], number(sample.width, "mm"), columns, "width"),
-        (sizes[1], number(sample.length, "mm"), rows, "length"),
+        (sizes[0], sample.width.to("mm"), columns, "width"),
+        (sizes[1], sample.length.to("mm"), rows, "length"),
     ):
         if not 1 / LARGEST_SIZE_RATIO < size * count / whole < LARGEST_SIZE_RATIO:
             raise fault(

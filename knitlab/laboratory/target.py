@@ -23,10 +23,9 @@ Curves = Float[np.ndarray, "quantity strain"]
 
 @dataclass(frozen=True)
 class MeasuredTest:
-    """A measured test at positive, ascending strains.
+    """A measured test at positive, ascending strains, with the width of the simulated sample.
 
-    The values are NaN where not measured, and the force is over the width of the simulated sample;
-    the errors are positive standard errors.
+    The values are NaN where not measured; the errors are positive standard errors.
     """
 
     applied_strain: tuple[float, ...]

@@ -8,7 +8,7 @@ from numpy.lib.format import MAGIC_PREFIX
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
-from knitlab.laboratory.description import MarkersTable, Towards, number
+from knitlab.laboratory.description import MarkersTable, Towards
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
@@ -114,7 +114,7 @@ def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
     turn = np.radians(table.turned)
     # In pixels y points down, so that an anticlockwise rotation has the opposite sense.
     rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    return number(table.pixel, "mm") * tracks @ (axes @ rotation.T).T
+    return table.pixel.to("mm") * tracks @ (axes @ rotation.T).T
 
 
 def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None) -> MarkerGrid:
