@@ -88,7 +88,6 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
 
 
 def _rows(simulation: xr.Dataset, experiment: xr.Dataset) -> Iterator[dict[str, Any]]:
-    """The rows of every design of an experiment, in every cycle."""
     across = parameters_of(experiment)["unit_cells"][1]
     stacked = experiment.stack(design=experiment["status"].dims)
     for number in np.flatnonzero(stacked["status"] == Status.ok):

@@ -14,8 +14,8 @@ from typing import Any
 
 import pandas as pd
 
-from knitlab.cube.reduced_columns import reduced_columns
 from knitlab.cube.schema import VARIABLES
+from knitlab.cube.strain_window import reduced_columns
 from knitlab.io.errors import fault, unknown
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {

@@ -95,9 +95,7 @@ def find_designs(
     designs = designs[ok].reset_index(drop=True)
     required = [_reached(cubes, designs, target) for target in subject_to]
     reached = [_reached(cubes, designs, target) for target in targets]
-    allowed = np.ones(len(designs), bool)
-    for constraint in required:
-        allowed &= constraint.off_by == 0
+    allowed = np.all([constraint.off_by == 0 for constraint in required], axis=0)
     distances = np.stack([each.off_by / each.scale for each in reached])
     distance = np.sqrt(np.mean(distances**2, axis=0))
     known = np.isfinite(distance)
@@ -159,7 +157,6 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
 def _lies_along_strain(
     cubes: Sequence[xr.Dataset], designs: pd.DataFrame, name: str, source: str
 ) -> bool:
-    """Whether a variable is a curve along the applied strain, rather than one number."""
     dims = [set(cube[name].dims) - set(design_dims(cube)) for cube in cubes if name in cube]
     if not dims and name not in designs:
         known = {str(variable) for cube in cubes for variable in cube.data_vars}
@@ -184,8 +181,5 @@ def _curves(
         read.append(window.read(strains, values))
     at = np.unique(np.concatenate([strains for strains, _ in read]))
     # Curves are linear between the strains at which they were read, so interpolation is exact.
-    combined = [
-        np.array([np.interp(at, strains, row) for row in rows]).reshape(len(rows), len(at))
-        for strains, rows in read
-    ]
-    return at, np.concatenate(combined)
+    curves = [np.interp(at, strains, row) for strains, rows in read for row in rows]
+    return at, np.array(curves)

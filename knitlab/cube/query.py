@@ -11,9 +11,9 @@ import xarray as xr
 
 from knitlab.cube.condition import holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.cube.selection import refuse_others, selected, selections_along
+from knitlab.cube.strain_window import with_columns
 from knitlab.io.errors import BadInput, Fault
 
 STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]

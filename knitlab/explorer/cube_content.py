@@ -74,7 +74,6 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | str:
-    """Contents of the file of a case, or a sentence that says why there is no shape."""
     if is_measured(cube):
         return MEASURED
     if folder is None:

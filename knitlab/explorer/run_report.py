@@ -107,7 +107,6 @@ def _planned(folder: Path | None) -> Iterator[list[str]]:
 
 
 def _flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
-    """Names and values of a table and of the tables within it."""
     for name, value in table.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{within}{name}.")

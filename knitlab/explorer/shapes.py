@@ -106,7 +106,6 @@ def _central(borders: np.ndarray, count: int, fraction: float) -> tuple[tuple[in
 
 
 def _patches(sample: "PatchGrid", window: Window) -> dict[str, Any]:
-    """Knit and borders of the patches of a window, in its own grid lines."""
     found: dict[str, Any] = {}
     kept = []
     for name, (first, last) in (("row_borders", window.rows), ("column_borders", window.columns)):

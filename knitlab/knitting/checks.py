@@ -76,8 +76,6 @@ def _header_faults(text: str, machine: Machine) -> Iterator[ProgramFault]:
 
 @dataclass
 class _State:
-    """What the machine holds after an operation."""
-
     machine: Machine
     findings: list[ProgramFault] = field(default_factory=list)
     graph: list[FormedStitch] = field(default_factory=list)
@@ -220,7 +218,6 @@ class _State:
                     )
 
     def _carrier(self) -> int | None:
-        """The one carrier of an operation of the hook; None if it is not valid."""
         if len(self.now.carriers) == 1 and self._are_carriers(self.now.carriers):
             return int(self.now.carriers[0])
         self._report(f"takes one carrier of 1 to {self.machine.carriers}; correct it")

@@ -121,7 +121,6 @@ class _Program:
         self.active.remove(carrier)
 
     def _form(self, opcode: str, direction: int, number: int, carriers: Sequence[int]) -> None:
-        """Knit or tuck on the needle that holds a wale."""
         if self.hook_from is not None and number >= self.hook_from:
             self._release_hook()
         elif self.hooked in carriers and self.hook_from is None:
@@ -139,7 +138,6 @@ class _Program:
         self._release_hook()
 
     def _plain_courses(self, count: int, carrier: int) -> None:
-        """Courses over all wales, on the needles that hold them."""
         for _ in range(count):
             for number in self.needles[:: self.direction]:
                 self._form("knit", self.direction, number, [carrier])

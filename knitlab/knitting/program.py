@@ -126,7 +126,6 @@ def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
 
 
 def _goes_on(before: Operation, following: Operation) -> bool:
-    """Whether an operation goes on in the pass of the one before it."""
     if KINDS[before.opcode] != KINDS[following.opcode]:
         return False
     step = following.needles[0].number - before.needles[0].number

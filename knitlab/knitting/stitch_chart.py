@@ -92,7 +92,6 @@ def is_turned(case: Case) -> bool:
 
 
 def _turned(chart: StitchChart) -> StitchChart:
-    """A chart of pure rib with its ridges along the wales."""
     return replace(
         chart,
         front=chart.front.T,
@@ -105,7 +104,6 @@ def _turned(chart: StitchChart) -> StitchChart:
 
 
 def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
-    """Repeats along the courses and the wales that fill some needles."""
     courses, wales = repeat
     along_x = needles // wales
     if not along_x:
@@ -216,7 +214,6 @@ def _plated_stitches(
 
 
 def _plated_faces(case: Case, face: Face | None) -> tuple[Face, Face]:
-    """The faces of the fabric that the conductors of electrodes A and B lie on."""
     layout = ElectrodeLayout() if case.capacitor is None else case.capacitor.layout
     if face is not None:
         return face, face

@@ -71,7 +71,6 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
 
 
 def _files(description: Description, kind: RecordKind) -> list[str]:
-    """Files that an import of one kind reads."""
     table, tensile = getattr(description, kind), description.tensile
     files = [table.file, getattr(table, "places", None)]
     if tensile is not None and getattr(table, "strain_per_frame", None) is None:
@@ -120,7 +119,6 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
 
 
 def _is_same_sample(old: xr.Dataset, new: xr.Dataset) -> bool:
-    """Whether two cubes of an experiment have the same sample and strains."""
     coordinates = (*design_dims(new), "applied_strain", SOURCE)
     return (
         set(coordinates) <= set(old.coords)

@@ -147,7 +147,6 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
-    """Check direction, number and size of the unit cells against the description."""
     marked_rows, marked_columns = (count - 1 for count in marked.relaxed.shape[:2])
     rows, columns = sample.unit_cells
     if not (1 <= marked_rows <= rows and 1 <= marked_columns <= columns):

@@ -161,7 +161,6 @@ def _side_lengths(
 def _unit_cell_strain(
     case: "Case", case_file: xr.Dataset, name: str, repeats: tuple[int, int]
 ) -> Float[np.ndarray, "strain cell_y cell_x"]:
-    """A strain of unit cells on the grid cells of each [1]."""
     rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
     values = case_file[name].transpose("applied_strain", "cell_y", "cell_x").values
     return np.tile(values.repeat(rows, axis=1).repeat(columns, axis=2), (1, *repeats))
