@@ -3,10 +3,9 @@
 import json
 from collections.abc import Collection, Iterable
 from functools import reduce
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-if TYPE_CHECKING:
-    import xarray as xr  # slow to import
+import xarray as xr
 
 ATTRIBUTE = "parameters"  # of a cube, with the common settings
 OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
@@ -28,11 +27,7 @@ class SettingDifference(NamedTuple):
 def common_settings(
     records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
 ) -> dict[str, Any]:
-    """The settings that the records of all cases of a plan share, without those that are swept.
-
-    ``swept`` are settings that are dimensions, or quantities that have a factor as a dimension;
-    ``stripes`` is the fingerprint of the stripes.
-    """
+    """Settings that all records share, but for swept ones, with the fingerprint of the stripes."""
     # Converted to JSON, so that they can be compared with those of a cube.
     common: dict[str, Any] = reduce(shared, json.loads(json.dumps(list(records))))
     kept = {
@@ -45,7 +40,7 @@ def common_settings(
     return kept | {"stripes": stripes}
 
 
-def parameters_of(cube: "xr.Dataset") -> dict[str, Any]:
+def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
     """The common settings in the attributes of a cube."""
     stated: dict[str, Any] = json.loads(cube.attrs.get(ATTRIBUTE, "{}"))
     return stated

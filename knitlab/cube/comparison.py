@@ -24,26 +24,19 @@ COMPARED = (
 
 
 class CurveDifference(NamedTuple):
-    """The root mean square difference between two curves at some number of strains.
+    """Root mean square difference of two curves, with its standard error."""
 
-    ``uncertainty`` is its standard error by the errors of the measured curve; ``noise`` is what
-    these would make of it between equal curves.
-    """
-
-    strains: int
+    strains: int  # their number
     rms_difference: float
     uncertainty: float
-    noise: float
+    noise: float  # root mean square that the errors would make between equal curves
 
 
 def difference(
     simulated: np.ndarray, measured: np.ndarray, errors: np.ndarray
 ) -> CurveDifference | None:
-    """The difference of curves at the same strains, NaN where missing; None if none is in common.
-
-    Standard errors are taken as independent between strains, and 0 where unknown; if all are
-    unknown, so is the uncertainty.
-    """
+    """The difference of curves at the same strains, NaN where missing; None if none is common."""
+    # Errors are independent between strains, and 0 where unknown, unless all are.
     both = np.isfinite(simulated) & np.isfinite(measured)
     count = int(both.sum())
     if not count:

@@ -53,11 +53,9 @@ def no_column(name: str, table: pd.DataFrame) -> str:
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     """Whether an expression over the columns of a table, each a variable, is true for each row.
 
-    The attribute ``words`` of the table has the words that columns may have.
-
-    Raises:
-        BadInput: if it cannot be parsed, contains anything but :data:`ALLOWED`, names an unknown
-            column or word, compares a word with a number, or is not a condition.
+    The attribute ``words`` of the table has the words that columns may have. BadInput if it is not
+    a condition, contains anything but :data:`ALLOWED`, names an unknown column or word, or compares
+    a word with a number.
     """
     where = f"where {expression!r}"
     plain = expression.strip()

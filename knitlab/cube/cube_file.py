@@ -147,7 +147,9 @@ def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
         fill_value=empty | {"status": int(Status.excluded)},
         combine_attrs="override",
     )
-    rank = xr.apply_ufunc(np.vectorize(PRECEDENCE.get, otypes=[int]), both["status"])
+    rank = xr.apply_ufunc(
+        np.vectorize(lambda status: PRECEDENCE.get(status, 3), otypes=[int]), both["status"]
+    )
     joined = both.isel(cube=rank.argmax("cube"))
     joined = joined.reindex({dim: _labels(one[dim], other[dim]) for dim in design_dims(one)})
     joined = xr.Dataset(

@@ -54,18 +54,15 @@ class Reached:
 class Found:
     """Designs by their distance from the targets, the nearest first.
 
-    Attributes:
-        table: one row for each design: labels, distance, and for the first target ``value_1``,
-            the value or the mean over its window, ``off_by_1``, the distance in the unit of the
-            variable, and ``in_spread_1``, whether the spread covers the target; and so on for the
-            others. Then the values of the constraints.
-        reached: distances from each target, in the order of the table.
-        passed_over: designs that were not considered, by reason.
+    ``table`` has one row for each design: labels, distance, and for the first target ``value_1``,
+    the value or the mean over its window, ``off_by_1``, the distance in the unit of the variable,
+    and ``in_spread_1``, whether the spread covers the target; and so on for the others. Then the
+    values of the constraints.
     """
 
     table: pd.DataFrame
-    reached: tuple[Reached, ...]
-    passed_over: dict[str, int]
+    reached: tuple[Reached, ...]  # for each target, in the order of the table
+    passed_over: dict[str, int]  # designs that were not considered, by reason
 
     def __repr__(self) -> str:
         return f"<Found: {len(self.table)} designs, {len(self.reached)} targets>"

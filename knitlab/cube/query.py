@@ -103,11 +103,7 @@ def query_cubes(
 
 
 def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
-    """One row for each design that is not excluded, one column for each variable.
-
-    Variables with further dimensions appear once all of these are selected, with a row for each
-    selected value. BadInput if a selection is wrong.
-    """
+    """One row for each design and each selected value of further dimensions; none if excluded."""
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
     shown = [name for name, each in cube.data_vars.items() if set(each.dims) <= set(rows)]
     chosen = selected(cube, selections)[shown]
@@ -124,11 +120,7 @@ def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.Da
 
 
 def designs_of_all(cubes: Sequence[xr.Dataset], selections: Mapping[str, Any] = {}) -> pd.DataFrame:
-    """The concatenated tables of cubes along the same dimensions, with the source of each row.
-
-    A cube without a selected dimension, such as a simulation without cycles, is not sliced by it.
-    BadInput if a selection is wrong.
-    """
+    """The concatenated tables of cubes, each sliced along its own dimensions, with their source."""
     if len(cubes) == 1:
         return designs_table(cubes[0], selections)
     known = {str(name): None for cube in cubes for name in cube.indexes}

@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+
+import xarray as xr
 
 from knitlab.measure.capacitance.sensor import CapacitorStatus
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class Status(IntEnum):
@@ -309,7 +307,7 @@ INTEGERS = (
 MISSING = -1  # value of a missing integer
 
 
-def described(dataset: "xr.Dataset") -> "xr.Dataset":
+def described(dataset: xr.Dataset) -> xr.Dataset:
     """The dataset with the CF attributes of every variable and coordinate of the schema."""
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
@@ -323,7 +321,7 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     return dataset
 
 
-def encoding(dataset: "xr.Dataset", compressed: bool = True) -> dict[str, dict[str, object]]:
+def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
     """NetCDF encoding of a case or cube: integers stored as such, arrays compressed."""
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
     for name, its in chosen.items():

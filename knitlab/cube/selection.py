@@ -1,7 +1,4 @@
-"""Selections: values of a cube's coordinates that slice it along them.
-
-A selection is a value, or a sequence of values, by coordinate.
-"""
+"""Selections: a value or a sequence of values by coordinate, along which a cube is sliced."""
 
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Any

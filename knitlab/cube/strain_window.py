@@ -35,10 +35,7 @@ class StrainWindow:
 
     @classmethod
     def of(cls, text: str, source: str) -> "StrainWindow":
-        """The window of a text ``STRAIN`` or ``STRAIN:STRAIN``; messages name its source.
-
-        BadInput if it is not a window, or does not ascend from at least 0.
-        """
+        """The window ``STRAIN`` or ``STRAIN:STRAIN`` of a text; BadInput names its source."""
         try:
             start, *rest = (float(part) for part in text.split(":"))
             (stop,) = rest or (start,)

@@ -128,9 +128,8 @@ def read_target(
 ) -> Target:
     """A target from its text, one of the :data:`FORMS`, or from a table of a wanted curve.
 
-    The table has ``name``, ``applied_strain``, ``value`` and ``tolerance``. ``source`` names the
-    argument in messages; ``folder`` is what the path of a curve's file is relative to. BadInput has
-    every fault.
+    ``source`` names the argument in messages; ``folder`` is what the path of a curve's file is
+    relative to. BadInput has every fault.
     """
     if isinstance(given, Target):
         return given

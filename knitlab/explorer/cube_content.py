@@ -83,10 +83,7 @@ def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | s
 
 
 def variables_of(cube: xr.Dataset, places: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
-    """The variables that a map or a curve can show, with their values at some designs.
-
-    Left out are those along unit cells or along a boundary, and those without any value.
-    """
+    """Variables of designs, of their strains or stripe parameters, with values at some designs."""
     found = [
         content
         for name in map(str, cube.data_vars)

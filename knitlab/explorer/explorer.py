@@ -41,10 +41,7 @@ SHADES = 33
 
 
 def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
-    """Write the explorer of cubes: one file that opens in a browser without a network.
-
-    BadInput if there is no cube or the suffix is not ``.html``, CannotWrite if writing fails.
-    """
+    """Write the explorer of cubes, an ``.html`` file that opens in a browser without a network."""
     if output.suffix.lower() != SUFFIX:
         raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
     if not cubes:

@@ -31,10 +31,7 @@ MOST_FIGURES = 10
 def run_of(
     cube: xr.Dataset, designs: Sequence[Mapping[str, Any]], folder: Path | None
 ) -> dict[str, Any]:
-    """What ran, how long it took, what failed, and the code and settings behind it.
-
-    Designs have a ``status`` and ``seconds``, the wall time of their batch.
-    """
+    """What ran, how long its batches took, what failed, and the code and settings behind it."""
     strains = cube["applied_strain"].values
     return {
         "facts": [

@@ -55,9 +55,8 @@ def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
 class _Program:
     """The lines of a program, and the state of the machine after them.
 
-    The inserting hook parks to the right of the first stitch of its carrier, and no carrier may
-    pass it. It is released as late as that allows, so that the end of the yarn is held by as many
-    stitches as possible.
+    No carrier may pass the inserting hook, which parks to the right of the first stitch of its
+    carrier. It is released late, so that many stitches hold the end of the yarn.
     """
 
     def __init__(self, chart: StitchChart, machine: Machine) -> None:

@@ -1,8 +1,7 @@
 """The round trip: a program must knit the chart that it was written from.
 
-It is followed by knitlab's own check, and run by ``knitout-interpreter``, an optional extra, whose
-knit graph is read back. The grammar of the interpreter refuses extensions (``x-…``), the headers of
-yarns, and machines but one, so that it is given a copy without these.
+It is followed by knitlab's own check, and run by ``knitout-interpreter``, an optional extra, in a
+copy without what its grammar refuses: extensions, headers of yarns, and machines but one.
 """
 
 import warnings
@@ -158,10 +157,7 @@ def stripped(text: str) -> str:
 
 
 def interpreted(text: str) -> list[FormedStitch]:
-    """The stitches of the knit graph that the interpreter builds of a program, in order.
-
-    Refused also if it warns of a stitch on an empty needle, or if loops are left on the needles.
-    """
+    """The stitches that the interpreter forms by a program; Refused also if loops are left over."""
     from knitout_interpreter.knitout_execution import Knitout_Executer
     from knitout_interpreter.knitout_language.Knitout_Parser import parse_knitout
     from virtual_knitting_machine.knitting_machine_warnings.Needle_Warnings import (

@@ -16,20 +16,15 @@ from knitlab.measure.knit_size import Gauge
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a cube, named ``source``, says of a design.
+    """What a cube says of a design."""
 
-    ``sample`` is what it simulated, periodic fabric or a sample of some size between clamps;
-    ``contraction`` is the relaxed over the flat length of its unit cells along (x, y); ``low`` and
-    ``high`` are the range of Poisson's ratio over the siblings of the design, NaN if it has none.
-    """
-
-    source: str
-    sample: str
+    source: str  # name of the cube
+    sample: str  # periodic fabric, or a clamped sample of some size
     passes_through_itself: bool
-    contraction: tuple[float, float]
+    contraction: tuple[float, float]  # relaxed over flat length of unit cells along (x, y)
     applied_strain: Float[np.ndarray, " strain"]
     poisson_ratio: Float[np.ndarray, " strain"]
-    low: Float[np.ndarray, " strain"]
+    low: Float[np.ndarray, " strain"]  # over the siblings of the design, NaN if it has none
     high: Float[np.ndarray, " strain"]
 
     def __repr__(self) -> str:

@@ -186,8 +186,8 @@ def _plated_stitches(
 ) -> Int[np.ndarray, "course wale"]:
     """Electrodes that stitches are plated for, 0 where none.
 
-    Edges are rounded to whole stitches; an electrode narrower than a stitch takes one. On periodic
-    fabric, one that crosses the seam goes on at the other edge.
+    Edges are rounded to whole stitches, at least one; over the seam of periodic fabric an electrode
+    goes on at the other edge.
     """
     rows, columns = lines
     plated = np.zeros((rows.size, columns.size), int)

@@ -39,9 +39,8 @@ class Imported:
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import the records of one kind that a description names into the experiment's cube.
 
-    The cube is in a folder with the name of the description, within ``results``. Its records of
-    other kinds are kept, if they are of the same sample at the same strains. BadInput has every
-    fault that was found; nothing is written then.
+    The cube is in a folder with the name of the description; its records of other kinds are kept.
+    BadInput has every fault that was found; nothing is written then.
     """
     description = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, description)

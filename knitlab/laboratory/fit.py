@@ -55,33 +55,20 @@ Step = Callable[[int, float], None]
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit to a whole fabric.
+    """A fit to a whole fabric."""
 
-    Attributes:
-        before, after: the case with the tabulated and with the fitted stripes.
-        factors: fitted over tabulated value, by parameter.
-        standard_errors: standard errors of the logarithms of the factors, including the prior.
-        learned: fraction of the prior variance that the test has removed, by parameter.
-        correlations: correlations between the fitted parameters.
-        curves: of the tests with the tabulated and with the fitted stripes, each simulated from the
-            flat sheet, as in a sweep.
-        chi_squared: χ² before and after the fit.
-        tests: number of simulated tests.
-        warnings: reasons to doubt the fit.
-    """
-
-    before: Case
-    after: Case
-    factors: Factors
-    standard_errors: Factors
-    learned: Factors
-    correlations: Float[np.ndarray, "name name"]
+    before: Case  # with the tabulated stripes
+    after: Case  # with the fitted stripes
+    factors: Factors  # fitted over tabulated value, by parameter
+    standard_errors: Factors  # of the logarithms of the factors, including the prior
+    learned: Factors  # fraction of the prior variance that the test has removed
+    correlations: Float[np.ndarray, "name name"]  # between the fitted parameters
     target: MeasuredTest
-    curves: tuple[Curves, Curves]
-    chi_squared: tuple[float, float]
-    tests: int
-    converged: bool
-    warnings: tuple[str, ...]
+    curves: tuple[Curves, Curves]  # of tests from the flat sheet, before and after the fit
+    chi_squared: tuple[float, float]  # before and after the fit
+    tests: int  # number of simulated tests
+    converged: bool  # whether the search met its tolerances
+    warnings: tuple[str, ...]  # reasons to doubt the fit
 
     def __repr__(self) -> str:
         factors = ", ".join(f"{name} {factor:.4g}" for name, factor in self.factors.items())

@@ -23,14 +23,11 @@ Curves = Float[np.ndarray, "quantity strain"]
 
 @dataclass(frozen=True)
 class MeasuredTest:
-    """A measured test at positive, ascending strains, with the width of the simulated sample.
+    """A measured test, scaled to the width of the simulated sample."""
 
-    The values are NaN where not measured; the errors are positive standard errors.
-    """
-
-    applied_strain: tuple[float, ...]
-    values: Curves
-    errors: Curves
+    applied_strain: tuple[float, ...]  # positive, ascending
+    values: Curves  # NaN where not measured
+    errors: Curves  # positive standard errors
 
     def __repr__(self) -> str:
         values, strains = int(self.measured.sum()), len(self.applied_strain)

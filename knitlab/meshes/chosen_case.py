@@ -63,10 +63,9 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
 def chosen_strains(
     case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:
-    """Indices of the strains of a case that selections choose, one or several.
+    """Indices of the strains of a case that selections choose, one or several; all reached.
 
-    Without a selection along the strain the relaxed state is chosen, or every strain that was
-    reached if several may be. BadInput if a strain is not there or was not reached.
+    By default the relaxed state is chosen, or every strain that was reached if several may be.
     """
     along = selections_along(selections, [STRAIN])
     strains = case_file[STRAIN].values

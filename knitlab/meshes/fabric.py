@@ -1,7 +1,4 @@
-"""The surface of a fabric at strains of its test, with what it has at its nodes and grid cells.
-
-Fields are named with their unit, or with the meaning of their numbers.
-"""
+"""The surface of a fabric at strains, with fields named with their unit or meaning."""
 
 import json
 import math
@@ -37,10 +34,9 @@ UNIT_CELL_STRAINS = ("strain_xx", "strain_yy")
 def fabric_meshes(
     case_file: xr.Dataset, places: Sequence[int], repeats: tuple[int, int] = (1, 1)
 ) -> list[SurfaceMesh]:
-    """The surface of a fabric at several strains, quad by quad, with its fields.
+    """The surface of a fabric at some reached strains, quad by quad, with its fields.
 
-    ``places`` are indices of the strains, all of them reached; ``repeats`` is how often periodic
-    fabric is repeated along (y, x). BadInput if the repeats do not fit the fabric.
+    Periodic fabric is repeated along (y, x). BadInput if the repeats do not fit the fabric.
     """
     from knitlab.simulation.case import case_of
 
@@ -77,10 +73,7 @@ def is_periodic(case_file: xr.Dataset) -> bool:
 def closed_nodes(
     case_file: xr.Dataset, repeats: tuple[int, int] = (1, 1)
 ) -> Float[np.ndarray, "strain node_y node_x 3"]:
-    """Nodes of a fabric at every strain [mm]; periodic fabric is repeated and closed by images.
-
-    Neighbouring repeats, along (y, x), share their nodes, so that there is no seam.
-    """
+    """Nodes at every strain [mm]; periodic fabric is repeated along (y, x) without seams."""
     from knitlab.fabric.network import MeshShape
     from knitlab.measure.unit_cells import nodes_at
 

@@ -1,7 +1,4 @@
-"""Formats of mesh files: which library writes each, and what it takes of a mesh.
-
-Formats without fields of faces get colours of nodes, by knit and electrode.
-"""
+"""Formats of mesh files: which library writes each; those without fields of faces get colours."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
