@@ -17,8 +17,8 @@ from knitlab.io.errors import fault
 
 CUBE = "cube.nc"
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
-PRECEDENCE = {"excluded": 0, "pending": 1, "failed": 2, "not_converged": 3, "ok": 3}
-"""By status: a design is taken from the cube with the highest, and from the first of equals."""
+WITHOUT_RESULTS = {Status.excluded: 0, Status.pending: 1, Status.failed: 2}
+"""Of several cubes, a design is taken from the one with the highest, at 3 one with results."""
 
 
 def cube_path(path: str | Path) -> Path:
@@ -147,9 +147,8 @@ def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
         fill_value=empty | {"status": int(Status.excluded)},
         combine_attrs="override",
     )
-    rank = xr.apply_ufunc(
-        np.vectorize(lambda status: PRECEDENCE.get(status, 3), otypes=[int]), both["status"]
-    )
+    rank_of = np.vectorize(lambda status: WITHOUT_RESULTS.get(status, 3), otypes=[int])
+    rank = xr.apply_ufunc(rank_of, both["status"])
     joined = both.isel(cube=rank.argmax("cube"))
     joined = joined.reindex({dim: _labels(one[dim], other[dim]) for dim in design_dims(one)})
     joined = xr.Dataset(
