@@ -41,22 +41,14 @@ class FormedStitch:
     through: tuple[int, ...]  # numbers of the stitches it was pulled through, none of a tuck
 
 
-@dataclass(frozen=True)
-class Checked:
-    """Faults of a program by their lines, and the stitches that it forms, in order."""
-
-    findings: tuple[ProgramFault, ...]
-    graph: tuple[FormedStitch, ...]
-
-
-def check(text: str, machine: Machine) -> Checked:
-    """Follow a program on a machine."""
+def check(text: str, machine: Machine) -> tuple[list[ProgramFault], list[FormedStitch]]:
+    """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
     state = _State(machine)
     state.findings += _header_faults(text, machine)
     for operation in operations(text):
         state.follow(operation)
     state.finish()
-    return Checked(tuple(sorted(state.findings, key=lambda each: each.line)), tuple(state.graph))
+    return sorted(state.findings, key=lambda each: each.line), state.graph
 
 
 def _header_faults(text: str, machine: Machine) -> Iterator[ProgramFault]:

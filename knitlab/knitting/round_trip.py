@@ -47,10 +47,9 @@ def round_trip(
     The interpreter runs it too if ``interpret``; by default if it is installed and the program is
     short enough for that to take less than a minute.
     """
-    checked = check(program, machine)
-    faults = [str(finding) for finding in checked.findings]
-    count = f"{len(checked.graph)} stitches with waste, cast-on and end"
-    faults += _differences(checked.graph, chart, machine)
+    findings, graph = check(program, machine)
+    faults = [*map(str, findings), *_differences(graph, chart, machine)]
+    count = f"{len(graph)} stitches with waste, cast-on and end"
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
     if interpret is False or not is_installed():

@@ -158,8 +158,7 @@ class _Search:
     def converged(self, logarithms: Logarithms) -> SimulatedTest:
         """The test at a point where a test has already converged."""
         test = self.test(logarithms)
-        if test is None:
-            raise TypeError("the search reached a point where no test converged")
+        assert test is not None
         return test
 
     def from_start(self, point: Logarithms) -> _Optimum:
@@ -170,7 +169,6 @@ class _Search:
                 point,
                 jac=self.jacobian,
                 bounds=self.bounds,
-                method="trf",
                 x_scale=self.looseness,
                 ftol=TOLERANCE,
                 xtol=TOLERANCE,
