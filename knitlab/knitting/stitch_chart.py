@@ -107,9 +107,8 @@ def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
     courses, wales = repeat
     along_x = needles // wales
     if not along_x:
-        raise fault(
-            f"needles {needles}", f"one repeat takes {wales} of them; give at least {wales}"
-        )
+        problem = f"one repeat takes {wales} of them; give at least {wales}"
+        raise fault(f"needles {needles}", problem)
     length = ASPECT * along_x * wales * GARTER_STITCHES_PER_RIB_STITCH
     return max(1, round(length / courses)), along_x
 

@@ -98,10 +98,8 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
             f" {requested[-1]:g}; reduce strain_max, or give skip_cycles",
         )
     if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
-        raise fault(
-            f"{path}: column {table.force.column}",
-            "falls as the sample is pulled; give tension as positive",
-        )
+        problem = "falls as the sample is pulled; give tension as positive"
+        raise fault(f"{path}: column {table.force.column}", problem)
     return Pulls(**log, triggered=triggered, length=length, cycles=pulls)
 
 
@@ -113,10 +111,8 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
     log, triggered = _read_log(path, table)
     lowest = log["capacitance"].min()
     if not lowest > 0:
-        raise fault(
-            f"{path}: column {table.capacitance.column}",
-            f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero",
-        )
+        problem = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
+        raise fault(f"{path}: column {table.capacitance.column}", problem)
     if table.starts is not None:
         time = log["time"] + table.starts.to("s")
     else:

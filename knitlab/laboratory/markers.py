@@ -128,10 +128,8 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     path = folder / table.file
     tracks = in_fabric_axes(read_trajectories(path), table)
     if table.relaxed_frames > len(tracks):
-        raise fault(
-            f"{path}: relaxed_frames {table.relaxed_frames}",
-            f"exceeds the number of frames, {len(tracks)}; give fewer",
-        )
+        problem = f"exceeds the number of frames, {len(tracks)}; give fewer"
+        raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", problem)
     before = tracks[: table.relaxed_frames]
     seen = np.isfinite(before).all(axis=2)
     known = np.where(seen[..., None], before, 0.0).sum(axis=0)

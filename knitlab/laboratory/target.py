@@ -75,9 +75,8 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         errors[place] = np.hypot(known, model_error * np.nanmax(np.abs(values[place])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
     if pulled.sum() < FEWEST_STRAINS:
-        raise fault(
-            "fit", f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
-        )
+        problem = f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
+        raise fault("fit", problem)
     values, errors = values[:, pulled], errors[:, pulled]
     if not (errors[np.isfinite(values)] > 0).all():
         raise fault("model_error 0", "leaves values without an error; give one above 0")

@@ -65,9 +65,8 @@ def _read_array(path: Path) -> Trajectories:
     if tracks.dtype.kind not in "fiu":
         raise fault(str(path), "holds no array of numbers; save one with numpy.save")
     if tracks.ndim != 3 or tracks.shape[2] != 2:
-        raise fault(
-            str(path), f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
-        )
+        problem = f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
+        raise fault(str(path), problem)
     if not tracks.size:
         raise fault(str(path), f"is empty, of shape {tracks.shape}; track some markers")
     return tracks.astype(float)
@@ -125,10 +124,8 @@ def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | Non
         table = _columns(places, ("marker", "row", "column"), PLACES)
         marker, row, column = (_whole(places, name, table) for name in table)
         if marker.max() >= len(first):
-            raise fault(
-                f"{places}: column marker",
-                f"names marker {marker.max()}, but there are {len(first)}, counted from 0",
-            )
+            problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"
+            raise fault(f"{places}: column marker", problem)
         rows, columns = np.full((2, len(first)), -1)
         rows[marker], columns[marker] = row, column
         return grid_of_places(rows, columns)
