@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
 from knitlab.figures.style import Colour, Look, ValueColours, ink_on
+from knitlab.io.errors import fault
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},
@@ -47,19 +48,23 @@ def draw_map(
 ) -> tuple[set[Status], bool]:
     """Draw a map of cells over n_stripe and P, with its colour bar.
 
-    P, the periods of a stripe across a patch, stands for n_subunit: every n_stripe has designs at
-    the same few P, but at values of n_subunit of its own. Each cell names its design. A measured
-    design has a dashed frame; where it is simulated too, the measurement is the strip at the
-    bottom of its cell.
-    A cell has the text of its value and design. Of the cubes at most one is simulated. Returned
-    are the statuses that are marked, and whether there are places without a cell.
+    P stands for n_subunit: every n_stripe has designs at the same few P, but at values of n_subunit
+    of its own. A measured design has a dashed frame; where it is simulated too, the measurement is
+    the strip at the bottom of its cell. Returned are the statuses that are marked, and whether
+    there are places without a cell.
+
+    Raises:
+        BadInput: if there are several experiments on one design.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = ValueColours.of(np.concatenate([np.empty(0), *values]), signed)
     cells: dict[tuple[int, float], list[xr.Dataset]] = {}
     for cube in sorted(cubes, key=is_measured):
         for design in designs_of(cube):
-            cells.setdefault(_stripe_and_periods(design), []).append(design)
+            n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
+            cells.setdefault((n_stripe, n_subunit / (2 * n_stripe)), []).append(design)
+    if any(sum(map(is_measured, designs)) > 1 for designs in cells.values()):
+        raise fault("experiments", "there are several on one design; show one of them")
     stripes, periods = (sorted({each[k] for each in cells}) for k in (0, 1))
     marked: set[Status] = set()
     for (n_stripe, p), designs in cells.items():
@@ -72,7 +77,11 @@ def draw_map(
             valid = status is Status.ok and np.isfinite(value)
             colour = colours(value) if valid else WHITE
             if design is designs[0]:
-                _name_design(axes, row, column, design, colour)
+                at: Look = {"xytext": (3, -3), "textcoords": "offset points", "va": "top"}
+                # Of a mark the name hides the hatching.
+                box = {"fc": "white", "ec": "none", "pad": 0.8} if colour == WHITE else None
+                at |= {"fontsize": 6, "color": ink_on(colour), "zorder": 4, "bbox": box}
+                axes.annotate(design_name(design), (column - 0.5, row + 0.5), **at)
             if not valid:
                 cell(axes, row, column, (bottom, top), **MARKS[status])
                 marked.add(status)
@@ -117,33 +126,12 @@ def design_name(design: xr.Dataset) -> str:
     return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
 
 
-def _stripe_and_periods(design: xr.Dataset) -> tuple[int, float]:
-    n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
-    return n_stripe, n_subunit / (2 * n_stripe)
-
-
-def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: Colour) -> None:
-    axes.annotate(
-        design_name(design),
-        (column - 0.5, row + 0.5),
-        xytext=(3, -3),
-        textcoords="offset points",
-        va="top",
-        fontsize=6,
-        color=ink_on(colour),
-        zorder=4,
-        # Of a mark the name hides the hatching.
-        bbox={"fc": "white", "ec": "none", "pad": 0.8} if colour == WHITE else None,
-    )
-
-
 def cell(
     axes: Axes, row: float, column: float, span: tuple[float, float] | None = None, **look: Any
 ) -> None:
     """Draw one cell, a unit wide, and a unit high unless its bottom and top are given."""
     bottom, top = span or (row - 0.5, row + 0.5)
-    look = {"linewidth": 1.5} | look
-    axes.add_patch(Rectangle((column - 0.5, bottom), 1, top - bottom, **look))
+    axes.add_patch(Rectangle((column - 0.5, bottom), 1, top - bottom, **{"linewidth": 1.5} | look))
 
 
 def value_cell(
@@ -160,8 +148,8 @@ def value_cell(
     edge = {"edgecolor": "white"} if large else {"edgecolor": colour, "linewidth": 0.2}
     cell(axes, row, column, span, facecolor=colour, **edge)
     middle = row if span is None else sum(span) / 2
-    look: Look = {"ha": "center", "va": "center", "color": ink_on(colour), "zorder": 4}
     if text:
+        look: Look = {"ha": "center", "va": "center", "color": ink_on(colour), "zorder": 4}
         axes.text(column, middle, text, **look, **letters)
 
 
@@ -183,9 +171,8 @@ def marks_legend(
     ``no_value`` says why a design that is ok may have no value.
     """
     names = NAMES | {Status.ok: no_value}
-    sources = dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube))
     handles: list[Artist] = []
-    if sources:
+    if sources := dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube)):
         label = f"measured: {', '.join(sources)}"
         handles.append(Patch(label=label, facecolor="white", **MEASURED))
     handles += [Patch(label=text, facecolor="none", edgecolor="none") for text in notes]

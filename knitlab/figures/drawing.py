@@ -1,6 +1,5 @@
 """Drawing figures by name."""
 
-import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -22,14 +21,14 @@ from knitlab.cube.cube_file import (
     source_of,
     swept_dims,
 )
-from knitlab.cube.schema import DESIGN_DIMS, VARIABLES
+from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
-from knitlab.figures.figure_kind import Drawing, FigureKind
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
-from knitlab.sweep.figure_names import COMPARING, suffixes
+from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
 
 FIGURES: dict[str, FigureKind] = {}
 for _module in iter_modules(kinds.__path__):
@@ -50,23 +49,14 @@ def draw_figure(
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
     A figure of a single case shows the most auxetic design of the selection that has its case file
-    beside the cube.
-
-    Args:
-        kind: a name of :data:`FIGURES`.
-        cube_paths: the cubes.
-        output: the file; its suffix sets the format.
-        selections: values by coordinate that slice the cubes first.
-        options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
+    beside the cube. Options say what a kind shows, such as ``{"of": "reaction_force"}``.
 
     Raises:
         BadInput: if a cube, a selection or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
-    if output.suffix.lower() not in suffixes(kind):
-        known = ", ".join(suffixes(kind))
-        raise fault(f"output {output}", f"{kind} has no format of this suffix; give one of {known}")
+    check_figure_suffix(output)
     _check_request(kind, len(cube_paths), options)
     cubes = [open_cube(path) for path in cube_paths]
     fingerprint = fingerprint_of_figure(kind, cube_paths, selections, options)
@@ -80,10 +70,7 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
     A cube with dimensions of swept settings gives a figure for each of their values. Figures that
-    are up to date are kept.
-
-    Returns:
-        The files, and why some figures could not be drawn.
+    are up to date are kept. Returned are the files, and why some figures could not be drawn.
     """
     files: list[Path] = []
     faults: list[Fault] = []
@@ -103,9 +90,8 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
                     drawing = _drawn(figure.kind, [folder], [cube], figure.selections)
                     for output in missing:
                         save(drawing, output, fingerprint)
-                        if isinstance(drawing, Figure):
-                            # The other formats take the layout of the first.
-                            drawing.set_layout_engine("none")
+                        # The other formats take the layout of the first.
+                        drawing.set_layout_engine("none")
         except BadInput as error:
             stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
@@ -119,7 +105,7 @@ def draw(
     cubes: Sequence[xr.Dataset],
     selections: Mapping[str, Any] = {},
     options: Mapping[str, str] = {},
-) -> Drawing:
+) -> Figure:
     """Draw one figure from cubes or single cases in memory; otherwise as :func:`draw_figure`.
 
     A figure that needs node positions takes them from a case, or from the case files beside the
@@ -135,7 +121,6 @@ def draw(
 
 
 def _check_request(name: str, cubes: int, options: Mapping[str, str]) -> None:
-    """Check the number of cubes, and the names of options."""
     kind = FIGURES[name]
     if not cubes:
         raise fault(name, "shows a cube; give one")
@@ -153,7 +138,7 @@ def _drawn(
     cubes: Sequence[xr.Dataset],
     selections: Mapping[str, Any],
     options: Mapping[str, str] = {},
-) -> Drawing:
+) -> Figure:
     kind = FIGURES[name]
     if all(is_case(cube) for cube in cubes):
         if kind.needs is not None:
@@ -182,14 +167,14 @@ def _drawn(
         drawing = _drawn_of_cases(kind, cases, selections_along(selections, kind.coordinates))
     else:
         drawing = kind.draw(cubes if kind.several else cubes[0], **options)
-    if (shown := ", ".join(filter(None, slices))) and isinstance(drawing, Figure):
+    if shown := ", ".join(filter(None, slices)):
         title = drawing.get_suptitle()
         drawing.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
     return drawing
 
 
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
-    """Check that a kind can show the dimensions of cubes, and tell apart which are measured."""
+    """Check that a kind can show the dimensions of cubes, and those that were measured."""
     for cube in cubes:
         if kind.dims not in (None, base_dims(cube)):
             able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
@@ -200,17 +185,8 @@ def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> No
         able = [other for other, each in FIGURES.items() if each.several]
         problem = f"needs a simulation, and {source_of(measured[0])} was measured"
         raise fault(name, f"{problem}; draw {', '.join(able)}")
-    if kind.several in ("experiments", "designs") and len(cubes) - len(measured) > 1:
+    if kind.several == "experiments" and len(cubes) - len(measured) > 1:
         raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
-    by_source = kind.several != "designs"
-    experiments = [
-        (source_of(cube) if by_source else "", *design)
-        for cube in measured
-        for design in itertools.product(*(cube[dim].values.tolist() for dim in DESIGN_DIMS))
-    ]
-    if len(set(experiments)) < len(experiments):
-        remedy = "give each another source" if by_source else "show one of them"
-        raise fault(name, f"has several experiments on one design; {remedy}")
 
 
 def _swept_values(name: str, cube: xr.Dataset) -> str:
@@ -223,7 +199,7 @@ def _swept_values(name: str, cube: xr.Dataset) -> str:
 
 def _drawn_of_cases(
     kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
-) -> Drawing:
+) -> Figure:
     sliced = [_sliced_case(case, selections) for case in cases]
     return kind.draw(sliced if kind.designs else sliced[0])
 

@@ -169,36 +169,31 @@ def sample_order(
     Samples are named as (n_stripe, n_subunit) or (knit, n), and may be in different cubes. If
     several cubes have a sample, the one whose sample is nearest the paper's is used.
     """
-    values = [_values(cube, of) for cube in cubes]
+    values = [
+        by_labels(cube[of].where(cube["status"] == Status.ok)) if of in cube else {}
+        for cube in cubes
+    ]
     used: dict[Sample, tuple[int, Labels]] = {}
     for sample in (*less, *more):
         candidates = [
             (number, labels)
             for number, each in enumerate(values)
-            for labels in each
-            if labels[:2] == sample
+            for labels, value in each.items()
+            if labels[:2] == sample and np.isfinite(value)
         ]
         if candidates:
             used[sample] = min(candidates, key=lambda each: preference(cubes[each[0]], [each[1]]))
     if not used:
         raise NotMeasured(f"no {of} of these samples in this cube")
-    value = {sample: values[number][labels] for sample, (number, labels) in used.items()}
-    text = ", ".join(f"{name_of(each)} {value[each]:.3g}{unit_of(of)}" for each in used)
+    known = {sample: values[number][labels] for sample, (number, labels) in used.items()}
+    text = ", ".join(f"{name_of(each)} {known[each]:.3g}{unit_of(of)}" for each in used)
     wanted = len({*less, *more})
     pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(used)]
     if not pairs:
         raise NotMeasured(f"{text}; nothing to compare it with", wanted, "samples")
-    margin = worst(below(value[one], value[other], strict=True) for one, other in pairs)
+    margin = worst(below(known[one], known[other], strict=True) for one, other in pairs)
     numbers, at = zip(*used.values(), strict=True)
     return CheckResult(margin, text, len(used), wanted, "samples", at, numbers)
-
-
-def _values(cube: xr.Dataset, of: str) -> dict[Labels, float]:
-    """The values of all samples with a complete test."""
-    if of not in cube:
-        return {}
-    values = by_labels(cube[of].where(cube["status"] == Status.ok))
-    return {labels: value for labels, value in values.items() if np.isfinite(value)}
 
 
 def linear(cube: xr.Dataset, n_stripe: Families, of: str, unexplained: Fraction) -> CheckResult:

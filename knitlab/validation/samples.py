@@ -24,13 +24,9 @@ PAPER_BOUNDARY = "clamped"
 
 
 class Checkerboards(StrictModel):
-    """Checkerboards (n_stripe, n_subunit) that a claim is about.
+    """Checkerboards that a claim is about: ``designs``, or all ``without`` some; of any n_stripe.
 
-    Attributes:
-        designs: these designs; by default all in the cube.
-        n_stripe: only designs with these n_stripe, by default any.
-        without: designs to leave out.
-        at_least: number of designs in the paper.
+    ``at_least`` is the number of designs in the paper.
     """
 
     dims: ClassVar = DESIGN_DIMS
@@ -51,11 +47,9 @@ class Checkerboards(StrictModel):
 
 
 class PureStripes(StrictModel):
-    """Pure stripes that a claim is about.
+    """Pure stripes that a claim is about, with a range of stitches across the stripe by knit.
 
-    Attributes:
-        smallest, largest: range of stitches across the stripe, by knit.
-        at_least: number of stripes in the paper.
+    ``at_least`` is the number of stripes in the paper.
     """
 
     dims: ClassVar = STRIPE_DIMS
@@ -77,14 +71,7 @@ class PureStripes(StrictModel):
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete.
-
-    Attributes:
-        cube: the cube of the samples.
-        complete: labels of the samples with a complete test.
-        wanted: number of samples that the claim is about.
-        counted: what is counted: designs or stripes.
-    """
+    """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete."""
 
     cube: xr.Dataset
     complete: list[Labels]
@@ -112,8 +99,8 @@ class Samples:
     def values(self, of: str) -> dict[Labels, float]:
         """The value, or the largest of a curve, of the complete samples that have one."""
         dims = base_dims(self.cube)
-        variable = self.cube[of].transpose(*dims, ...)
-        values = by_labels(variable.max([dim for dim in variable.dims if dim not in dims]))
+        curves = self.cube[of].transpose(*dims, ...)
+        values = by_labels(curves.max([dim for dim in curves.dims if dim not in dims]))
         return {labels: values[labels] for labels in self.complete if np.isfinite(values[labels])}
 
     def result(self, margin: float | None, text: str, at: Iterable[Labels]) -> CheckResult:
@@ -152,14 +139,9 @@ def unit_of(variable: str) -> str:
 
 @dataclass(frozen=True)
 class JudgedSamples:
-    """Samples of a cube that a claim was judged on.
+    """Samples of a cube that a claim was judged on, described by texts that may be empty.
 
-    Attributes:
-        cube: path of the cube.
-        boundary: clamped or periodic; empty if the cube does not state it.
-        size: their unit cells, along weft × warp: one size, or smallest and largest.
-        options: model options, as text.
-        experiment: name of the experiment, if it is one.
+    ``size`` is their unit cells along weft × warp: one size, or smallest and largest.
     """
 
     cube: Path
@@ -177,11 +159,16 @@ class JudgedSamples:
         )
         ends = [f"{cells_x} × {cells_y}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
         boundaries = dict.fromkeys(boundary_of(cube, labels) for labels in at)
+        options = ", ".join(
+            f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in stated_options(cube).items()
+            if name != "boundary"
+        )
         return cls(
             path,
             ", ".join(filter(None, boundaries)),
             " to ".join(dict.fromkeys(ends)),
-            _options(cube),
+            options,
             source_of(cube) if is_measured(cube) else "",
         )
 
@@ -210,11 +197,7 @@ def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
 
 
 def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
-    """Unit cells of one sample along (weft, warp).
-
-    They are taken from the variables ``unit_cells_x`` and ``unit_cells_y``, else counted in the
-    local strains, else taken from the parameters of the cube.
-    """
+    """Unit cells of one sample along (weft, warp), as stated or counted in the local strains."""
     names = [each for each in ("unit_cells_x", "unit_cells_y", "strain_xx") if each in cube]
     sample = one_sample(cube[["status", *names]], labels)
     stated = [float(sample[name]) for name in ("unit_cells_x", "unit_cells_y") if name in sample]
@@ -224,26 +207,24 @@ def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
         strained = sample["strain_xx"].notnull().any("applied_strain")
         if strained.any():
             return int(strained.any("cell_y").sum()), int(strained.any("cell_x").sum())
-    cells = _parameters(cube).get("unit_cells")
+    cells = parameters_of(cube).get("unit_cells")
     return (int(cells[1]), int(cells[0])) if cells else None
 
 
-def _options(cube: xr.Dataset) -> str:
-    """The model options as text, with swept settings and the gap between the walls."""
-    options = model_options(cube)
-    if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
-        options["z_max"] = z_max
-    options |= {
-        str(name): each.item()
-        for name, each in cube.coords.items()
-        if not each.dims and name != SOURCE and name not in base_dims(cube)
+def stated_options(cube: xr.Dataset) -> dict[str, Any]:
+    """The model options of a cube, with the gap between the walls and the swept settings."""
+    z_max = parameters_of(cube).get("sheet", {}).get("z_max")
+    return {
+        **model_options(cube),
+        **({"z_max": z_max} if z_max else {}),
+        **{
+            str(name): each.item()
+            for name, each in cube.coords.items()
+            if not each.dims and name not in (SOURCE, *base_dims(cube))
+        },
     }
-    options.pop("boundary", None)
-    return ", ".join(
-        f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in options.items()
-    )
 
 
-def _parameters(cube: xr.Dataset) -> dict[str, Any]:
+def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
+    """The parameters that all designs of a cube share."""
     return json.loads(cube.attrs.get("parameters", "{}"))

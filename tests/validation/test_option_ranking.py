@@ -10,7 +10,7 @@ import xarray as xr
 from knitlab.cube.cube_file import open_cube, write_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.validation.claims import read_claims
-from knitlab.validation.margin import Grade, Verdict
+from knitlab.validation.margin import Grade
 from knitlab.validation.option_ranking import differing, options_of, ranked_options
 from tests.validation.test_claims import good_checkerboards, good_stripes
 
@@ -48,9 +48,9 @@ def test_the_options_under_which_more_claims_hold_come_first(ranked):
     best, other = ranked(along_fold_phase(with_ratio(0.1), good_checkerboards()))
     assert best.options["fold_phase"] == "stripe_centre"
     assert best.count(Grade.holds) > other.count(Grade.holds)
-    assert best.results["design_4_16_is_the_lowest"].verdict is Verdict.holds
-    assert other.results["design_4_16_is_the_lowest"].verdict is Verdict.fails
-    assert best.results["stripes_are_j_shaped"].verdict is Verdict.not_measured
+    assert best.results["design_4_16_is_the_lowest"].verdict is Grade.holds
+    assert other.results["design_4_16_is_the_lowest"].verdict is Grade.fails
+    assert best.results["stripes_are_j_shaped"].verdict is Grade.not_measured
     assert differing([best, other]) == ["fold_phase"]
 
 
@@ -77,8 +77,8 @@ def test_pure_stripes_serve_all_options_of_their_cells(ranked):
     stripes = stated(good_stripes(), cell_size="flat", fold_phase="stripe_centre")
     best, other = ranked(relaxed, flat, stripes)
     assert best.options["cell_size"] == "flat"
-    assert best.results["stripes_are_j_shaped"].verdict is Verdict.holds
-    assert other.results["stripes_are_j_shaped"].verdict is Verdict.not_measured
+    assert best.results["stripes_are_j_shaped"].verdict is Grade.holds
+    assert other.results["stripes_are_j_shaped"].verdict is Grade.not_measured
     assert best.decided - other.decided >= 5
 
 
@@ -89,7 +89,7 @@ def test_cubes_of_the_same_options_are_judged_together(ranked):
     narrow = narrow.sel(n_stripe=[2, 4])
     (one,) = ranked(stated(wide, z_max=1.0), stated(narrow, z_max=1.0))
     assert one.designs == 20
-    assert one.results["n_stripe_4_is_auxetic_up_to_40"].verdict is Verdict.holds
+    assert one.results["n_stripe_4_is_auxetic_up_to_40"].verdict is Grade.holds
     assert one.results["longer_cells_are_less_auxetic"].judged == 10
 
 

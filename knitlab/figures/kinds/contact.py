@@ -65,13 +65,9 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     handles = [Line2D([], [], color=colour[n], label=f"n_stripe = {n}") for n in stripes]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     if len(left_out):
-        names = ", ".join(_name(design) for design in left_out)
+        names = ", ".join(map(str, left_out))
         figure.supxlabel(f"not ok without contact or with it: {names}", fontsize=7)
     return figure
-
-
-def _name(design: tuple[int, int]) -> str:
-    return f"({design[0]}, {design[1]})"
 
 
 def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None:
@@ -84,7 +80,7 @@ def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None
         look: Look = {}
         if k in leading:
             marker = MARKERS[leading.index(k)]
-            look = {"label": _name(curve["design"].item()), "marker": marker, "ms": 3}
+            look = {"label": str(changes["design"].values[k]), "marker": marker, "ms": 3}
         axes.plot(curve["applied_strain"], curve, color=colour, lw=0.9, **look)
     axes.axhline(0, color="0.7", lw=0.6, zorder=0)
     axes.legend(title="largest", title_fontsize=6, fontsize=6)
@@ -103,7 +99,7 @@ def _draw_sizes(axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: 
     axes.axvline(0, color="0.7", lw=0.6, zorder=0)
     axes.set(
         yticks=rows,
-        yticklabels=[_name(design) for design in without["design"].values],
+        yticklabels=list(map(str, without["design"].values)),
         ylim=(len(colours) - 0.5, -0.5),
         xlabel="change of the relaxed unit cell",
     )

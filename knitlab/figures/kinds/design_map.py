@@ -189,6 +189,6 @@ def values_of_designs(cubes: Sequence[xr.Dataset], merits: Merits) -> pd.DataFra
 
 
 FIGURES = {
-    "auxetic": FigureKind(auxetic_map, several="designs", coordinates=("applied_strain",)),
-    "sensor": FigureKind(sensor_map, options=("window",), several="designs"),
+    "auxetic": FigureKind(auxetic_map, several="experiments", coordinates=("applied_strain",)),
+    "sensor": FigureKind(sensor_map, options=("window",), several="experiments"),
 }
