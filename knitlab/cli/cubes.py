@@ -157,7 +157,7 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
     it is a near miss. If several cubes measure a claim, the one with the paper's samples decides
     it: clamped before periodic, then with more of the designs, then with more unit cells.
     """
-    from knitlab.figures.report.page import check_suffix, write_page
+    from knitlab.figures.claims_page import check_suffix, write_page
     from knitlab.validation.claims import read_claims
     from knitlab.validation.judgement import judged, listed
 

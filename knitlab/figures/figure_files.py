@@ -38,6 +38,12 @@ class RequestedFigure:
     kind: str
     selections: Mapping[str, Any]
     outputs: tuple[Path, ...]
+    fingerprint: str
+
+    @property
+    def missing(self) -> list[Path]:
+        """The files that do not hold it yet."""
+        return [output for output in self.outputs if not is_drawn(output, self.fingerprint)]
 
 
 def requested_figures(
@@ -52,7 +58,8 @@ def requested_figures(
         for selections in [{}] if kind in COMPARING else slices:
             stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
             outputs = tuple(folder / "figures" / f"{stem}{suffix}" for suffix in RUN_SUFFIXES)
-            requested.append(RequestedFigure(kind, selections, outputs))
+            fingerprint = fingerprint_of_figure(kind, [folder], selections)
+            requested.append(RequestedFigure(kind, selections, outputs, fingerprint))
     return requested
 
 

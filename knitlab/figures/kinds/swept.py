@@ -8,7 +8,7 @@ from knitlab.cube.cube_file import base_dims, swept_dims
 from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, Status
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows, number
 from knitlab.io.errors import fault, unknown
 
 
@@ -51,16 +51,11 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         look: Look = {"ms": 4.5, "mfc": "none", "color": CATEGORY_COLOURS[k], "label": label}
         axes.plot(values, np.arange(len(names)), MARKERS[k], **look)
     unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
-    axes.set(
-        yticks=range(len(names)),
-        yticklabels=names,
-        ylim=(len(names) - 0.5, -0.5),
-        xlabel=f"{name or of} [{unit or '1'}]",
-        ylabel=f"({', '.join(designs)})",
-    )
+    name_rows(axes, names, fontsize=6.5)
+    axes.set(xlabel=f"{name or of} [{unit or '1'}]", ylabel=f"({', '.join(designs)})")
     axes.grid(axis="y", color="0.9", lw=0.5)
     axes.set_axisbelow(True)
-    axes.tick_params(axis="y", length=0, labelsize=6.5)
+    axes.tick_params(axis="y", length=0)
     figure.legend(title=setting, loc="outside right upper")
     return figure
 
