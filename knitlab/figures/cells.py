@@ -32,6 +32,8 @@ PERIODS_LABEL = (
     "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
 )
 """With spaces where no line may end."""
+MOST_NAMED = 16
+"""Largest number of columns or rows that have a tick each."""
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 """Frame of a measured cell."""
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
@@ -93,16 +95,8 @@ def draw_map(
                 corner = column - 0.5 + inset, bottom + inset
                 size = 1 - 2 * inset, top - bottom - 2 * inset
                 axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
-    axes.set(
-        xlim=(-0.5, len(periods) - 0.5),
-        ylim=(-0.5, len(stripes) - 0.5),
-        xticks=range(len(periods)),
-        yticks=range(len(stripes)),
-        xticklabels=[f"{p:g}" for p in periods],
-        yticklabels=stripes,
-        ylabel="n_stripe: stitches\nacross a rib stripe",
-    )
-    remove_frame(axes)
+    name_places(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
+    axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
     colours.bar(figure, axes, pad=0.01, label=label)
     return marked, len(cells) < len(stripes) * len(periods)
 
@@ -157,6 +151,15 @@ def remove_frame(axes: Axes) -> None:
     """Remove the frame and the ticks of a map of cells."""
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
+
+
+def name_places(axes: Axes, columns: Sequence[str], rows: Sequence[str]) -> None:
+    """Fit the axes to a map of cells, and name as many of its columns and rows as have room."""
+    for axis, names in ((axes.xaxis, columns), (axes.yaxis, rows)):
+        named = slice(None, None, 1 + (len(names) - 1) // MOST_NAMED)
+        axis.set_ticks(range(len(names))[named], names[named])
+    axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
+    remove_frame(axes)
 
 
 def marks_legend(

@@ -57,10 +57,9 @@ def stripe_order(
     direction: Direction,
     stiffened: Fraction = 0.5,
 ) -> CheckResult:
-    """A quantity of the force curves rises or falls with the stitches across the stripe.
+    """The initial slope, or the strain of stiffening, rises or falls with the stitches across.
 
-    It is the initial slope, or the applied strain at which the slope first reaches the fraction
-    ``stiffened`` of the largest.
+    A stripe has stiffened where its slope first reaches the fraction ``stiffened`` of the largest.
     """
 
     def value(stripe: xr.Dataset) -> float:
@@ -78,7 +77,6 @@ def stripe_order(
 def _trend(
     samples: Samples, values: dict[Labels, float], label: int, direction: Direction
 ) -> CheckResult:
-    """The result for a value that should rise or fall with one of the labels."""
 
     def others(labels: Labels) -> Labels:
         return (*labels[:label], *labels[label + 1 :])
@@ -109,10 +107,8 @@ def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Desig
     """A design has the lowest value of all designs with a complete test."""
     samples = Samples.of(cube, about, of)
     values = samples.values(of)
-    if design not in values:
-        raise samples.too_few(0)
-    if len(values) < 2:
-        raise samples.too_few(len(values))
+    if design not in values or len(values) < 2:
+        raise samples.too_few(len(values) if design in values else 0)
     next_to = min((each for each in values if each != design), key=lambda each: values[each])
     spread = float(np.ptp([*values.values()]))
     margin = above(values[next_to] - values[design], 0, strict=True, scale=spread)
@@ -140,10 +136,7 @@ def trades_off(
     against: str,
     significant: Annotated[float, Field(gt=0, lt=0.5)],
 ) -> CheckResult:
-    """Two values of designs are anticorrelated, by Spearman's rank correlation.
-
-    The correlation must be significant at the level ``significant``.
-    """
+    """Two values are anticorrelated, by a significant rank correlation of Spearman's."""
     samples = Samples.of(cube, about, of, against)
     ones, others = samples.values(of), samples.values(against)
     pairs = {labels: (ones[labels], others[labels]) for labels in ones if labels in others}

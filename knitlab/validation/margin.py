@@ -102,8 +102,8 @@ def above(
 ) -> float | None:
     """Margin of a value that must be at least a limit, or more than it if ``strict``.
 
-    The scale has margin 1; by default it is the size of the limit, or 1 if the limit is 0. There
-    is no margin if the value, the limit or the scale is not a finite number.
+    The scale is by default the size of the limit, or 1 if that is 0. There is no margin if the
+    value, the limit or the scale is not finite.
     """
     scale = (abs(limit) or 1.0) if scale is None else scale
     if not all(map(math.isfinite, (value, limit, scale))):

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
-from knitlab.cube.cube_file import OPTION, base_dims, is_measured, model_options, source_of
+from knitlab.cube.cube_file import base_dims, is_measured, model_options, source_of
 from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.toml import StrictModel
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured
@@ -19,8 +19,6 @@ from knitlab.validation.margin import CheckResult, Labels, NotMeasured
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
 STRIPE_BOUNDARY = "periodic"
 """Boundary of the pure stripes of claims: the paper computes them without ends."""
-PAPER_BOUNDARY = "clamped"
-"""Boundary of the paper's own samples."""
 
 
 class Checkerboards(StrictModel):
@@ -109,7 +107,7 @@ class Samples:
         return CheckResult(margin, text, len(at), self.wanted, self.counted, at)
 
     def too_few(self, measured: int) -> NotMeasured:
-        """The exception for too few measured samples."""
+        """The exception where too few samples are measured."""
         count = f"{measured} of {self.wanted}" if measured else "none of the"
         return NotMeasured(f"{count} {self.counted} measured", self.wanted, self.counted)
 
@@ -174,14 +172,13 @@ class JudgedSamples:
 
 
 def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
-    """Sort key for cubes by the similarity of their samples ``at`` to those of the paper.
+    """Sort key for cubes by how like the paper's their samples ``at`` are.
 
-    Samples with the boundary of the paper's come first, then more of the wanted samples before
-    fewer, then larger ones, by their mean number of unit cells.
+    Clamped samples come first, then more before fewer, then larger ones by their mean unit cells.
     """
     sizes = [unit_cells(cube, labels) or (0, 0) for labels in at]
     mean = float(np.mean([cells_x * cells_y for cells_x, cells_y in sizes])) if sizes else 0.0
-    another = any(boundary_of(cube, labels) != PAPER_BOUNDARY for labels in at)
+    another = any(boundary_of(cube, labels) != "clamped" for labels in at)
     return another, -len(at), -mean
 
 
@@ -190,10 +187,7 @@ def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
     if is_measured(cube):
         return "clamped"
     along = dict(zip(base_dims(cube), labels, strict=True))
-    if "boundary" in along:
-        return str(along["boundary"])
-    swept = cube.coords.get("boundary")
-    return str(cube.attrs.get(f"{OPTION}boundary", "") if swept is None else swept.item())
+    return str((stated_options(cube) | along).get("boundary", ""))
 
 
 def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:

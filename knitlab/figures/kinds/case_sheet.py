@@ -42,7 +42,6 @@ def fabric_shape(case: xr.Dataset) -> Figure:
 
     Colour is height, white lines are patch borders.
     """
-    # JAX is imported only when this figure is drawn.
     from knitlab.fabric.pattern import recorded_pattern
 
     parameters = json.loads(case.attrs["parameters"])

@@ -20,8 +20,6 @@ from knitlab.io.errors import fault, unknown
 PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24
 """Largest numbers of columns and rows whose cells still have room for a number."""
-MOST_NAMED = 16
-"""Largest number of values of an axis that have a tick each."""
 NO_VALUE = "no value there"
 
 
@@ -57,19 +55,13 @@ def value_grid(
         raise fault("grid", "no design of this selection was planned; choose others")
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
-    rows, columns = values.shape
-    height = min(max(2.4, 1.3 + 0.3 * rows), 6.5)
+    height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
     marked, gaps = _draw(axes, values, status, colours)
-    axes.set(xlim=(-0.5, columns - 0.5), ylim=(-0.5, rows - 0.5))
+    cells.name_places(axes, *([_text(each, "g") for each in values[dim].values] for dim in (x, y)))
     axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
-    for axis, dim in ((axes.xaxis, x), (axes.yaxis, y)):
-        named = slice(None, None, 1 + (values.sizes[dim] - 1) // MOST_NAMED)
-        labels = [_text(value, "g") for value in values[dim].values]
-        axis.set_ticks(range(len(labels))[named], labels[named])
-    cells.remove_frame(axes)
     unit = values.attrs.get("units", "1")
     label = _upright(f"{values.attrs.get('long_name', of)} [{unit}]")
     colours.bar(figure, axes, pad=0.01, label=label)
