@@ -77,16 +77,12 @@ def judged(
     swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
     remedy = f"select along {', '.join(swept)}" if swept else "leave it out: there are none"
     refuse_others(selections, swept, f"is not a swept setting of these cubes; {remedy}")
-    slices = [(path, _one_slice(path, cube, selections)) for path, cube in whole]
-    return judged_slices(claims, slices)
+    return judged_slices(claims, [(path, _one(path, cube, selections)) for path, cube in whole])
 
 
 def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judgement]:
     """Judge claims by open cubes; see :func:`judged`."""
-    return [
-        _by_all(claim, slices) if claim.compares_cubes else _by_nearest(claim, slices)
-        for claim in claims
-    ]
+    return [(_by_all if claim.compares_cubes else _by_nearest)(claim, slices) for claim in claims]
 
 
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
@@ -116,7 +112,7 @@ def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     return Judgement(claim, result, samples)
 
 
-def _one_slice(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+def _one(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """The cube at one value of every swept setting, which stays as a coordinate."""
     swept = swept_dims(cube)
     cube = selected(cube, selections_along(selections, swept))

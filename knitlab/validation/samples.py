@@ -151,10 +151,8 @@ class JudgedSamples:
     @classmethod
     def of(cls, path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> "JudgedSamples":
         """Describe the samples ``at`` of a cube at one value of every swept setting."""
-        sizes = sorted(
-            {size for labels in at if (size := unit_cells(cube, labels)) is not None},
-            key=lambda size: (size[0] * size[1], size),
-        )
+        known = {size for labels in at if (size := unit_cells(cube, labels)) is not None}
+        sizes = sorted(known, key=lambda size: (size[0] * size[1], size))
         ends = [f"{cells_x} × {cells_y}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
         boundaries = dict.fromkeys(boundary_of(cube, labels) for labels in at)
         options = ", ".join(
@@ -176,10 +174,9 @@ def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float
 
     Clamped samples come first, then more before fewer, then larger ones by their mean unit cells.
     """
-    sizes = [unit_cells(cube, labels) or (0, 0) for labels in at]
-    mean = float(np.mean([cells_x * cells_y for cells_x, cells_y in sizes])) if sizes else 0.0
+    sizes = [np.prod(unit_cells(cube, labels) or 0) for labels in at]
     another = any(boundary_of(cube, labels) != "clamped" for labels in at)
-    return another, -len(at), -mean
+    return another, -len(at), -float(np.mean(sizes)) if sizes else 0.0
 
 
 def boundary_of(cube: xr.Dataset, labels: Labels) -> str:

@@ -60,27 +60,20 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             cells.cell(axes, row, columns[leading], **frame)
         else:
             marked.add(status)
-    axes.set(
-        xlim=(-0.55, columns[-1] + 0.55),
-        ylim=(len(designs) - 0.45, -0.55),
-        xticks=columns,
-        yticks=range(len(designs)),
-        xticklabels=[_symbol(name) for name in parameters],
-        yticklabels=[_name(design) for design in designs],
-        ylabel="design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$",
-    )
+    of_stripes = [name.partition("_") for name in parameters]
+    axes.set_xticks(columns, [SYMBOLS.get(name, PERIODS[knit]) for knit, _, name in of_stripes])
+    axes.set_yticks(range(len(designs)), [_name(design) for design in designs])
+    axes.set(xlim=(-0.55, columns[-1] + 0.55), ylim=(len(designs) - 0.45, -0.55))
+    axes.set_ylabel("design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$")
     for knit in PERIODS:
         of_knit = [c for c, name in zip(columns, parameters, strict=True) if name.startswith(knit)]
         above: Look = {"xytext": (0, 4), "textcoords": "offset points", "ha": "center"}
         axes.annotate(f"{knit} stripe", ((of_knit[0] + of_knit[-1]) / 2, -0.5), **above)
     cells.remove_frame(axes)
-    figure.colorbar(
-        mpl.cm.ScalarMappable(norm, colours),
-        ax=axes,
-        pad=0.01,
-        extend="both" if np.nanmax(np.abs(values), initial=0) > norm.vmax else "neither",
-        label="$p\\,\\partial\\nu/\\partial p$ [1]",
-    )
+    beyond = np.nanmax(np.abs(values), initial=0) > norm.vmax
+    bar: Look = {"pad": 0.01, "extend": "both" if beyond else "neither"}
+    label = "$p\\,\\partial\\nu/\\partial p$ [1]"
+    figure.colorbar(mpl.cm.ScalarMappable(norm, colours), ax=axes, label=label, **bar)
     figure.supxlabel(NOTE, fontsize="medium")
     cells.marks_legend(figure, marked, "no derivative, or no lowest ratio")
     return figure
@@ -100,11 +93,6 @@ def _norm(values: np.ndarray) -> mpl.colors.Normalize:
     bound = MOST_OVER_MEDIAN * float(np.median(largest)) if largest.size else 1.0
     bound = min(float(largest.max(initial=0)), bound) or 1.0
     return mpl.colors.Normalize(-bound, bound)
-
-
-def _symbol(parameter: str) -> str:
-    knit, _, name = parameter.partition("_")
-    return PERIODS[knit] if name == "period" else SYMBOLS[name]
 
 
 def _name(design: xr.Dataset) -> str:
