@@ -22,7 +22,7 @@ from knitlab.validation.samples import JudgedSamples
 
 SUFFIXES = (".md", ".html")
 TITLE = "The paper's claims"
-Key = tuple[str | None, tuple[Path, ...]]
+Key = tuple[str, tuple[Path, ...]]
 """Kind of figure and cubes, which identify the figure of a claim."""
 STYLE = """
 body { font: 15px/1.4 sans-serif; margin: 2em auto; max-width: 90em; padding: 0 1em; }
@@ -93,12 +93,8 @@ def _html_table(name: str, rows: list[list[str]]) -> str:
     return "\n".join([f'<table class="{name}">', *lines, "</table>"])
 
 
-MARKDOWN = Format(
-    str, _marked_in_markdown, lambda text, target: f"[{text}]({target})", _markdown_table
-)
-HTML = Format(
-    html.escape, _marked_in_html, lambda text, target: f'<a href="{target}">{text}</a>', _html_table
-)
+MARKDOWN = Format(str, _marked_in_markdown, "[{0}]({1})".format, _markdown_table)
+HTML = Format(html.escape, _marked_in_html, '<a href="{1}">{0}</a>'.format, _html_table)
 
 
 def check_suffix(page: Path) -> None:
@@ -177,7 +173,7 @@ def _parts(judgements: Sequence[Judgement], form: Format, links: Mapping[Key, st
 
 
 def _key(one: Judgement) -> Key:
-    return one.claim.figure, one.cubes
+    return one.claim.figure or "", one.cubes
 
 
 def _draw_figures(
@@ -186,10 +182,8 @@ def _draw_figures(
     """Draw the figures of claims that were measured, or say why some cannot be drawn."""
     files: dict[Key, Path] = {}
     faults: list[Fault] = []
-    keys = [_key(one) for one in judgements if one.result.margin is not None]
+    keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
     for kind, cubes in dict.fromkeys(keys):
-        if not kind:
-            continue
         label = cube_name(cubes[0]).replace("/", "-")
         name = f"{label}-{kind}.png" if len(cubes) == 1 else f"{kind}.png"
         try:

@@ -53,7 +53,7 @@ def draw_figure(
     fingerprint = fingerprint_of_figure(kind, cube_paths, selections, options)
     if not is_drawn(output, fingerprint):
         with print_style():
-            save(_drawn(kind, cube_paths, cubes, selections, options), output, fingerprint)
+            save(draw(kind, cubes, selections, options), output, fingerprint)
     return output
 
 
@@ -76,7 +76,7 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
         try:
             if missing := figure.missing:
                 with print_style():
-                    drawing = _drawn(figure.kind, [folder], [cube], figure.selections)
+                    drawing = draw(figure.kind, [cube], figure.selections)
                     for output in missing:
                         save(drawing, output, figure.fingerprint)
                         # The other formats take the layout of the first.
@@ -90,7 +90,7 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
 
 
 def draw(
-    kind: str,
+    name: str,
     cubes: Sequence[xr.Dataset],
     selections: Mapping[str, Any] = {},
     options: Mapping[str, str] = {},
@@ -99,21 +99,6 @@ def draw(
 
     Node positions are those of a case, or of case files beside the file that a cube was read from.
     """
-    paths = [
-        Path(cube.encoding.get("source", cube.attrs.get("title", f"cube {number}")))
-        for number, cube in enumerate(cubes, start=1)
-    ]
-    with print_style():
-        return _drawn(kind, paths, cubes, selections, options)
-
-
-def _drawn(
-    name: str,
-    cube_paths: Sequence[Path],
-    cubes: Sequence[xr.Dataset],
-    selections: Mapping[str, Any],
-    options: Mapping[str, str] = {},
-) -> Figure:
     kind = FIGURES[name]
     if not cubes:
         raise fault(name, "shows a cube; give one")
@@ -129,30 +114,29 @@ def _drawn(
             remedy = f"select along {', '.join(known)}" if known else "select nothing"
             problem = f"is not a coordinate along which {name} can be sliced; {remedy}"
             refuse_others(selections, known, problem)
-            return _drawn_of_cases(kind, cubes, selections)
+            return _draw_cases(kind, cubes, selections)
         cubes = [cube_file.as_cube(case) for case in cubes]
     _check_cubes(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
     known = (*dims, *kind.coordinates)
-    refuse_others(
-        selections, known, f"is not a coordinate of {name}; select along {', '.join(known)}"
-    )
+    problem = f"is not a coordinate of {name}; select along {', '.join(known)}"
+    refuse_others(selections, known, problem)
+    folder = Path(cubes[0].encoding.get("source", "")).parent
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
-    if name in COMPARING:
-        several = list(zip(cube_paths, cubes, strict=True))
-        return kind.draw(several) if kind.several else kind.draw(cubes[0], **options)
-    slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
-    cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
+    slices: dict[str, None] = {}
+    if name not in COMPARING:
+        slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
+        cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
     if kind.needs is not None:
-        folder = cube_paths[0] if cube_paths[0].is_dir() else cube_paths[0].parent
         cases = _cases(kind, cubes[0], folder)
-        drawing = _drawn_of_cases(kind, cases, selections_along(selections, kind.coordinates))
+        figure = _draw_cases(kind, cases, selections_along(selections, kind.coordinates))
     else:
-        drawing = kind.draw(cubes if kind.several else cubes[0], **options)
+        with print_style():
+            figure = kind.draw(cubes if kind.several else cubes[0], **options)
     if shown := ", ".join(filter(None, slices)):
-        title = drawing.get_suptitle()
-        drawing.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
-    return drawing
+        title = figure.get_suptitle()
+        figure.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
+    return figure
 
 
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
@@ -178,7 +162,7 @@ def _swept_values(name: str, cube: xr.Dataset) -> str:
     return ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
 
 
-def _drawn_of_cases(
+def _draw_cases(
     kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
 ) -> Figure:
     """Draw the selected strains of cases, of which their files must hold the shapes."""
@@ -194,7 +178,8 @@ def _drawn_of_cases(
                 f"selections {', '.join(as_given(selections))}",
                 f"has no shape, which this case file keeps at {known}; choose one of these",
             )
-    return kind.draw(sliced if kind.designs else sliced[0])
+    with print_style():
+        return kind.draw(sliced if kind.designs else sliced[0])
 
 
 def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:

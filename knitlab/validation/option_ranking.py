@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.cube_file import base_dims, swept_dims
+from knitlab.cube.cube_file import base_dims, cube_name, swept_dims
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.validation.claims import Claim
 from knitlab.validation.judgement import Slice, judged_slices
@@ -60,9 +60,7 @@ class RankedOptions:
         return self.count(Grade.holds), self.count(Grade.near_miss), total
 
 
-def ranked_options(
-    cubes: Sequence[tuple[Path, xr.Dataset]], claims: Sequence[Claim]
-) -> list[RankedOptions]:
+def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list[RankedOptions]:
     """Rank the model options of cubes by how many claims hold under them, the best first.
 
     Options are judged by all slices of all cubes that were computed with them; slices of pure
@@ -72,8 +70,8 @@ def ranked_options(
     """
     boards: dict[Key, list[Slice]] = {}
     stripes: dict[Key, list[Slice]] = {}
-    for path, cube in cubes:
-        dims = swept_dims(cube)
+    for cube in cubes:
+        path, dims = Path(cube_name(cube)), swept_dims(cube)
         for indices in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
             one = cube.isel(dict(zip(dims, indices, strict=True)))
             key = tuple(options_of(one).items())

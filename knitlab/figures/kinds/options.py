@@ -1,7 +1,6 @@
 """The paper's claims under each set of model options, the best set first."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import xarray as xr
 from matplotlib.figure import Figure
@@ -29,7 +28,7 @@ UNSTATED = {"drag": 0}
 """Labels of options that are stated only if they have an effect."""
 
 
-def options_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
+def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     """Which of the paper's claims each set of model options meets, the best set first.
 
     Claims are rows, sets of options are columns, and each cell gives the margin of a claim. Sets
