@@ -33,7 +33,10 @@ def largest_difference(kept: xr.Dataset, computed: xr.Dataset, design: dict[str,
     differences = [0.0]
     for name in COMPARED:
         if name in kept and name in computed:
-            before, now = (cube[name].sel(design).squeeze() for cube in (kept, computed))
+            before, now = (
+                cube[name].sel({dim: design[dim] for dim in design if dim in cube.dims}).squeeze()
+                for cube in (kept, computed)
+            )
             before, now = xr.align(before, now, join="inner")
             if bool((before.isnull() != now.isnull()).any()):
                 return np.inf
