@@ -31,6 +31,7 @@ from knitlab.sweep.workflow_file import workflow_file
 
 DISTANCES = ("distance", "distance_worst")
 """Variables of the cube: distance of a candidate, and the worst within its spread."""
+OF_TRIAL = ("converged", "snapped", "distance", "violation")
 FIGURES = ["curves", "shape"]
 
 
@@ -118,19 +119,14 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     found = find_designs([cube], request.wanted)
     reached, kept = found.reached[: len(targets)], found.reached[len(targets) :]
     worst = distance_of(targets, [each.worst for each in reached])
-    violation = np.array(
-        [
-            violation_of(constraints, [each.worst[row] for each in kept])
-            for row in range(len(found.table))
-        ]
-    )
-    distance = distance_of(targets, [each.off_by for each in reached])
-    added = dict(zip(DISTANCES, (distance, worst), strict=True))
-    added |= {"violation": violation} if constraints else {}
-    table = found.table.drop(columns=DISTANCES[0])
-    column = list(found.table.columns).index(DISTANCES[0])
-    for name, values in reversed(added.items()):
-        table.insert(column, name, values)
+    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(found.table))
+    violation = np.array([violation_of(constraints, row) for row in off_by.T])
+    table = found.table
+    table["distance"] = distance_of(targets, [each.off_by for each in reached])
+    column = list(table.columns).index("distance") + 1
+    if constraints:
+        table.insert(column, "violation", violation)
+    table.insert(column, "distance_worst", worst)
     order = np.lexsort((worst, violation))
     return Found(
         table.iloc[order].reset_index(drop=True),
@@ -152,11 +148,7 @@ def with_distances(cube: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
 def write_workflow(
     folder: Path, request: DesignRequest, space: SearchSpace, candidate: Candidate
 ) -> Path:
-    """Write a workflow that reproduces a candidate exactly; returns its path.
-
-    Raises:
-        CannotWrite: if it cannot be written.
-    """
+    """Write a workflow that reproduces a candidate exactly; returns its path."""
     path = folder / f"candidate_{candidate.number}.toml"
     base = workflow_file(space.workflow)
     table: dict[str, Any] = read_toml(base)
@@ -184,20 +176,16 @@ def trials_table(
 ) -> pd.DataFrame:
     """One row for each trial: design, values, distance, and how far it is from each target."""
     unknown = [None] * len(request.wanted)
-    return pd.DataFrame(
-        [
-            {
-                "candidate": number,
-                **dict(zip(dims, search.design, strict=True)),
-                **trial.values,
-                "converged": trial.converged,
-                "snapped": trial.snapped,
-                "distance": trial.distance,
-                "violation": trial.violation,
-                **{f"off_by_{k}": off for k, off in enumerate(trial.off_by or unknown, start=1)},
-                "case_id": trial.case_id,
-            }
-            for number, search in enumerate(searches, start=1)
-            for trial in search.trials
-        ]
-    )
+    rows: list[dict[str, Any]] = [
+        {
+            "candidate": number,
+            **dict(zip(dims, search.design, strict=True)),
+            **trial.values,
+            **{name: getattr(trial, name) for name in OF_TRIAL},
+            **{f"off_by_{k}": off for k, off in enumerate(trial.off_by or unknown, start=1)},
+            "case_id": trial.case_id,
+        }
+        for number, search in enumerate(searches, start=1)
+        for trial in search.trials
+    ]
+    return pd.DataFrame(rows)

@@ -28,7 +28,6 @@ class SearchSpace:
     """The variables of a search and their bounds.
 
     Attributes:
-        workflow: name or path of the workflow.
         settings: settings that replace the workflow's, the strains of the test included.
         dims: what the labels of designs are: n_stripe, n_subunit and, if it varies, pattern.
         lower, upper: logarithms of the bounds of the variables.
@@ -53,11 +52,7 @@ class SearchSpace:
         return np.clip((logarithms - self.lower) / (self.upper - self.lower), 0, 1)
 
     def bounds_at(self, point: Point, downhill: Point) -> list[str]:
-        """The active bounds at a point, such as ``rib_k_t <= 0.1``.
-
-        A bound that is reached is active unless the distance decreases away from it; ``downhill``
-        is the direction of decrease.
-        """
+        """The bounds reached, such as ``rib_k_t <= 0.1``, unless downhill leads away from them."""
         active = []
         for name, fraction, slope, low, high in zip(
             self.names, point, downhill, np.exp(self.lower), np.exp(self.upper), strict=True

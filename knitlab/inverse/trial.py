@@ -61,7 +61,7 @@ Slopes = Float[np.ndarray, "strain parameter"]
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A simulated case: the contents of its case file, and the user's functions of its shapes."""
+    """A simulated case: its case file, and the user's functions of its shapes."""
 
     case: Case
     gauge: Gauge
@@ -109,10 +109,8 @@ class Trial:
     def slopes(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
         """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
 
-        Args:
-            names: names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions; the same in
-                every call. Those of the design have one strain.
-            needed: whether each strain is needed; derivatives at the others are 0.
+        Names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions are the same in every
+        call; those of the design have one strain. Derivatives at strains not needed are 0.
 
         Raises:
             NoDerivative: if a state is not a stable equilibrium, such as at a snap.

@@ -21,7 +21,7 @@ from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
 from knitlab.io.atomic_write import atomic_write
-from knitlab.measure.fit_statistics import Comparison, compare
+from knitlab.measure.fit_statistics import CONFIDENCE, Comparison, compare
 
 Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""
@@ -46,7 +46,6 @@ BOUNDS = {
 STARTING_ANGLES = (0.4, 0.8, 1.4)
 STARTING_FACTORS = (0.3, 3.0)
 STARTING_STRAINS = (0.1, 1.0)
-CONFIDENCE = 0.95
 ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
@@ -66,18 +65,13 @@ class Calibration:
         period: relaxed peak-to-peak distance of the stripe, as given [mm].
         values: k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs, the stiffening
             strain [1], by name.
-        standard_errors: standard error of each, in its unit.
-        intervals: 95 % confidence interval of each, in its unit; that of the angle is within 0
-            to π.
-        correlations: correlations of the fitted parameters, in the order of ``values``.
-        strain: strains of the curve [1].
-        force: measured forces [N].
-        fitted_force: forces of the fitted zigzag [N].
+        standard_errors, intervals: standard error and 95 % confidence interval of each.
+        correlations: those of the parameters, in the order of ``values``.
+        strain, force, fitted_force: the curve, and forces of the fitted zigzag [1, N].
         starts: number of starts, and number of starts that ended at this fit.
         converged: whether the optimiser met its tolerances.
         iterations: number of Jacobians from the best start.
         warnings: warnings about parameters that the curve does not determine.
-        law: law of the springs.
     """
 
     period: float
@@ -138,15 +132,10 @@ class Calibration:
 def calibrate(period: float, strain: Points, force: Points, law: Law = "linear") -> Calibration:
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
-    For stiffening springs the stiffening strain is fitted too. Gradients are exact. The best fit of
-    several starts is used. Standard errors and correlations are those of the linearised fit,
-    with the noise taken from the residual.
-
-    Args:
-        period: relaxed peak-to-peak distance, w or h [mm].
-        strain: strains of the period, not negative [1].
-        force: force on one row of the network [N].
-        law: law of the springs.
+    For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
+    used; standard errors and correlations are those of the linearised fit, with the noise taken
+    from the residual. The curve is the force on one row of the network [N] over strains of the
+    relaxed period, w or h [mm].
 
     Raises:
         ValueError: if there are not more points than parameters, or no force.
@@ -186,26 +175,29 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
         for start in starts
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    agreeing = sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)
     covariance = _covariance(best)
     errors = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(errors, errors)
     reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(fitted))
-    lows, values, highs = _values(best.x + np.outer([-1, 0, 1], reach))
+    limits = best.x + np.outer([-1, 0, 1], reach)
+    with np.errstate(over="ignore"):
+        limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
+    lows, values, highs = limits
     intervals = np.stack([lows, highs], axis=-1)
     # An interior angle of a fold is between 0 and π.
     intervals[2] = np.clip(intervals[2], 0, np.pi)
     standard_errors = errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
+    by_name = partial(zip, fitted, strict=True)
     return Calibration(
-        period=period,
-        values=dict(zip(fitted, values.tolist(), strict=True)),
-        standard_errors=dict(zip(fitted, standard_errors.tolist(), strict=True)),
-        intervals=dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
-        correlations=correlations,
-        strain=strain,
-        force=force,
-        fitted_force=forces(best.x),
-        starts=(len(fits), agreeing),
+        period,
+        dict(by_name(values.tolist())),
+        dict(by_name(standard_errors.tolist())),
+        dict(by_name(map(tuple, intervals.tolist()))),
+        correlations,
+        strain,
+        force,
+        forces(best.x),
+        starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
         warnings=_warnings(best, errors, correlations),
@@ -227,11 +219,11 @@ def report(calibration: Calibration) -> list[str]:
     )
     lines += [f"correlation of {one} and {other}: {value:+.4f}" for (one, other), value in pairs]
     tried, agreeing = calibration.starts
-    lines.append(
+    return [
+        *lines,
         f"misfit   {calibration.misfit:.2g} N rms over {len(calibration.strain)} points;"
-        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps"
-    )
-    return lines
+        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps",
+    ]
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
@@ -274,24 +266,19 @@ def write_stripe_table(path: Path, stripes: Iterable[tuple[Stripe, str]]) -> Non
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
 
-def write_stripe_file(
-    path: Path,
-    knit: Knit,
-    stitches: int,
-    calibration: Calibration,
-    curve: Path,
-    cell_size: CellSize,
-) -> None:
-    """Write the stripe fitted to the curve of a file, for designs with this ``cell_size``."""
+def source_of(calibration: Calibration, curve: Path, cell_size: CellSize) -> str:
+    """The source of a stripe that was fitted to the curve of a file, for its table."""
     errors = ", ".join(
         f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
     )
-    warned = "".join(f"; {warning}" for warning in calibration.warnings)
-    source = (
-        f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for cell_size"
-        f" {cell_size}; standard errors {errors}{warned}"
+    return "; ".join(
+        (
+            f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for"
+            f" cell_size {cell_size}",
+            f"standard errors {errors}",
+            *calibration.warnings,
+        )
     )
-    write_stripe_table(path, [(calibration.stripe(knit, stitches, cell_size), source)])
 
 
 @partial(jax.jit, static_argnums=0)
@@ -311,11 +298,6 @@ _force_slopes = jax.jit(jax.jacfwd(_force, argnums=1), static_argnums=0)
 
 def _unknowns(values: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*any fitted"]:
     return np.where(AS_LOGARITHM[: values.shape[-1]], np.log(values), values)
-
-
-def _values(unknowns: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*any fitted"]:
-    with np.errstate(over="ignore"):
-        return np.where(AS_LOGARITHM[: unknowns.shape[-1]], np.exp(unknowns), unknowns)
 
 
 def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "start 4"]:
@@ -352,15 +334,12 @@ def _warnings(
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
     to_bound = np.abs(bounds - fit.x).min(axis=0)
     for name, error, distance in zip(fitted, errors, to_bound, strict=True):
-        low, high = BOUNDS[name]
+        undetermined = "the curve does not determine it"
         if distance < AT_BOUND:
-            warnings.append(
-                f"{name} is at its bound ({low:g} to {high:g}): the curve does not determine it"
-            )
+            low, high = BOUNDS[name]
+            warnings.append(f"{name} is at its bound ({low:g} to {high:g}): {undetermined}")
         if error > USELESS_ERROR:
-            warnings.append(
-                f"{name} is uncertain by more than half; the curve does not determine it"
-            )
+            warnings.append(f"{name} is uncertain by more than half; {undetermined}")
     for one, other in itertools.combinations(range(len(fitted)), 2):
         vague = max(errors[one], errors[other]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:

@@ -69,24 +69,17 @@ def measured(
 
     Values are missing at strains that did not converge or were not tried; ``residual_force`` and
     ``iterations`` have values at every strain that was tried. Variables of the whole test are
-    missing unless all strains converged.
-
-    Args:
-        case: the case.
-        test: its test.
-        chain: for a pure stripe, its two-dimensional zigzag at every strain.
-        siblings: tests of its siblings.
+    missing unless all strains converged. A pure stripe has a two-dimensional zigzag, ``chain``, at
+    every strain.
     """
     reached = [state for state in test.states if state.converged]
     complete = len(reached) == len(case.applied_strain)
-    flat_cell_x, flat_cell_y = case.flat_cell
     values: dict[str, Any] = {
         "status": np.int8(Status.ok if complete else Status.not_converged),
         "case_id": case.case_id,
         "code": code_fingerprint(),
         "periods": case.periods,
-        "flat_cell_x": flat_cell_x,
-        "flat_cell_y": flat_cell_y,
+        **dict(zip(("flat_cell_x", "flat_cell_y"), case.flat_cell, strict=True)),
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
         "factorisations": [float(state.factorisations) for state in test.states],
@@ -104,9 +97,8 @@ def measured(
             values |= capacitor_values(case, reached, test.unloaded)
         if case.robustness:
             results = [_results(sibling.case, sibling.test) for sibling in siblings]
-            energies = [float(reached[0].energy.total)]
-            energies += [sibling.branch_energy for sibling in siblings]
-            values |= spread(values, results, energies)
+            energies = [sibling.branch_energy for sibling in siblings]
+            values |= spread(values, results, [float(reached[0].energy.total), *energies])
     if case.relaxes_by_dynamics:
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:
@@ -155,15 +147,16 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
 
 def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     configurations = Configuration.stacked([state.configuration for state in reached])
-    values: dict[str, Any] = {
-        f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
-        for part in ("stretch", "fold", "wall", "contact")
-    }
-    values |= _lengths(case, configurations)
-    values["hinges_past_pi"] = hinges_past_pi(*case.assemble(), configurations).astype(float)
     intersecting = self_intersections(case.mesh_shape, configurations)
-    values["self_intersections"] = np.array(intersecting, float)
-    return values | {"position": configurations.positions}
+    return {
+        f"energy_{name}": [float(getattr(state.energy, name)) for state in reached]
+        for name in ("stretch", "fold", "wall", "contact")
+    } | {
+        **_lengths(case, configurations),
+        "hinges_past_pi": hinges_past_pi(*case.assemble(), configurations).astype(float),
+        "self_intersections": np.array(intersecting, float),
+        "position": configurations.positions,
+    }
 
 
 def _lengths(case: Case, configurations: Configuration, of: str = "") -> dict[str, Any]:
@@ -174,7 +167,6 @@ def _lengths(case: Case, configurations: Configuration, of: str = "") -> dict[st
 
 
 def _relaxed_patches(case: Case, relaxed: Configuration) -> dict[str, Any]:
-    """Waves of the boundaries between unit cells, and widths of the patches."""
     shape, cells = case.mesh_shape, case.cell_grid
     values: dict[str, Any] = {}
     directions: tuple[Direction, ...] = ("x", "y")

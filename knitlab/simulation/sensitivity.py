@@ -76,10 +76,6 @@ def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray
 
     They are the change of J for a relative change of p, and thus comparable between parameters. In
     a graded fabric p changes by the same factor in all stripes of a knit.
-
-    Args:
-        derivative: derivatives of every quantity J with respect to each parameter.
-        stripes: the parameters.
     """
 
     def by_log_of(by_number: Array, number: Array) -> Float[np.ndarray, " quantity"]:

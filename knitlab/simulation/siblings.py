@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.equilibrium.settings import Start
 from knitlab.equilibrium.state import TensileTest
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
@@ -23,9 +23,10 @@ SPREAD = ("poisson_ratio", "reaction_force")
 
 @dataclass(frozen=True)
 class SiblingTest:
-    """A sibling, its test, and the energy of the fabric as designed, relaxed from its shape.
+    """A sibling and its test.
 
-    That energy is NaN if one of both did not converge [N mm].
+    The energy is that of the fabric as designed, relaxed from the sibling's shape; NaN if one of
+    both did not converge [N mm].
     """
 
     case: Case
@@ -45,19 +46,10 @@ def sibling(case: Case, number: int) -> Case:
     solver = case.solver
     if case.options.boundary == "clamped" and number % 2 and case.method == "equilibrium":
         settings = case.equilibrium_solver
-        other: Start = "periodic" if settings.start == "flat" else "flat"
-        solver = replace(settings, start=other)
-    changed = replace(
-        case.with_stripes(
-            lambda stripe: _scaled(stripe, rib), lambda stripe: _scaled(stripe, garter)
-        ),
-        solver=solver,
-        sensitivities=False,
-        unloading=False,
-        capacitor=None,
-        robustness=0,
-    )
-    return changed.without_unused()
+        solver = replace(settings, start="periodic" if settings.start == "flat" else "flat")
+    scaled = case.with_stripes(partial(_scaled, factors=rib), partial(_scaled, factors=garter))
+    plain_test = replace(scaled, sensitivities=False, unloading=False, capacitor=None, robustness=0)
+    return replace(plain_test, solver=solver).without_unused()
 
 
 def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
