@@ -64,11 +64,7 @@ class SearchSpace:
         return active
 
     def plan(self, design: DesignLabels, values: Mapping[str, float]) -> Plan:
-        """The plan of one case: a design with values of the variables.
-
-        Raises:
-            BadInput: if a value is out of range, such as a rest angle that reaches π.
-        """
+        """The plan of one case; BadInput if a value is out of range."""
         return make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
 
     def labels(self, design: DesignLabels) -> dict[str, int | str]:
@@ -102,9 +98,7 @@ def _changes(variable: str, parameter: str) -> bool:
 
 
 def search_space(request: DesignRequest) -> SearchSpace:
-    """The space that a request allows.
-
-    Unless the request gives it, the last strain of the test follows from the targets.
+    """The space that a request allows; the last strain follows from the targets if not given.
 
     Raises:
         BadInput: if it has no possible design, if a bound cannot be simulated, or if the test ends

@@ -54,7 +54,6 @@ def compare(simpler: Points, other: Points, parameters: tuple[int, int]) -> Comp
 
 
 def _autocorrelation(residuals: Points) -> float:
-    """Autocorrelation of neighbours: slope of each residual against the one before."""
     square = float(residuals[:-1] @ residuals[:-1])
     return float(residuals[:-1] @ residuals[1:]) / square if square > 0 else 0.0
 
@@ -112,8 +111,8 @@ def linear_fit(x: Points, y: Points) -> LinearFit:
 def common_slope_probability(lines: Sequence[LinearFit]) -> float:
     """Probability of slopes as different as these if all lines had one slope (F test).
 
-    The points of all lines are assumed to have the same variance. Simulated points hardly scatter,
-    so that even slopes that are equal for all practical purposes differ significantly.
+    Variances are assumed equal. Simulated points hardly scatter, so that slopes that are equal for
+    all practical purposes differ significantly.
     """
     separate = sum(float((line.residuals**2).sum()) for line in lines)
     moments = [(line.x - line.x.mean(), line.y - line.y.mean()) for line in lines]

@@ -17,8 +17,8 @@ def fold_angles(
 ) -> Float[np.ndarray, "*state hinge"]:
     """Signed fold angle of every hinge, on the branch nearest its rest angle [rad].
 
-    Flat is 0 and a mountain fold is positive. Beyond ±π the two cells have passed through each
-    other; the angle, like the energy, continues smoothly.
+    Flat is 0, a mountain fold positive. Beyond ±π, where cells have passed through each other, the
+    angle, like the energy, continues smoothly.
     """
     positions, lengths = np.asarray(configuration.positions), np.asarray(configuration.lengths)
     states, rest = lengths.shape[:-1], np.asarray(fabric.rest_fold)
@@ -32,11 +32,7 @@ def fold_angles(
 def hinges_past_pi(
     net: Network, fabric: Fabric, configuration: Configuration
 ) -> Int[np.ndarray, "*state"]:
-    """Number of hinges folded beyond ±π, where the fabric passes through itself [1].
-
-    Hinges without stiffness are not counted. The paper's model has no contact between layers that
-    would prevent it.
-    """
+    """Number of hinges with stiffness folded beyond ±π, where the fabric passes through itself."""
     past = np.abs(fold_angles(net, fabric, configuration)) > np.pi
     return (past & (np.asarray(fabric.fold_stiffness) > 0)).sum(axis=-1)
 
@@ -46,13 +42,9 @@ def widths_across_folds(
 ) -> dict[str, tuple[float, float]]:
     """Width of the patches across their folds (paper, "Relaxation"), at centre and edges [mm].
 
-    The width of a rib patch is the distance of its borders along the weft. At its centre it is
-    measured on its middle row, at its edges it is the mean of its first and last row. The width of
-    a garter patch is measured in the same way along the warp. Patches of a knit in the unit cell
-    nearest the middle are averaged.
-
-    Returns:
-        (centre, edge) of ``rib`` and ``garter``, if the unit cell has such patches.
+    The width of a rib patch is the distance of its borders along the weft: on its middle row at its
+    centre, and the mean of its first and last row at its edges; that of a garter patch likewise
+    along the warp. Patches of a knit in the unit cell nearest the middle are averaged.
     """
     middle = central_cell(shape, cells, configuration)
     rows, columns = cells.middle

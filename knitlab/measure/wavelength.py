@@ -2,11 +2,9 @@
 
 The line is a boundary between unit cells. The bending of the whole sample is removed with a
 Savitzky–Golay filter, the rest is resampled evenly, and the peak of its discrete Fourier transform
-gives λ = 1/ν̃_peak.
-
-The resolution of the transform is coarse: for m waves its points are 1/m apart. So the line is
-tapered and padded with zeros, which interpolates the spectrum, and the top of the peak is found
-from three points of its logarithm, which for a tapered wave is nearly a parabola.
+gives λ = 1/ν̃_peak. For m waves the points of the transform are only 1/m apart: the line is tapered
+and padded with zeros, which interpolates the spectrum, and the top of the peak is that of a
+parabola through three points of its logarithm.
 """
 
 from dataclasses import dataclass
@@ -38,11 +36,7 @@ Direction = Literal["x", "y"]
 
 @dataclass(frozen=True)
 class Wave:
-    """The wave in a line [mm].
-
-    Its amplitude is half the height of the sinusoid from trough to crest; ``across`` is the line
-    without its trend, at coordinates ``along`` it that are evenly spaced from its first point.
-    """
+    """The wave in a line [mm]; ``across`` is the line without its trend, at points ``along`` it."""
 
     wavelength: float
     amplitude: float
@@ -55,8 +49,7 @@ def boundary_line(
 ) -> Float[np.ndarray, "point 2"]:
     """The boundary between unit cells nearest the middle, seen from above (along, across) [mm].
 
-    It runs along the weft x or the warp y, from edge to edge, or across :data:`PERIODIC_CELLS`
-    cells of periodic fabric.
+    In periodic fabric it crosses :data:`PERIODIC_CELLS` cells.
     """
     nodes, sides = np.asarray(configuration.positions)[..., :2], configuration.lengths
     if direction == "x":
@@ -111,10 +104,7 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
 def spectrum(
     across: Float[np.ndarray, " point"], extent: float
 ) -> tuple[Float[np.ndarray, " wavenumber"], Float[np.ndarray, " wavenumber"]]:
-    """Wavenumbers ν̃ [1/mm] and the amplitude of a sinusoid at each [mm].
-
-    The line is sampled evenly over its extent, including its first and last point [mm].
-    """
+    """Wavenumbers ν̃ [1/mm], and the amplitude of a sinusoid at each, of an even line [mm]."""
     taper = np.hanning(len(across))
     transform = np.fft.rfft((across - across.mean()) * taper, PADDING * len(across))
     spacing = extent / (len(across) - 1)

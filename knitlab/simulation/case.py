@@ -93,9 +93,9 @@ class Case:
     def case_id(self) -> str:
         """Identifier: the design, and a hash of all that differs from its default in code.
 
-        A field that is added later changes the identifier of no case that has its default, which is
-        the value of every earlier case. A default in code is therefore never changed: another one
-        would give two results one identifier. What users get is the value in ``params/``.
+        A field that is added later changes no identifier of a case that has its default, as every
+        earlier case has. A default in code is therefore never changed: another one would give two
+        results one identifier. What users get is the value in ``params/``.
         """
         differing = self._fields(exclude_defaults=True)
         return "-".join([*map(str, self.design.values()), _digest(differing)[:12]])

@@ -11,9 +11,6 @@ from knitlab.fabric.electrodes import Electrodes, Strip, split_by_cells
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.unit_cells import nodes_at
 
-Side = tuple[int, float, float, float]
-"""Axis, position along it, and extent across it of a side of a part of an electrode."""
-
 
 @dataclass(frozen=True, eq=False)
 class PanelChart:
@@ -61,8 +58,8 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
     return PanelChart(np.array(cells), np.array(corners), np.array(electrode))
 
 
-def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> Side:
-    """The lower or upper side of a part; the same for parts that meet there."""
+def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> tuple[int, float, float, float]:
+    """Axis, position and extent of the lower or upper side of a part; equal for two that meet."""
     position = part.extents[axis][end]
     low, high = part.extents[1 - axis]
     if wrapped is not None:
@@ -73,8 +70,7 @@ def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> Side:
 def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
     """Lines from 0 to 1 that divide a cell into panels, denser where charge concentrates.
 
-    If the electrode ends at one side of a cell, the other side is usually the ridge of a fold: also
-    an outer edge, with lines as dense.
+    The side opposite to a free one is usually the ridge of a fold: also an outer edge, as dense.
     """
     count = level * 2 ** (low_free + high_free)
     lines = np.linspace(0, 1, count + 1)

@@ -25,10 +25,9 @@ class CapacitorStatus(IntEnum):
     """Whether a capacitance is measured, or why not.
 
     ``touching``: bare electrodes are closer than ``clearance``, or electrodes pass through each
-    other.
-    ``folded_through``: a fold at the electrodes is beyond half a turn, or an electrode passes
-    through itself, which the model does not prevent. ``unresolved``: finer panels change the
-    capacitance by more than the required accuracy.
+    other. ``folded_through``: a fold at the electrodes is beyond half a turn, or an electrode
+    passes through itself. ``unresolved``: finer panels change the capacitance by more than the
+    required accuracy.
     """
 
     measured = 0
@@ -69,10 +68,10 @@ def sensor_values(
 
 
 def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
-    """The strains of a test at which a fabric can serve as a sensor.
+    """Whether a fabric can serve as a sensor at each strain of a test.
 
-    It is the longest interval of strains, or the first of equal ones, in which there is a
-    capacitance and the fabric is not yet unfolded, see :func:`strain_unfolded`.
+    It can in the longest interval of strains, or the first of equal ones, in which there is a
+    capacitance and the fabric is not yet unfolded.
     """
     usable = np.isfinite(capacitance) & ~(strain > unfolded)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
@@ -98,10 +97,9 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
 def widest_linear(
     strain: Curve, capacitance: Curve, least_linearity: float
 ) -> tuple[float, float, float]:
-    """The widest strain window in which a straight line has an R², and the slope of that line.
+    """The widest strain window in which a straight line has an R²: its ends, and the slope [pF].
 
-    Strains are evenly spaced. Returns the first and last strain [1], and the slope [pF]; of equally
-    wide windows those of the steepest.
+    Strains are evenly spaced. Of equally wide windows it is that of the steepest line.
     """
     squared, slope = _fits(strain, capacitance)
     width = strain[None, :] - strain[:, None]
@@ -144,10 +142,10 @@ def hysteresis(loading: Curve, unloading: Curve) -> float:
 def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
     """Applied strain at which unfolding is complete, NaN if it is not within the test [1].
 
-    Unfolding is complete when the folds between the electrodes are open: when their mean angle has
-    fallen to the fraction ``left`` of its relaxed value, or to its minimum if they close again from
-    there on. A checkerboard reaches this at its largest transverse strain, as the paper describes
-    (Sec. "Kinematics under tension"); at larger strain it narrows, and its folds close.
+    It is complete when the mean angle of the folds between the electrodes has fallen to the
+    fraction ``left`` of its relaxed value, or to its minimum if they close again from there on. A
+    checkerboard reaches this at its largest transverse strain (paper, Sec. "Kinematics under
+    tension"); at larger strain it narrows, and its folds close.
     """
     least = int(np.argmin(fold))
     open_enough = np.flatnonzero(fold <= left * fold[0])

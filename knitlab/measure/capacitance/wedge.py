@@ -50,8 +50,7 @@ def wedge_capacitance(
 ) -> Float[Array, "*state"]:
     """Capacitance between two strips in vacuum, by the wedge integral [pF].
 
-    It is differentiable with respect to the configuration, of one state or several. For periodic
-    fabric it is that of one period.
+    It is differentiable by the configuration, and for periodic fabric that of one period.
 
     Raises:
         ValueError: if the electrodes are not two strips :func:`side_by_side`.
