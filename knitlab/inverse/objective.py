@@ -98,11 +98,7 @@ class Objective:
         return self._stacked(trial, None)[0]
 
     def jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`residuals` by the variables.
-
-        Raises:
-            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
-        """
+        """Derivatives of :meth:`residuals` by the variables; NoDerivative as at a snap."""
         return self._stacked(trial, self._slopes(trial))[1]
 
     def constraints(self, trial: Trial) -> Residuals:
@@ -175,11 +171,7 @@ def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " 
 
 
 def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) -> None:
-    """Check that the test of a case has the variables of targets, and windows where needed.
-
-    Raises:
-        BadInput: with every fault.
-    """
+    """Raise BadInput unless a case has the variables of targets, with windows where needed."""
     faults = ErrorCollector()
     stored = variables_of(case)
     known = {

@@ -87,11 +87,7 @@ class DesignRequest(DesignFile):
 
 
 def read_request(path: Path) -> DesignRequest:
-    """Read the TOML file of a design; paths in it are relative to its folder.
-
-    Raises:
-        BadInput: with every fault of it.
-    """
+    """Read the TOML file of a design, as :func:`checked_request`; paths are relative to it."""
     table = read_toml(path)
     if isinstance(table.get("cubes"), list):
         table["cubes"] = [str((path.parent / str(cube)).resolve()) for cube in table["cubes"]]
@@ -138,11 +134,7 @@ def checked_request(
 
 
 def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
-    """What a variable may be.
-
-    Raises:
-        BadInput: if there is no such variable, or it cannot be that.
-    """
+    """What a variable may be; BadInput if there is no such variable, or it cannot be that."""
     listed = list(value) if isinstance(value, list | tuple) else [value]
     if name == PATTERN:
         if not (listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed)):

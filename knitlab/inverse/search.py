@@ -49,9 +49,8 @@ ATTEMPTS = 3
 class TrialRecord:
     """The record of a trial: its point in the search space, its case, and how far off it is.
 
-    ``off_by`` are distances from each target and constraint, in the unit of the variable,
-    ``distance`` the root mean square of those from targets over their tolerances, and ``violation``
-    the largest excess of those from constraints in tolerances.
+    ``off_by`` are distances from each target and constraint, in the unit of the variable;
+    ``distance`` and ``violation`` are those of the :class:`.Objective`.
     """
 
     point: list[float]
@@ -324,9 +323,7 @@ def run_searches(
 
     A search that was killed repeats its trials from their files and continues; one whose worker
     died is tried again. After each trial ``progress`` is called with its design and distance.
-
-    Raises:
-        BadInput: with the reason of every search that failed.
+    Raises BadInput with the reason of every search that failed.
     """
     first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
     starts = {case.case_id: case for case in first}

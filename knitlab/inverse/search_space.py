@@ -100,9 +100,8 @@ def _changes(variable: str, parameter: str) -> bool:
 def search_space(request: DesignRequest) -> SearchSpace:
     """The space that a request allows; the last strain follows from the targets if not given.
 
-    Raises:
-        BadInput: if it has no possible design, if a bound cannot be simulated, or if the test ends
-            before the window of a target.
+    Raises BadInput if it has no possible design, a bound cannot be simulated, or the test ends
+    before the window of a target.
     """
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}

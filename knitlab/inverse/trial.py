@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 
 import jax
@@ -76,11 +76,7 @@ class Trial:
         return case_file.configurations(self.results)
 
     def values(self, name: str) -> Float[np.ndarray, " strain"]:
-        """A variable: one value for each strain, or a single one.
-
-        Raises:
-            KeyError: if the case does not have it.
-        """
+        """A variable: one value for each strain, or a single one."""
         if function := dict(self.own).get(name):
             return np.array([float(function(self._shapes[k])) for k in range(len(self.strains))])
         if name in self.results:
@@ -97,10 +93,8 @@ class Trial:
         """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
 
         Names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions are the same in every
-        call; those of the design have one strain. Derivatives at strains not needed are 0.
-
-        Raises:
-            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
+        call; those of the design have one strain. Derivatives at strains not needed are 0. Raises
+        NoDerivative if a state is not a stable equilibrium, such as at a snap.
         """
         key = needed.tobytes()
         if key not in self._slopes:  # a constrained search needs them twice
@@ -139,15 +133,9 @@ class Trial:
 def state_slopes(
     case: Case, adjoint: Adjoint, strain: float, shape: Configuration, measure: Measure
 ) -> Float[np.ndarray, "quantity stripe_parameter"]:
-    """Logarithmic derivatives p ∂f/∂p of a measure of the state of a test at one strain.
-
-    Raises:
-        NoDerivative: if the state is not a stable equilibrium.
-    """
-    derivatives = (
-        adjoint.of_strained(strain, shape, measure) if strain else adjoint.of_relaxed(measure)
-    )
-    return sensitivity.logarithmic(derivatives, case.stripe_pair)
+    """Logarithmic derivatives p ∂f/∂p of a measure of a state; NoDerivative if it is unstable."""
+    at = partial(adjoint.of_strained, strain, shape) if strain else adjoint.of_relaxed
+    return sensitivity.logarithmic(at(measure), case.stripe_pair)
 
 
 @lru_cache(maxsize=64)

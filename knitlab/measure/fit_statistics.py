@@ -89,11 +89,7 @@ class LinearFit:
 
 
 def linear_fit(x: Points, y: Points) -> LinearFit:
-    """The line through at least three points.
-
-    Raises:
-        ValueError: if there are fewer, from which the error of a slope cannot be estimated.
-    """
+    """The line through at least three points; ValueError if there are fewer."""
     if len(x) < 3:
         raise ValueError(f"{len(x)} points give no confidence interval of a slope; give 3 at least")
     line = stats.linregress(x, y)

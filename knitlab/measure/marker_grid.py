@@ -62,11 +62,7 @@ class MarkerGrid:
 def grid_of_places(
     rows: Int[np.ndarray, " marker"], columns: Int[np.ndarray, " marker"]
 ) -> MarkerGrid:
-    """The grid of markers with given rows and columns; those with negative ones are strays.
-
-    Raises:
-        NoGrid: if two markers have the same row and column.
-    """
+    """The grid of markers with given rows and columns, of which negative ones mark strays."""
     on_grid = (rows >= 0) & (columns >= 0)
     if not on_grid.any():
         raise NoGrid("no marker has a row and column; give them for each")
@@ -85,11 +81,7 @@ def grid_of_places(
 
 
 def find_grid(points: Points) -> MarkerGrid:
-    """Find the grid of markers at points (x, y), NaN if not seen, along weft and warp within 45°.
-
-    Raises:
-        NoGrid: if there are too few points, or they form no grid.
-    """
+    """Find the grid of points (x, y), NaN if not seen, that run along weft and warp within 45°."""
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
     if len(seen) < FEWEST:
         raise NoGrid(

@@ -231,11 +231,7 @@ class Case:
 
     @property
     def electrodes(self) -> Electrodes:
-        """What is plated on it.
-
-        Raises:
-            BadLayout: if the fabric cannot carry its layout.
-        """
+        """What is plated on it; BadLayout if the fabric cannot carry it."""
         layout = self.capacitor_given.layout
         return place_electrodes(layout, self.sample, self.options, self.stitches_per_cell)
 
@@ -322,11 +318,7 @@ def _digest(record: dict[str, Any]) -> str:
 
 
 def case_of(record: dict[str, Any]) -> Case:
-    """The case that a record describes.
-
-    Raises:
-        ValidationError: if the record is not of a case of this version.
-    """
+    """The case that a record describes; ValidationError if it is of another version."""
     case: Case = _schema(Case).validate_python(record)
     return case
 

@@ -91,9 +91,7 @@ def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray
 def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
     """Derivatives along the test of a case with respect to its stripe parameters.
 
-    Raises:
-        NoDerivative: if the relaxed shape is not a stable equilibrium, or if the case has contact,
-            which these derivatives leave out.
+    Raises NoDerivative if the relaxed shape is not a stable equilibrium, or the case has contact.
     """
     if case.options.contact != "none":
         raise NoDerivative("derivatives leave out contact")

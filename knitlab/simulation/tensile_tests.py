@@ -127,11 +127,7 @@ def _starts(cases: Sequence[Case], imperfection: int | None) -> list[Configurati
 
 
 def contact_of(case: Case) -> "Barrier | None":
-    """The contact of the fabric of a case; ``None`` if it may pass through itself.
-
-    Raises:
-        BadInput: if its library is not installed.
-    """
+    """The contact of the fabric of a case; ``None`` if it may pass through itself."""
     if case.options.contact == "none":
         return None
     if find_spec("ipctk") is None:
