@@ -17,13 +17,7 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.inertia import Inertia, inertia
 from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.network import MeshShape, Network, mesh_shape
-from knitlab.fabric.pattern import (
-    CELLS_PER_PERIOD,
-    Grading,
-    PatchGrid,
-    SingleFold,
-    graded_pattern,
-)
+from knitlab.fabric.pattern import CELLS_PER_PERIOD, Grading, PatchGrid, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import SpringKind, Stripe, StripePair
 from knitlab.measure.capacitance.capacitor import Capacitor
