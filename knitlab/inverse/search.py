@@ -236,16 +236,17 @@ class DesignSearch:
             rows = objective.constraints(trial)
             return rows if record.distance is not None else np.full_like(rows, -FAILED_DISTANCE)
 
-        def within_slopes(point: Point) -> Float[np.ndarray, "row variable"]:
-            return objective.constraints_jacobian(self.trial(point)[0])
-
         minimize(
             squared,
             start,
             jac=True,
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(start),
-            constraints={"type": "ineq", "fun": within, "jac": within_slopes},
+            constraints={
+                "type": "ineq",
+                "fun": within,
+                "jac": lambda point: objective.constraints_jacobian(self.trial(point)[0]),
+            },
             options={"ftol": TOLERANCE, "maxiter": self.budget},
         )
 

@@ -88,13 +88,12 @@ class SearchSpace:
 
     def acts_on(self) -> Float[np.ndarray, "parameter variable"]:
         """Derivatives of the logarithm of each parameter by each coordinate of a point."""
-        changed = [[_changes(name, parameter) for name in self.names] for parameter in PARAMETERS]
+        quantities = [name.removesuffix("_factor") for name in self.names]
+        changed = [
+            [parameter in (each, f"rib_{each}", f"garter_{each}") for each in quantities]
+            for parameter in PARAMETERS
+        ]
         return np.reshape(changed, (len(PARAMETERS), len(self.names))) * (self.upper - self.lower)
-
-
-def _changes(variable: str, parameter: str) -> bool:
-    quantity = variable.removesuffix("_factor")
-    return parameter in (quantity, f"rib_{quantity}", f"garter_{quantity}")
 
 
 def search_space(request: DesignRequest) -> SearchSpace:

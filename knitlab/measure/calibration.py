@@ -103,9 +103,8 @@ class Calibration:
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
         """The fitted stripe, for a design with this model option.
 
-        In a stripe table the period is that of the relaxed stripe if ``cell_size`` is
-        ``"relaxed"``. If it is ``"flat"``, the period is that of the flat stripe, which is longer
-        by 1/sin(θ0/2). With it the network has the springs and folds of the fitted zigzag.
+        The period in its table is that of the relaxed stripe if ``cell_size`` is ``"relaxed"``; if
+        it is ``"flat"``, that of the flat stripe, which is longer by 1/sin(θ0/2).
         """
         flat = cell_size == "flat"
         period = self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
@@ -175,10 +174,14 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
         for start in starts
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    covariance = _covariance(best)
+    _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
+    # Round-off must not count as information.
+    singular = np.maximum(singular, np.finfo(float).eps * singular[0])
+    freedom = len(strain) - len(fitted)
+    covariance = 2 * best.cost / freedom * (right.T / singular**2) @ right
     errors = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(errors, errors)
-    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(fitted))
+    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, freedom)
     limits = best.x + np.outer([-1, 0, 1], reach)
     with np.errstate(over="ignore"):
         limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
@@ -207,20 +210,19 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
 
 def report(calibration: Calibration) -> list[str]:
     """The fit in lines of text: parameters with errors, correlations, misfit."""
-    lines = [
-        f"{name:8s} {calibration.values[name]:.5g} ± {calibration.standard_errors[name]:.2g}"
-        f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
-        for name, (low, high) in calibration.intervals.items()
-    ]
-    pairs = zip(
-        itertools.combinations(calibration.values, 2),
-        calibration.correlations[np.triu_indices(len(calibration.values), 1)],
-        strict=True,
-    )
-    lines += [f"correlation of {one} and {other}: {value:+.4f}" for (one, other), value in pairs]
     tried, agreeing = calibration.starts
     return [
-        *lines,
+        *(
+            f"{name:8s} {calibration.values[name]:.5g} ± {calibration.standard_errors[name]:.2g}"
+            f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
+            for name, (low, high) in calibration.intervals.items()
+        ),
+        *(
+            f"correlation of {one} and {other}: {calibration.correlations[row, column]:+.4f}"
+            for (row, one), (column, other) in itertools.combinations(
+                enumerate(calibration.values), 2
+            )
+        ),
         f"misfit   {calibration.misfit:.2g} N rms over {len(calibration.strain)} points;"
         f" {agreeing} of {tried} starts agree, {calibration.iterations} steps",
     ]
@@ -305,23 +307,14 @@ def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "
     half = strain <= (strain[0] + strain[-1]) / 2
     opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
     starts = []
-    for angle, stiff, soft, stiffening in itertools.product(
-        STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, STARTING_STRAINS
-    ):
+    choices = STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, STARTING_STRAINS
+    for angle, stiff, soft, stiffening in itertools.product(*choices):
         cell = period / (4 * np.sin(angle / 2))
         # For a fold that opens slightly: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
         k_t = max(opening, 1e-9) * cell * np.cos(angle / 2) / (2 * np.tan(angle / 2))
         k_s = np.max(np.abs(force)) / (0.1 * cell)
         starts.append((stiff * k_s, soft * k_t, angle, stiffening))
     return np.array(starts)
-
-
-def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "fitted fitted"]:
-    freedom = len(fit.fun) - len(fit.x)
-    _, singular, right = np.linalg.svd(fit.jac, full_matrices=False)
-    # Round-off must not count as information.
-    singular = np.maximum(singular, np.finfo(float).eps * singular[0])
-    return 2 * fit.cost / freedom * (right.T / singular**2) @ right
 
 
 def _warnings(

@@ -9,7 +9,7 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.fold_angle import fold_and_slope
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.pattern import KNIT_OF_LETTER, PatchGrid
-from knitlab.measure.unit_cells import CellGrid, central_cell
+from knitlab.measure.unit_cells import CellGrid, nodes_at
 
 
 def fold_angles(
@@ -46,17 +46,18 @@ def widths_across_folds(
     centre, and the mean of its first and last row at its edges; that of a garter patch likewise
     along the warp. Patches of a knit in the unit cell nearest the middle are averaged.
     """
-    middle = central_cell(shape, cells, configuration)
     rows, columns = cells.middle
     widths: dict[str, list[tuple[float, float]]] = {}
     for row, column in np.ndindex(pattern.knit.shape):
-        low, high = pattern.row_borders[row : row + 2] - rows.start
-        left, right = pattern.column_borders[column : column + 2] - columns.start
-        inside = low >= 0 and left >= 0 and high < middle.shape[0] and right < middle.shape[1]
+        low, high = pattern.row_borders[row : row + 2]
+        left, right = pattern.column_borders[column : column + 2]
+        inside = rows.start <= low < high < rows.stop
+        inside &= columns.start <= left < right < columns.stop
         knit = KNIT_OF_LETTER[str(pattern.knit[row, column])]
         if not inside or knit == "plain":
             continue
-        nodes = middle[low : high + 1, left : right + 1]
+        patch = np.arange(low, high + 1), np.arange(left, right + 1)
+        nodes = np.asarray(nodes_at(shape, configuration, *patch))
         across = nodes[:, -1, 0] - nodes[:, 0, 0]
         width = across if knit == "rib" else nodes[-1, :, 1] - nodes[0, :, 1]
         widths.setdefault(knit, []).append((width[len(width) // 2], (width[0] + width[-1]) / 2))

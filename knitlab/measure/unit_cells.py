@@ -71,11 +71,3 @@ def unit_cell_corners(
 ) -> Float[Array | np.ndarray, "*state corner_y corner_x 2"]:
     """Positions (x, y) of the corners of the unit cells, in one state or several [mm]."""
     return nodes_at(shape, configuration, np.array(cells.rows), np.array(cells.columns))[..., :2]
-
-
-def central_cell(
-    shape: MeshShape, cells: CellGrid, configuration: Configuration
-) -> Float[np.ndarray, "row column 3"]:
-    """Nodes of the unit cell nearest the middle, including its last row and column [mm]."""
-    rows, columns = (np.arange(lines.start, lines.stop) for lines in cells.middle)
-    return np.asarray(nodes_at(shape, configuration, rows, columns))
