@@ -118,11 +118,7 @@ def run_design(
         raise fault(str(folder), problem)
     # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
-        coarse = not request.cubes and len(space.designs) > request.starts
-        if coarse and budget <= (count := len(space.designs)):
-            problem = f"is used up by the coarse sweep of {count} designs; raise it, or give cubes"
-            raise fault(f"budget {budget}", f"{problem} to start from")
-        starts, simulations, unknown = _starts(request, space, own, folder / TRIALS, run)
+        starts, simulations, unknown = _starts(request, space, own, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
             temporary.write_text(request.text)
         left = max(budget - simulations, 1)
@@ -178,16 +174,20 @@ def _starts(
     own: ShapeFunctions,
     folder: Path,
     options: RunOptions,
+    budget: int,
 ) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
     """Designs to refine, the nearest to the targets first, by cubes or a coarse sweep.
 
     Also returns the number of simulations of the sweep, and the allowed designs that no cube has,
     which are not considered.
     """
-    if len(space.designs) <= request.starts and not request.cubes:
-        return space.designs, 0, ()
     cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
     if not cubes:
+        if (count := len(space.designs)) <= request.starts:
+            return space.designs, 0, ()
+        if budget <= count:
+            problem = f"is used up by the coarse sweep of {count} designs; raise it, or give cubes"
+            raise fault(f"budget {budget}", f"{problem} to start from")
         plan = make_plan(space.workflow, {**space.settings, **request.choices})
         if run_plan(plan, folder, options).stopped:
             raise KeyboardInterrupt

@@ -23,11 +23,7 @@ SPREAD = ("poisson_ratio", "reaction_force")
 
 @dataclass(frozen=True)
 class SiblingTest:
-    """A sibling and its test.
-
-    The energy is that of the fabric as designed, relaxed from the sibling's shape; NaN if one of
-    both did not converge [N mm].
-    """
+    """A sibling, its test, and the energy of the original relaxed from its shape, or NaN [N mm]."""
 
     case: Case
     test: TensileTest
@@ -35,10 +31,7 @@ class SiblingTest:
 
 
 def sibling(case: Case, number: int) -> Case:
-    """A sibling of a case, by its number from 1 on.
-
-    Stripe numbers are up to 2 % larger or smaller, and every second one has another start.
-    """
+    """A sibling, from 1 on: stripes differ by up to 2 %, and every second has another start."""
     pair, second = divmod(number - 1, 2)
     changes = np.random.default_rng(pair).uniform(-1, 1, size=(2, len(STRIPE_QUANTITIES)))
     # The second of a pair differs the other way, so that a spread is not to one side by chance.
@@ -65,10 +58,10 @@ def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
 def spread(
     values: dict[str, Any], siblings: Sequence[dict[str, Any]], energies: Sequence[float]
 ) -> dict[str, Any]:
-    """Lowest and highest results of a case and its siblings, under the registry's names.
+    """Lowest and highest results of a case and its siblings, by the names of the schema.
 
     A sibling counts at the strains that it reached. Energies are the relaxed one of the case, then
-    those that its siblings led it to; NaN for what did not converge [N mm].
+    those that its siblings led it to, NaN if they did not converge [N mm].
     """
     spreads: dict[str, Any] = {"relaxed_branches": float(branches(energies))}
     for name in SPREAD:

@@ -156,12 +156,8 @@ def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
     """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
     from knitlab.dynamics.damped_test import MovingFabrics
 
-    return MovingFabrics(
-        cases[0].mesh_shape,
-        [case.assemble()[1] for case in cases],
-        [case.inertia() for case in cases],
-        cases[0].motion,
-    )
+    fabrics, inertias = [case.assemble()[1] for case in cases], [case.inertia() for case in cases]
+    return MovingFabrics(cases[0].mesh_shape, fabrics, inertias, cases[0].motion)
 
 
 def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
