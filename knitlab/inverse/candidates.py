@@ -32,7 +32,6 @@ from knitlab.sweep.workflow_file import workflow_file
 DISTANCES = ("distance", "distance_worst")
 """Variables of the cube: distance of a candidate, and the worst within its spread."""
 OF_TRIAL = ("converged", "snapped", "distance", "violation")
-FIGURES = ["curves", "shape"]
 
 
 class Candidate(NamedTuple):
@@ -100,9 +99,8 @@ def completed(
     if gauge_varies:
         unknown = np.full(cube["status"].shape, np.nan)
         cube = cube.assign({name: (dims, unknown.copy()) for name in declared(Gauge)})
-        stated = set(GAUGE_ATTRIBUTES.values())
-        others = {name: value for name, value in cube.attrs.items() if name not in stated}
-        cube = cube.drop_attrs(deep=False).assign_attrs(others)
+        for name in GAUGE_ATTRIBUTES.values():
+            cube.attrs.pop(name, None)
     for number, labels, _, case, gauge in candidates:
         trial = run_trial(folder / TRIALS, case, gauge, own)
         values: dict[str, Any] = {name: trial.values(name) for name, _ in own}
@@ -162,7 +160,7 @@ def write_workflow(
         table.setdefault(SETTINGS[name].section, {})[name] = value
     table["design"].pop("set", None)
     table["title"] = f"{path.stem} of the design {request.name}"
-    table["figures"] = FIGURES
+    table["figures"] = ["curves", "shape"]
     for section, name in (("model", "stripe_files"), ("design", "pattern_files")):
         if files := table.get(section, {}).get(name):
             table[section][name] = [str((base.parent / file).resolve()) for file in files]

@@ -99,12 +99,9 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request that the keys of a :class:`DesignFile` describe.
+    """The request that the keys of a :class:`DesignFile` describe; BadInput with all its faults.
 
-    Faults are named with a prefix, ``source``; paths of curves are relative to a folder.
-
-    Raises:
-        BadInput: with every fault of it.
+    These are named with a prefix, ``source``; paths of curves are relative to a folder.
     """
     try:
         file = DesignFile.model_validate(table)

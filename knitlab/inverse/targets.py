@@ -82,8 +82,7 @@ def _strains(window: StrainWindow | None) -> Float[np.ndarray, " point"]:
 class Conflict(NamedTuple):
     """Two targets of which no trial meets both.
 
-    Distances of the converged trials are over the tolerance of each target; ``candidates`` are the
-    numbers of their searches.
+    Distances of trials are over the tolerance of each; ``candidates`` numbers their searches.
     """
 
     targets: tuple[str, str]

@@ -134,10 +134,7 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
     used; standard errors and correlations are those of the linearised fit, with the noise taken
     from the residual. The curve is the force on one row of the network [N] over strains of the
-    relaxed period, w or h [mm].
-
-    Raises:
-        ValueError: if there are not more points than parameters, or no force.
+    relaxed period, w or h [mm]; ValueError if it has too few points, or no tension.
     """
     fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
     curve = law if isinstance(law, SpringCurve) else None

@@ -76,11 +76,8 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
     """The strongest wave in a line of points (along, across) in any order [mm].
 
     Points at the same coordinate, where the fabric folds over, are averaged. Only waves within a
-    factor of two of the stated number of waves along the line are searched.
-
-    Raises:
-        ValueError: if there are fewer than two waves, the points are too few to resolve them, or
-            a point is not finite.
+    factor of two of the stated number of waves along the line are searched. Raises ValueError for
+    fewer than two waves, too few points to resolve them, or a point that is not finite.
     """
     if waves < FEWEST_WAVES:
         raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")
@@ -112,7 +109,7 @@ def spectrum(
 
 
 def _trend(raw: Float[np.ndarray, " point"], wavelength: float) -> Float[np.ndarray, " point"]:
-    """The trend: variation slower than the wave, whose length is relative to that of the line."""
+    """Variation slower than the wave, whose length is relative to that of the line."""
     from scipy.signal import savgol_filter  # slow to import, and only simulations need it
 
     window = min(round(TREND_WINDOW * wavelength * len(raw)), len(raw))

@@ -37,7 +37,7 @@ def tensile_tests(
     """
     if cases[0].method == "dynamics" and imperfection is None:
         return dynamic_tests(cases, progress)
-    sheets = _starts(cases, imperfection)
+    sheets = starts(cases, imperfection)
     moved: list[Relaxed | None] = [None] * len(cases)
     if cases[0].relaxes_by_dynamics:
         from knitlab.dynamics.damped_test import relax_by_dynamics
@@ -100,7 +100,7 @@ class Reporter:
             self._report(self._states + fraction)
 
 
-def _starts(cases: Sequence[Case], imperfection: int | None) -> list[Configuration | None]:
+def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Configuration | None]:
     """What samples relax from: the flat sheet (``None``), an imperfect one, or a tiling [mm]."""
     shapes: list[Configuration | None] = [None] * len(cases)
     if imperfection is not None:

@@ -126,15 +126,10 @@ def maxwell_matrices(
     their potentials are relative to an arbitrary reference, and only :func:`two_terminal` is
     meaningful.
 
-    Args:
-        panels: corners of the panels in order around each; a corner may repeat [mm].
-        membership: 1 if a panel belongs to a conductor, else 0.
-        near: see :func:`near_pairs`.
-        images: periodic repetition, if any.
-        period: period of that [mm].
-        apart: distance d that a dielectric keeps between different conductors: their distance r
-            counts as √(r² + d²) [mm].
-        ground: height of a grounded plane below all panels, if there is one [mm].
+    Corners of panels are in order around each and may repeat [mm]; ``membership`` is 1 if a panel
+    belongs to a conductor, else 0. With a dielectric between different conductors, which keeps them
+    a distance d ``apart``, their distance r counts as √(r² + d²) [mm]. A grounded plane, if there
+    is one, is at a height ``ground`` below all panels [mm].
     """
     apart_squared = apart**2 * (1 - membership @ membership.T)
 

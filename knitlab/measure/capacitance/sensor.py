@@ -41,9 +41,8 @@ def sensor_values(
 ) -> dict[str, float]:
     """Figures of merit of a sensor, by the names of the schema; none if it has too few points.
 
-    Between points, at ascending strains, the curve [pF] is interpolated by monotone cubics. The
-    working range is the widest strain window in which a straight line has the R² that is asked for.
-    Humidity does not change the part of the capacitance that is due to the leads.
+    The curve [pF] at ascending strains is interpolated by monotone cubics. The working range is the
+    widest window in which a straight line has an R². Humidity changes all but the leads.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -68,14 +67,9 @@ def sensor_values(
 
 
 def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
-    """Whether a fabric can serve as a sensor at each strain of a test.
-
-    It can in the longest interval of strains, or the first of equal ones, in which there is a
-    capacitance and the fabric is not yet unfolded.
-    """
+    """The first longest interval of strains that have a capacitance and are not ``unfolded``."""
     usable = np.isfinite(capacitance) & ~(strain > unfolded)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
-    runs = edges.reshape(-1, 2)
+    runs = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]))).reshape(-1, 2)
     kept = np.zeros_like(usable)
     if len(runs):
         start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
@@ -84,10 +78,7 @@ def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
 
 
 def mean_slope(strain: Curve, capacitance: Curve) -> float:
-    """Mean |dC/dε| over the central 20 % of a strain range [pF].
-
-    Between its points the curve is linear (paper, Fig. "capacitor testing" D).
-    """
+    """Mean |dC/dε| over the central 20 % of a strain range (paper, "capacitor testing" D) [pF]."""
     middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
     inner = strain[(strain > middle - half) & (strain < middle + half)]
     strains = np.concatenate([[middle - half], inner, [middle + half]])
