@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import jax
@@ -134,8 +134,10 @@ def state_slopes(
     case: Case, adjoint: Adjoint, strain: float, shape: Configuration, measure: Measure
 ) -> Float[np.ndarray, "quantity stripe_parameter"]:
     """Logarithmic derivatives p ∂f/∂p of a measure of a state; NoDerivative if it is unstable."""
-    at = partial(adjoint.of_strained, strain, shape) if strain else adjoint.of_relaxed
-    return sensitivity.logarithmic(at(measure), case.stripe_pair)
+    derivatives = (
+        adjoint.of_strained(strain, shape, measure) if strain else adjoint.of_relaxed(measure)
+    )
+    return sensitivity.logarithmic(derivatives, case.stripe_pair)
 
 
 @lru_cache(maxsize=64)

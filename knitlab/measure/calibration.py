@@ -187,12 +187,11 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
     # An interior angle of a fold is between 0 and π.
     intervals[2] = np.clip(intervals[2], 0, np.pi)
     standard_errors = errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
-    by_name = partial(zip, fitted, strict=True)
     return Calibration(
         period,
-        dict(by_name(values.tolist())),
-        dict(by_name(standard_errors.tolist())),
-        dict(by_name(map(tuple, intervals.tolist()))),
+        dict(zip(fitted, values.tolist(), strict=True)),
+        dict(zip(fitted, standard_errors.tolist(), strict=True)),
+        dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
         correlations,
         strain,
         force,

@@ -154,7 +154,6 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
 
 
 def _lengths(case: Case, configurations: Configuration, of: str = "") -> dict[str, Any]:
-    """Periods of periodic fabric, under the names of the schema."""
     if not case.mesh_shape.periodic:
         return {}
     return {f"{of}length_{axis}": configurations.lengths[:, k] for k, axis in enumerate("xy")}
