@@ -95,7 +95,7 @@ def run_design(
     """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
 
     Trials of an interrupted design in the folder are reused. Without workers, simulations run in
-    this process. The tests of the candidates with their siblings add to the budget.
+    this process. The tests of the candidates with their siblings are not part of the budget.
 
     Raises:
         BadInput: if the request cannot be run, the folder holds another request, or a search
