@@ -19,12 +19,10 @@ LEAST_POINTS = 4
 
 
 def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
-    """Headers, which may contain duplicates, and the rows below them, as text.
-
-    Lines that start with # are ignored. A message shows the example of a table.
+    """Headers, which may contain duplicates, and the rows below them, as text, without # lines.
 
     Raises:
-        BadInput: if it cannot be read, or is not a table.
+        BadInput: if it cannot be read, or is not a table; the message shows the example.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -86,12 +84,7 @@ def _in_unit(value: float, unit: str, target: str) -> float:
 
 @dataclass(frozen=True)
 class TensionCurve:
-    """Tension of one row of the network against strain.
-
-    Attributes:
-        strain: of the period, ascending from 0 or more [1].
-        force: on one row [N].
-    """
+    """Tension of one row of the network [N] against strain, ascending from 0 or more [1]."""
 
     strain: Float[np.ndarray, " point"]
     force: Float[np.ndarray, " point"]
@@ -100,11 +93,10 @@ class TensionCurve:
 def read_tension_curve(
     path: Path, width: float | None = None, thickness: float | None = None
 ) -> TensionCurve:
-    """Read a tension curve: a column of strain, and one of force or of stress.
+    """Read a tension curve: a column of strain, and one of force or of stress, in any unit.
 
-    Force is for one row of the network. Stress is force over the width [mm] of a row [N/mm] or,
-    with the thickness [mm] of the fabric, over its cross-section [MPa]; any unit of these
-    dimensions is accepted. Other columns are ignored.
+    Force is for one row of the network. Stress is force over the width [mm] of a row or, with the
+    thickness [mm] of the fabric, over its cross-section.
 
     Raises:
         BadInput: with every fault of the file.
@@ -167,11 +159,9 @@ def _newton_per_row(
 ) -> tuple[float, list[Fault]]:
     place = f"{path}: column {load}"
     if load == "force":
-        faults = [
-            Fault(f"{option} {value:g}", "is for stress, but the curve holds force; leave it out")
-            for option, value in (("width", width), ("thickness", thickness))
-            if value is not None
-        ]
+        problem = "is for stress, but the curve holds force; leave it out"
+        given = {"width": width, "thickness": thickness}.items()
+        faults = [Fault(f"{name} {its:g}", problem) for name, its in given if its is not None]
         factor, found = factor_of(place, unit, "N", "of force, such as [N]")
         return factor, faults + found
     if width is None:

@@ -44,7 +44,7 @@ PATTERN_FILES = "design.pattern_files"
 USUAL_STRAIN = 2.0
 """Largest usual applied strain: that of pure stripes, which unfold furthest."""
 FAR = 10.0
-"""Factor above the largest, or below the smallest, value of the tables of an unusual value."""
+"""Factor beyond the values of the tables from which a value is unusual."""
 Table = TypeVar("Table")
 
 
@@ -62,10 +62,7 @@ def with_stripe_files(
 def with_pattern_files(
     section: DesignSection, parameters: Parameters, text: WorkflowText
 ) -> tuple[Parameters, list[Path]]:
-    """The parameters with the patterns of a workflow's ``pattern_files``.
-
-    Beside them the files that its patterns are read from, but for ``patterns.toml``.
-    """
+    """The parameters with a workflow's ``pattern_files``, and the files of its patterns."""
     patterns = dict(parameters.patterns)
     files = [text.folder(PATTERN_FILES) / name for name in section.pattern_files]
     for path in files:
@@ -85,11 +82,7 @@ def cases(
     parameters: Parameters,
     source: Source,
 ) -> Iterator[Case]:
-    """Every case of a workflow: every design under every combination of the axes' values.
-
-    Raises:
-        BadInput: if settings contradict each other.
-    """
+    """Every design under every combination of the axes' values; BadInput if settings contradict."""
     for labels, chosen in combinations(workflow, axes):
         yield from _cases(chosen, labels, space, parameters, source)
 

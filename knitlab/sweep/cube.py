@@ -24,9 +24,7 @@ from knitlab.sweep.results_folder import Cell, Design, cells
 
 TEXT_VARIABLES = ("case_id", "code")
 MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
-"""Parameters in which designs of one cube may differ: strains, sample size (which the cube has for
-each design, as ``unit_cells_y`` and ``unit_cells_x``), solver settings, and whether sensitivities,
-unloading or siblings are requested."""
+"""Parameters in which designs of one cube may differ."""
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
 GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}
@@ -52,23 +50,17 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
         raise fault(str(path), problem) from error
     dims = design_dims(cube)
     if dims != plan.dims:
-        raise fault(
-            str(path),
-            f"has the dimensions {', '.join(dims)}, but the workflow has {', '.join(plan.dims)};"
-            " name another results folder",
-        )
+        problem = f"has the dimensions {', '.join(dims)}, but the workflow has"
+        raise fault(str(path), f"{problem} {', '.join(plan.dims)}; name another results folder")
     if not {*UNIT_CELLS, "code"} <= set(cube):
         raise fault(str(path), "is of another version of knitlab; name another results folder")
     others = set(cells(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
-    changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
-    if others and changed:
-        listed = "; ".join(map(str, changed))
-        raise fault(
-            str(path),
-            f"holds {len(others)} designs computed otherwise ({listed}); name another"
-            " results folder, or list the values of a setting to make it a dimension",
-        )
+    listed = "; ".join(str(change) for change in changed if change.key[0] not in MAY_DIFFER)
+    if others and listed:
+        problem = f"holds {len(others)} designs computed otherwise ({listed}); name another results"
+        problem += " folder, or list the values of a setting to make it a dimension"
+        raise fault(str(path), problem)
     return cube
 
 
@@ -85,8 +77,8 @@ def build_cube(
 
     A planned case has the results of its file, else those that the old cube has for its design,
     else it is ``failed`` or ``pending``. Cells of the old cube that are not in the plan are kept;
-    combinations that were never requested are ``excluded``. Cases of which the old cube has the
-    results of their file are ``kept``; ``damaged`` files must not be read.
+    combinations that were never requested are ``excluded``. Files of cases that are ``kept`` as in
+    the old cube, or ``damaged``, are not read.
     """
     known = cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
@@ -178,11 +170,7 @@ def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
 
 
 def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:
-    """Knit sizes [mm] of a simulated case at a gauge, by the names of the schema.
-
-    They follow from the variables of its file. A pure stripe, whose stitches are not defined by
-    patches, has none.
-    """
+    """Knit sizes [mm] of a simulated case at a gauge; a pure stripe has none."""
     if case.pure:
         return {}
     names = (

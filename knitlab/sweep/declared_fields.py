@@ -1,8 +1,4 @@
-"""Fields of schemas, derived from the tables that declare settings.
-
-A settings table such as :class:`.SolverSettings` declares the name, the range, the unit and the
-default of each of its settings. The schemas of parameter files and of workflows follow from it.
-"""
+"""Schemas of parameter files and workflows, derived from dataclasses that declare settings."""
 
 import dataclasses
 from collections.abc import Callable, Collection
@@ -42,9 +38,8 @@ class FactorOn:
 
 def declared(table: type, without: Collection[str] = ()) -> Types:
     """The settings that a dataclass declares, but for some of its fields."""
-    hints = get_type_hints(table, include_extras=True)
-    names = [field.name for field in dataclasses.fields(table)]
-    return {name: hints[name] for name in names if name not in without}
+    hints, fields = get_type_hints(table, include_extras=True), dataclasses.fields(table)
+    return {field.name: hints[field.name] for field in fields if field.name not in without}
 
 
 def factors(quantities: Types) -> Types:
@@ -74,11 +69,13 @@ def optional(types: Types) -> Fields:
 
 def with_defaults(table: type) -> Fields:
     """Fields with the defaults of a dataclass."""
-    defaults = {field.name: field.default for field in dataclasses.fields(table)}
-    return {
-        name: (kind, ... if defaults[name] is dataclasses.MISSING else defaults[name])
-        for name, (kind, _) in required(declared(table)).items()
+    defaults = {
+        field.name: field.default
+        for field in dataclasses.fields(table)
+        if field.default is not dataclasses.MISSING
     }
+    types = required(declared(table))
+    return {name: (kind, defaults.get(name, ...)) for name, (kind, _) in types.items()}
 
 
 def entries(types: Types) -> Fields:
@@ -111,17 +108,11 @@ def with_fields(fields: Fields) -> Callable[[Model], Model]:
 
 
 def checked(name: str, table: Table, kind: type[Table]) -> Table:
-    """A table of settings of some name, as its dataclass or one that this is derived from.
-
-    Raises:
-        BadInput: with every value that is out of range.
-    """
-    values = {
-        field: checked(f"{name}.{field}", value, type(value))
-        if dataclasses.is_dataclass(value)
-        else value
-        for field, value in ((field, getattr(table, field)) for field in declared(kind))
-    }
+    """A table of settings as a dataclass; BadInput has every value that is out of range."""
+    values = {field: getattr(table, field) for field in declared(kind)}
+    for field, value in values.items():
+        if dataclasses.is_dataclass(value):
+            values[field] = checked(f"{name}.{field}", value, type(value))
     try:
         # mypy takes the hash of an instance for that of its class.
         read = _schema(kind).model_validate(values)  # type: ignore[arg-type]

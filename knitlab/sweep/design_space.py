@@ -18,12 +18,9 @@ DEFAULT_SET = "paper"
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """Designs of a sweep, on the grid of a cube.
+    """Labels of the designs to simulate, and impossible combinations of their grid with the reason.
 
-    Attributes:
-        designs: labels of those to simulate, ordered: (n_stripe, n_subunit) of a checkerboard,
-            (knit, n, boundary) of a pure stripe.
-        excluded: impossible combinations of a grid, with the reason.
+    They are (n_stripe, n_subunit) of a checkerboard, (knit, n, boundary) of a pure stripe.
     """
 
     designs: tuple[Design, ...]
@@ -34,8 +31,7 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     """Resolve a workflow's ``[design]``; impossible combinations of a grid are excluded.
 
     Raises:
-        BadInput: if a set or a member of it does not exist, if a single design is impossible, or
-            if no design is left.
+        BadInput: if a set or a member of it does not exist, or if no design is left.
     """
     name, sets = section.set or DEFAULT_SET, parameters.designs.root
     if name not in sets:
@@ -103,9 +99,7 @@ def stripe_space(section: StripesSection, parameters: Parameters, source: Source
 def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int, int]:
     """Repeats of a pattern of (courses, wales) in a sample along (y, x) (paper, "Kinematics").
 
-    They are unit cells for the paper's pattern. With ``needles``, a sample has as many whole
-    repeats as fit on them, at least one. Its length is ``aspect`` times its width; two courses
-    count as long as a wale is wide.
+    Two courses count as long as a wale is wide.
     """
     if section.needles is None:
         return section.unit_cells or (1, 1)

@@ -38,12 +38,7 @@ def suffixes(kind: str) -> tuple[str, ...]:
 
 
 def check_still(output: Path) -> None:
-    """Check that the suffix of a file is a format of a still figure.
-
-    Raises:
-        BadInput: if it is not.
-    """
+    """Check that the suffix of a file is a format of a still figure; else BadInput."""
     if output.suffix.lower() not in STILL_SUFFIXES:
-        raise fault(
-            f"output {output}", f"has no suffix of a figure; give {', '.join(STILL_SUFFIXES)}"
-        )
+        problem = f"has no suffix of a figure; give {', '.join(STILL_SUFFIXES)}"
+        raise fault(f"output {output}", problem)

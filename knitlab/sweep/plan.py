@@ -14,12 +14,7 @@ from knitlab.cube.common_settings import common_settings
 from knitlab.cube.schema import Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
-from knitlab.io.fingerprint import (
-    code_fingerprint,
-    digests,
-    package_fingerprint,
-    text_fingerprint,
-)
+from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
@@ -46,7 +41,7 @@ class Plan:
 
     Attributes:
         excluded: impossible designs of the grid, with the reason.
-        coordinates: coordinates of the settings that are given as lists.
+        coordinates: of the settings that are given as lists.
         overrides: values that replace the workflow's, by the name of their setting.
         inputs: SHA-256 of every file that the plan was made from, by path.
         stripes: fingerprint of the stripe tables, with the changes that all cases share.
@@ -120,11 +115,7 @@ class Plan:
         }
 
     def write(self, path: Path) -> None:
-        """Write the plan into a JSON file, one line for each case.
-
-        Raises:
-            CannotWrite: if it cannot be written.
-        """
+        """Write the plan into a JSON file, one line for each case."""
         record = self.record()
         cases = record.pop("cases").items()
         lines = (f"  {json.dumps(case_id)}: {json.dumps(case)}" for case_id, case in cases)
@@ -152,9 +143,7 @@ def make_plan(
     with faults:
         parameters = shipped_parameters = read_parameters(folder)
     with faults:
-        read = text.checked()
-    with faults:
-        axes = text.checked_axes()
+        read, axes = text.checked()
     with faults:
         if parameters and (model := text.section("model")):
             parameters, files = with_stripe_files(model, parameters, text)
@@ -223,8 +212,7 @@ def _stripes_fingerprint(
 def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
     """The plan with the cases of several recorded plans of one workflow and the same dimensions.
 
-    If the plans differ, it states no inputs: no workflow file gives all its cases. A message names
-    what they were read from.
+    If the plans differ, it states no inputs: no workflow file gives all its cases.
     """
     first = records[0]
     cases: dict[str, Case] = {}

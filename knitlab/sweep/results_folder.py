@@ -70,10 +70,7 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
 def survey(
     designs: Mapping[str, Design], folder: Path, stored: Mapping[Design, Cell], check: bool
 ) -> dict[str, CaseState]:
-    """State of every planned case in a folder with a cube of stored cells, by identifier.
-
-    ``check`` compares every case file with its checksum, rather than only test that both exist.
-    """
+    """State of every planned case in a folder; ``check`` compares case files with checksums."""
     names = {path.name for path in (folder / "cases").glob("*")}
     states = {}
     for case_id, design in designs.items():

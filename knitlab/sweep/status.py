@@ -79,10 +79,7 @@ class FolderStatus:
 def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
     """Progress of the last plan of a workflow, which is planned again if an input has changed.
 
-    ``check`` compares every case file with its checksum.
-
-    Raises:
-        BadInput: if the workflow was never planned there.
+    BadInput if it was never planned there; ``check`` compares every case file with its checksum.
     """
     folder = results / Path(workflow).stem
     record = read_plan(folder)
@@ -97,11 +94,7 @@ def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
 def folder_status(
     folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
 ) -> FolderStatus:
-    """Status of the planned cases, given by their labels, in a folder with a recorded plan.
-
-    Raises:
-        BadInput: if its ``cube.nc`` is not a cube.
-    """
+    """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
     cube = open_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
     stored = cells(cube)
     failures = earlier_failures(folder)
@@ -109,10 +102,8 @@ def folder_status(
     for case_id, state in survey(designs, folder, stored, check).items():
         cell = stored.get(designs[case_id])
         if state is CaseState.done:
-            in_cube = cell is not None and cell.case_id == case_id
-            statuses[case_id] = (
-                cell.status.name if cell and in_cube else "done, not yet in the cube"
-            )
+            in_cube = cell if cell and cell.case_id == case_id else None
+            statuses[case_id] = in_cube.status.name if in_cube else "done, not yet in the cube"
         elif state is CaseState.pending and case_id in failures:
             statuses[case_id] = Status.failed.name
         else:
@@ -127,24 +118,19 @@ def folder_status(
 
 
 def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[str, Any] | None:
-    """The record of a plan whose run is complete, so that a run would change nothing; else None.
-
-    Inputs, overrides and code are the same, and every case is ok, undamaged, computed by this code
-    and in the cube.
-    """
+    """The record of a plan of which a run would change nothing; None if there is none."""
     try:
         path = workflow_file(workflow)
         folder = results / path.stem
         record = read_plan(folder)
-        same = (
+        if (
             record["overrides"] == {each.name: each.value for each in read_overrides(overrides)[0]}
             and record.get("package") == package_fingerprint()
             and str(path.resolve()) in record["inputs"]
             and not changed_inputs(record)
-        )
-        if not same:
-            return None
-        status = folder_status(folder, record, planned_designs(record), check=True)
+        ):
+            status = folder_status(folder, record, planned_designs(record), check=True)
+            return record if set(status.counts) == {Status.ok.name} else None
     except (BadInput, OSError):
-        return None
-    return record if set(status.counts) == {Status.ok.name} else None
+        pass
+    return None
