@@ -102,20 +102,19 @@ def read_tension_curve(
         BadInput: with every fault of the file.
     """
     headers, table = read_table(path, EXAMPLE)
-    columns: dict[str, int] = {}
-    units: dict[str, str] = {}
+    columns: dict[str, tuple[pd.Series, str]] = {}
     faults = []
     for place, header in enumerate(headers):
         match = COLUMN.fullmatch(header)
-        name = (match["name"] if match else header).strip().lower()
+        name, unit = (match["name"], match["unit"].strip()) if match else (header, "")
+        name = name.strip().lower()
         if name not in ("strain", "force", "stress"):
             continue
-        unit = match["unit"].strip() if match else ""
         if not unit:
             faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if name in columns:
             faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
-        columns[name], units[name] = place, unit
+        columns[name] = table[place], unit
     loads = [name for name in ("force", "stress") if name in columns]
     if "strain" not in columns:
         faults.append(Fault(f"{path}: column strain", f"is missing; {EXAMPLE}"))
@@ -126,11 +125,12 @@ def read_tension_curve(
         raise BadInput(faults)
 
     (load,) = loads
-    strain, strain_faults = numbers_of(path, "strain", table[columns["strain"]])
-    forces, force_faults = numbers_of(path, load, table[columns[load]])
-    per_row, row_faults = _newton_per_row(path, load, units[load], width, thickness)
+    (strain_text, strain_unit), (load_text, load_unit) = columns["strain"], columns[load]
+    strain, strain_faults = numbers_of(path, "strain", strain_text)
+    forces, force_faults = numbers_of(path, load, load_text)
+    per_row, row_faults = _newton_per_row(path, load, load_unit, width, thickness)
     place_of_strain = f"{path}: column strain"
-    of_one, unit_faults = factor_of(place_of_strain, units["strain"], "1", "such as [1] or [%]")
+    of_one, unit_faults = factor_of(place_of_strain, strain_unit, "1", "such as [1] or [%]")
     faults = [*strain_faults, *force_faults, *row_faults, *unit_faults]
     if not faults and (why := _strain_problem(strain)):
         faults = [Fault(place_of_strain, why)]
@@ -146,11 +146,9 @@ def _strain_problem(strain: Float[np.ndarray, " point"]) -> str | None:
     if strain.min() < 0:
         return f"goes down to {strain.min():g}; give tension alone, from 0 up"
     if len(falls):
-        at = falls[0]
-        return (
-            f"decreases from {strain[at]:g} to {strain[at + 1]:g} at point {at + 2};"
-            " give the loading curve alone"
-        )
+        before, after = strain[falls[0] : falls[0] + 2]
+        problem = f"decreases from {before:g} to {after:g} at point {falls[0] + 2}"
+        return f"{problem}; give the loading curve alone"
     return None
 
 

@@ -35,7 +35,7 @@ from knitlab.sweep.workflow import (
     Workflow,
     pattern_name,
 )
-from knitlab.sweep.workflow_text import SweepAxis, WorkflowText, combinations
+from knitlab.sweep.workflow_text import WorkflowText
 
 # A pure stripe has its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
@@ -75,18 +75,6 @@ def with_pattern_files(
     return replace(parameters, patterns=patterns), files
 
 
-def cases(
-    workflow: Workflow,
-    axes: tuple[SweepAxis, ...],
-    space: DesignSpace,
-    parameters: Parameters,
-    source: Source,
-) -> Iterator[Case]:
-    """Every design under every combination of the axes' values; BadInput if settings contradict."""
-    for labels, chosen in combinations(workflow, axes):
-        yield from _cases(chosen, labels, space, parameters, source)
-
-
 def overridden(table: Table, section: StrictModel) -> Table:
     """A table of settings with what a workflow's section gives in place of them."""
     given = section.model_dump(include=set(declared(type(table))), exclude_none=True)
@@ -94,13 +82,18 @@ def overridden(table: Table, section: StrictModel) -> Table:
     return replace(table, **given)  # type: ignore[type-var]
 
 
-def _cases(
+def cases(
     workflow: Workflow,
     labels: dict[str, Label],
     space: DesignSpace,
     parameters: Parameters,
     source: Source,
 ) -> Iterator[Case]:
+    """The case of every design, labelled with the values of the axes too.
+
+    Raises:
+        BadInput: if settings contradict each other.
+    """
     protocol, changes = workflow.protocol, workflow.model.changes
     model_options = overridden(parameters.model, workflow.model)
     solver = overridden(parameters.solver, workflow.solver)

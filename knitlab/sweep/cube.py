@@ -20,7 +20,7 @@ from knitlab.simulation.case import Case, Label
 from knitlab.simulation.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.plan import Plan
-from knitlab.sweep.results_folder import Cell, Design, cells
+from knitlab.sweep.results_folder import CaseState, Cell, Design, cells
 
 TEXT_VARIABLES = ("case_id", "code")
 MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
@@ -68,17 +68,15 @@ def build_cube(
     plan: Plan,
     results: Path,
     old: xr.Dataset | None,
-    *,
-    kept: Collection[str] = (),
-    damaged: Collection[str] = (),
-    failed: Collection[str] = (),
+    states: Mapping[str, CaseState],
+    failed: Collection[str],
 ) -> xr.Dataset:
     """Cube of a plan, from its case files and the previous cube, which has the same dimensions.
 
     A planned case has the results of its file, else those that the old cube has for its design,
     else it is ``failed`` or ``pending``. Cells of the old cube that are not in the plan are kept;
-    combinations that were never requested are ``excluded``. Files of cases that are ``kept`` as in
-    the old cube, or ``damaged``, are not read.
+    combinations that were never requested are ``excluded``. Files of cases that are done already in
+    the old cube, or damaged, are not read.
     """
     known = cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
@@ -86,10 +84,10 @@ def build_cube(
         design = tuple(case.design.values())
         cell = known.get(design)
         has_results = cell is not None and cell.has_results
-        if cell is not None and has_results and case_id in kept and cell.case_id == case_id:
+        state, path = states.get(case_id), case_path(results, case_id)
+        if cell and has_results and state is CaseState.done and cell.case_id == case_id:
             continue
-        path = case_path(results, case_id)
-        if case_id not in damaged and path.is_file():
+        if state is not CaseState.damaged and path.is_file():
             entries[design] = _read_entry(path, case, plan.gauge)
         elif not has_results:
             status = Status.failed if case_id in failed else Status.pending
@@ -107,13 +105,9 @@ def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
     """Variables of the cube, in the order of the registry."""
     case = next(iter(plan.cases.values()))
     # A swept setting, such as contact, may give some cases variables that others lack.
-    wanted = {
-        name
-        for each in plan.cases.values()
-        for name, variable in variables_of(each).items()
-        if variable.in_cube
-    }
-    wanted |= set() if old is None else set(map(str, old.data_vars))
+    wanted = set() if old is None else set(map(str, old.data_vars))
+    for each in plan.cases.values():
+        wanted |= {name for name, variable in variables_of(each).items() if variable.in_cube}
     kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
     named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]
     # A stripe number that is swept is a coordinate.
@@ -230,8 +224,7 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     coordinates = {
         **dict(zip(plan.dims, labels, strict=True)),
         "applied_strain": strains,
-        "cell_y": np.arange(sizes["cell_y"]),
-        "cell_x": np.arange(sizes["cell_x"]),
+        **{dim: np.arange(sizes[dim]) for dim in ("cell_y", "cell_x")},
         **fixed_coordinates({dim for name in names for dim in VARIABLES[name].dims}),
     }
     cube = described(xr.Dataset(variables, coordinates))

@@ -55,14 +55,11 @@ def _members(
         wanted = getattr(section, key)
         if wanted is None:
             continue
-        members = {pair[place] for pair in pairs}
+        members = sorted({pair[place] for pair in pairs})
         other = "n_subunit" if key == "n_stripe" else "n_stripe"
+        remedy = f"choose from {members}, or give {other} too for a grid of your own"
         faults += [
-            Fault(
-                source(f"design.{key}"),
-                f"set {name!r} has no {key} = {value}; choose from {sorted(members)},"
-                f" or give {other} too for a grid of your own",
-            )
+            Fault(source(f"design.{key}"), f"set {name!r} has no {key} = {value}; {remedy}")
             for value in wanted
             if value not in members
         ]

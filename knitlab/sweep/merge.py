@@ -20,7 +20,7 @@ from knitlab.sweep import results_folder
 from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube
 from knitlab.sweep.plan import joined_plan
 from knitlab.sweep.reproduce import comparison
-from knitlab.sweep.results_folder import PLAN, CaseState, Cell, Design, Failure
+from knitlab.sweep.results_folder import PLAN, Cell, Design, Failure
 
 CASES = "cases"
 COMPARED = ("poisson_ratio", "reaction_force")
@@ -204,14 +204,7 @@ def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
         for case_id, entry in results_folder.earlier_failures(source.path).items()
         if entry["status"] == Status.failed.name
     }
-    return build_cube(
-        plan,
-        target,
-        old,
-        kept=[name for name, state in states.items() if state is CaseState.done],
-        damaged=[name for name, state in states.items() if state is CaseState.damaged],
-        failed=failed,
-    )
+    return build_cube(plan, target, old, states, failed)
 
 
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:

@@ -274,12 +274,8 @@ def read_parameters(folder: Path) -> Parameters:
         ]
     if faults.all:
         raise BadInput(faults.all)
-    found = {
-        name: entry
-        for file in read.values()
-        for name, entry in file
-        if isinstance(entry, ParameterValue)
-    }
+    entries_of_files = [entry for file in read.values() for entry in file]
+    found = {name: its for name, its in entries_of_files if isinstance(its, ParameterValue)}
     layouts = {
         name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
         for name, row in read["electrodes"].layouts.items()

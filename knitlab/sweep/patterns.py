@@ -158,24 +158,22 @@ class Pattern(StrictModel):
         """Values of all lines; the default if no values are given, or not one for each line."""
         values: Sequence[int] | None = getattr(self, key)
         if values is not None and len(values) != count:
-            problems.append(
-                f"{key} gives {len(values)} values, but the pattern has {count} {lines.name}s;"
-                " give one for each"
-            )
+            problem = f"{key} gives {len(values)} values, but the pattern has {count}"
+            problems.append(f"{problem} {lines.name}s; give one for each")
             values = None
         return values or (default,) * count
 
     def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
         """Courses and wales of the whole pattern, of given rows of letters and one design."""
-        found = []
-        for lines, count in ((ROWS, len(rows)), (COLUMNS, len(rows[0]))):
-            default = (lines.stitches * n_subunit,) * count
-            sizes = getattr(self, f"{lines.name}_{lines.unit}") or default
+
+        def total(lines: _Lines, count: int) -> int:
             if periods := getattr(self, f"{lines.name}_periods"):
                 n = getattr(self, f"{lines.name}_n_stripe") or (n_stripe,) * count
-                sizes = [lines.of_period(its) * p for its, p in zip(n, periods, strict=False)]
-            found.append(sum(sizes))
-        return found[0], found[1]
+                return sum(lines.of_period(its) * p for its, p in zip(n, periods, strict=False))
+            sizes = getattr(self, f"{lines.name}_{lines.unit}")
+            return sum(sizes or (lines.stitches * n_subunit,) * count)
+
+        return total(ROWS, len(rows)), total(COLUMNS, len(rows[0]))
 
 
 @dataclass(frozen=True)

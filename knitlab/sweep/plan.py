@@ -18,6 +18,7 @@ from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprin
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
+from knitlab.sweep import workflow_text
 from knitlab.sweep.batches import Batch, Shard, batched, split
 from knitlab.sweep.cases import (
     cases,
@@ -32,7 +33,7 @@ from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow import CHANGES, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
-from knitlab.sweep.workflow_text import SweepAxis, WorkflowText, coordinate, read_workflow
+from knitlab.sweep.workflow_text import SweepAxis, WorkflowText
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def make_plan(
     Raises:
         BadInput: with every fault of every file and override.
     """
-    text = read_workflow(workflow_file(workflow), overrides)
+    text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
     faults = ErrorCollector()
     parameters = shipped_parameters = read = None
@@ -159,7 +160,9 @@ def make_plan(
     with faults:
         if parameters and read and not faults.all:
             made = {
-                case.case_id: case for case in cases(read, axes, space, parameters, text.source)
+                case.case_id: case
+                for labels, chosen in workflow_text.combinations(read, axes)
+                for case in cases(chosen, labels, space, parameters, text.source)
             }
             faults.all += _misplaced_electrodes(made, text)
     if parameters is None or shipped_parameters is None or read is None or faults.all:
@@ -171,7 +174,7 @@ def make_plan(
         cases=made,
         batches=batched(made),
         excluded=space.excluded,
-        coordinates={axis.name: coordinate(axis.setting) for axis in axes},
+        coordinates={axis.name: workflow_text.coordinate(axis.setting) for axis in axes},
         overrides=text.overrides,
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
@@ -236,7 +239,7 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         batches=batched(cases),
         excluded={design: why for design, why in excluded.items() if design not in designs},
         coordinates={
-            name: coordinate(SETTINGS[name])
+            name: workflow_text.coordinate(SETTINGS[name])
             for name in first["dims"]
             if name in SETTINGS and name not in ("n_stripe", "n_subunit")
         },

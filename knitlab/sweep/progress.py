@@ -96,6 +96,3 @@ class _LogLines:
     def write(self, text: str) -> None:
         if line := text.strip():
             self._file.write(f"{line}\n")
-
-    def flush(self) -> None:
-        self._file.flush()

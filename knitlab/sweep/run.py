@@ -77,9 +77,7 @@ class Run:
 
     Attributes:
         cube: the cube, as written; of a shard, the designs of its part alone.
-        states_before: state of every planned case before the run.
-        failures: an entry with its reason for each case that is not ok.
-        changed: differences to the parameters of stale results.
+        changed: differences to the parameters of the cube before the run.
         joined: whether ``cube.nc`` was written; it is left to other shards that still run.
     """
 
@@ -186,11 +184,10 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         if joined := shard is None:
             cube, failures = _join(plan, results, old, states, simulated, failed)
         else:
-            # More shards than cases leave some without any.
-            damaged = _damaged(states, simulated) if part.cases else set(plan.cases)
-            cube = build_cube(
-                part if part.cases else plan, results, None, damaged=damaged, failed=failed
-            )
+            shown, after = part, states | dict.fromkeys(simulated, CaseState.pending)
+            if not part.cases:  # with more shards than cases: a cube without results
+                shown, after = plan, dict.fromkeys(plan.cases, CaseState.damaged)
+            cube = build_cube(shown, results, None, after, failed)
             failures = _failures(part, results, cube, simulated, failed)
             with gate(results):
                 of_others = earlier_failures(results)
@@ -203,9 +200,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                     found = results_folder.survey(plan.designs, results, stored, check=True)
                     _join(plan, results, now, found, simulated, failed)
     changed = () if old is None else differences(parameters_of(old), plan.common)
-    return Run(
-        cube, simulated, states, failures, done.stopped, tuple(map(str, changed)), joined=joined
-    )
+    listed = tuple(map(str, changed))
+    return Run(cube, simulated, states, failures, done.stopped, listed, joined)
 
 
 def _others_run(results: Path, shard: Shard) -> bool:
@@ -299,30 +295,19 @@ def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
     return all(read_case(results, case.case_id)["status"] == Status.ok for case in batch)
 
 
-def _damaged(states: Mapping[str, CaseState], simulated: Collection[str]) -> set[str]:
-    damaged = {case_id for case_id, state in states.items() if state is CaseState.damaged}
-    return damaged - set(simulated)
-
-
 def _join(
     plan: Plan,
     results: Path,
     old: xr.Dataset | None,
-    states: Mapping[str, CaseState],
+    states: dict[str, CaseState],
     simulated: Collection[str],
     failed: Failed,
 ) -> tuple[xr.Dataset, tuple[Failure, ...]]:
     """Write the cube and the failures of a folder, with the states of its cases before the run."""
     earlier = earlier_failures(results).values()
     failed_earlier = {each["case_id"] for each in earlier if each["status"] == Status.failed.name}
-    cube = build_cube(
-        plan,
-        results,
-        old,
-        kept=[case_id for case_id, state in states.items() if state is CaseState.done],
-        damaged=_damaged(states, simulated),
-        failed=failed_earlier | failed.keys(),
-    )
+    after = states | dict.fromkeys(simulated, CaseState.pending)
+    cube = build_cube(plan, results, old, after, failed_earlier | failed.keys())
     failures = _failures(plan, results, cube, simulated, failed)
     write_cube(cube, results / CUBE)
     results_folder.write_failures(results, failures)

@@ -48,15 +48,13 @@ class SweepAxis:
 
 def coordinate(setting: Setting) -> Variable:
     """The cube's coordinate along the values of a setting."""
-    long_name = setting.name
+    long_name = {
+        SAMPLE_SIZE: "unit cells of the sample, along y and x",
+        PATTERN: "named pattern of patches",
+        **{name: f"{name} of the electrodes" for name in LAYOUT_SETTINGS},
+    }.get(setting.name, setting.name)
     if quantity := setting.factor_on:
         long_name = f"factor on {quantity}"
-    elif setting.name == SAMPLE_SIZE:
-        long_name = "unit cells of the sample, along y and x"
-    elif setting.name == PATTERN:
-        long_name = "named pattern of patches"
-    elif setting.name in LAYOUT_SETTINGS:
-        long_name = f"{setting.name} of the electrodes"
     return Variable((setting.name,), setting.unit, long_name)
 
 
