@@ -1,5 +1,6 @@
 """Case files: for each case a netCDF file and its checksum. Needs no JAX."""
 
+import hashlib
 from collections.abc import Collection
 from enum import Enum
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 
 from knitlab.cube.schema import INTEGERS, MISSING, encoding
 from knitlab.io.atomic_write import write_atomically
-from knitlab.io.fingerprint import bytes_digest, file_digest
+from knitlab.io.fingerprint import file_digest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +53,7 @@ def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
         )
     )
     path = case_path(results, case_id)
-    checksum = f"{bytes_digest(contents)}  {path.name}\n"
+    checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n"
     write_atomically(checksum_path(results, case_id), checksum.encode())
     write_atomically(path, contents)
 

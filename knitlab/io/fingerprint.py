@@ -50,9 +50,9 @@ def code_fingerprint() -> str:
 def package_fingerprint() -> str:
     """Fingerprint of the text of the whole package."""
     digest = hashlib.sha256()
-    for name in sorted(_names(PACKAGE, PACKAGE.rglob("*.py"))):
-        digest.update(name.encode())
-        digest.update((PACKAGE / name).read_bytes())
+    for file in sorted(PACKAGE.rglob("*.py")):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode())
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:DIGITS]
 
 
@@ -65,14 +65,10 @@ def fingerprint_of(package: Path) -> str:
     return text_fingerprint("\n".join([f"model version {MODEL_VERSION}", *code]))
 
 
-def _names(package: Path, files: Iterable[Path]) -> set[str]:
-    return {file.relative_to(package).as_posix() for file in files}
-
-
 def computing_files(package: Path) -> list[str]:
     """Paths, within a package, of the modules that compute the numbers of a case."""
-    files = [file for part in COMPUTING for file in (package / part).glob("*.py")]
-    return sorted(_names(package, files) - set(OF_NO_CASE))
+    files = [file for folder in COMPUTING for file in (package / folder).glob("*.py")]
+    return sorted({file.relative_to(package).as_posix() for file in files} - set(OF_NO_CASE))
 
 
 def text_fingerprint(text: str) -> str:
@@ -84,11 +80,6 @@ def file_digest(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits; OSError if it cannot be read."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def bytes_digest(contents: bytes) -> str:
-    """SHA-256 of the contents of a file."""
-    return hashlib.sha256(contents).hexdigest()
 
 
 def digests(paths: Iterable[Path]) -> dict[str, str]:

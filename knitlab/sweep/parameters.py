@@ -46,11 +46,9 @@ class StripeUnits(StrictModel):
     stiffening_strain: Literal["1"] | None = None
 
 
+@with_fields(with_defaults(SpringCurve))
 class SpringCurveRow(StrictModel):
     """The table of a :class:`~knitlab.fabric.spring_law.SpringCurve`."""
-
-    strain: Annotated[tuple[float, ...], Field(strict=False)]
-    force: Annotated[tuple[float, ...], Field(strict=False)]
 
     @model_validator(mode="after")
     def _is_a_curve(self) -> "SpringCurveRow":
@@ -60,7 +58,7 @@ class SpringCurveRow(StrictModel):
     @property
     def curve(self) -> SpringCurve:
         """The curve of this table."""
-        return SpringCurve(self.strain, self.force)
+        return SpringCurve(**dict(self))
 
 
 @with_fields(required(QUANTITIES))

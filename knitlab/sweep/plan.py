@@ -21,14 +21,17 @@ from knitlab.simulation.case import Case, case_of
 from knitlab.sweep import workflow_text
 from knitlab.sweep.batches import Batch, Shard, batched, split
 from knitlab.sweep.cases import (
+    Design,
+    DesignSpace,
     cases,
+    design_space,
     electrode_problems,
     overridden,
+    stripe_space,
     unusual_values,
     with_pattern_files,
     with_stripe_files,
 )
-from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow import CHANGES, SPRING_LAW_CHANGES, Workflow
