@@ -227,8 +227,8 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
             codes.setdefault(code, folder.path)
     if len(codes) > 1:
         listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
-        problem = f"hold cases of different code ({listed}); run the older ones again, or allow any"
-        faults.append(Fault("folders", f"{problem} code"))
+        problem = f"hold cases of different code ({listed}); run the older ones again,"
+        faults.append(Fault("folders", f"{problem} or allow any code"))
     if not faults:
         faults = _contradictions(folders)
     if faults:
@@ -237,7 +237,7 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
 
 def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
     """Faults of designs that are another case, or the same case with other numbers."""
-    found: dict[str, Fault] = {}
+    faults: dict[str, Fault] = {}
     of_design: dict[Design, tuple[FolderContents, Cell]] = {}
     of_case: dict[str, FolderContents] = {}
     for folder in folders:
@@ -247,29 +247,29 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
                 pairs = zip(folder.dims, design, strict=True)
                 labels = "  ".join(f"{name} {label}" for name, label in pairs)
                 problem = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
-                problem += f" {its.case_id}, computed with other settings; merge it into another"
-                found[cell.case_id] = Fault(str(folder.path), f"{problem} folder")
+                problem += f" {its.case_id}, computed with other settings;"
+                problem += " merge it into another folder"
+                faults[cell.case_id] = Fault(str(folder.path), problem)
         for case_id in folder.results:
             owner = of_case.setdefault(case_id, folder)
-            if owner is folder or case_id in found or _same_file(case_id, owner, folder):
+            if owner is folder or case_id in faults or _same_file(case_id, owner, folder):
                 continue
             # The strains of a cube are those of all its designs.
             new, known = xr.align(folder.numbers(case_id), owner.numbers(case_id), join="outer")
             agree, sentence = comparison(new, known)
             if not agree:
                 problem = f"has other numbers in {folder.path} than in {owner.path}"
-                problem += f" ({sentence.partition(':')[0]}); compute it alone with knitlab"
-                problem += " reproduce, and remove the wrong one"
-                found[case_id] = Fault(f"case {case_id}", problem)
-    named = list(found.values())[:MOST_NAMED]
-    if len(found) > MOST_NAMED:
-        named.append(Fault("folders", f"contradict each other in {len(found)} cases in all"))
+                problem += f" ({sentence.partition(':')[0]});"
+                problem += " compute it alone with knitlab reproduce, and remove the wrong one"
+                faults[case_id] = Fault(f"case {case_id}", problem)
+    named = list(faults.values())[:MOST_NAMED]
+    if len(faults) > MOST_NAMED:
+        named.append(Fault("folders", f"contradict each other in {len(faults)} cases in all"))
     return named
 
 
 def _same_file(case_id: str, *folders: FolderContents) -> bool:
     if not all(case_id in folder.sound for folder in folders):
         return False
-    return (
-        len({case_file.checksum_path(folder.path, case_id).read_text() for folder in folders}) == 1
-    )
+    paths = [case_file.checksum_path(folder.path, case_id) for folder in folders]
+    return len({path.read_text() for path in paths}) == 1

@@ -60,12 +60,12 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
         return {}
     labels = [cube[dim].values.tolist() for dim in design_dims(cube)]
     case_id, code, status = (cube[name].values for name in ("case_id", "code", "status"))
-    found = {}
+    designs = {}
     for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
         design = tuple(along[k] for along, k in zip(labels, place, strict=True))
         its = str(case_id[place]), str(code[place]), Status(int(status[place]))
-        found[design] = Cell(place, *its)
-    return found
+        designs[design] = Cell(place, *its)
+    return designs
 
 
 def survey(
