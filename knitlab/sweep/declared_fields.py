@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Collection
 from functools import cache
-from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import Field, PositiveFloat, ValidationError, create_model
 
@@ -15,17 +15,15 @@ Types = dict[str, Any]
 """Declared types of settings, with range and unit, by name."""
 Fields = dict[str, tuple[Any, Any]]
 """Types and defaults of a schema's fields, by name; without a default a field is required."""
-Value = TypeVar("Value")
-UnitText = TypeVar("UnitText")
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 
 
-class ParameterValue(StrictModel, Generic[Value, UnitText]):
+class ParameterValue(StrictModel):
     """A value with its unit and source."""
 
-    value: Value
-    unit: UnitText
+    value: Any
+    unit: str
     source: str = Field(min_length=1)
 
 
@@ -69,20 +67,16 @@ def optional(types: Types) -> Fields:
 
 def with_defaults(table: type) -> Fields:
     """Fields with the defaults of a dataclass."""
-    defaults = {
-        field.name: field.default
-        for field in dataclasses.fields(table)
-        if field.default is not dataclasses.MISSING
-    }
+    defaults = {field.name: field.default for field in dataclasses.fields(table)}
+    defaults = {name: its for name, its in defaults.items() if its is not dataclasses.MISSING}
     types = required(declared(table))
     return {name: (kind, defaults.get(name, ...)) for name, (kind, _) in types.items()}
 
 
 def entries(types: Types) -> Fields:
     """Tables ``{value, unit, source}`` of a parameter file."""
-    form: Any = ParameterValue
-    stated = units(types)
-    return {name: (form[kind, stated[name][0]], ...) for name, (kind, _) in required(types).items()}
+    stated = {name: required({"value": its}) | units({"unit": its}) for name, its in types.items()}
+    return {name: (with_fields(fields)(ParameterValue), ...) for name, fields in stated.items()}
 
 
 def units(types: Types) -> Fields:
