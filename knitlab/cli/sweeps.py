@@ -168,7 +168,7 @@ def run(
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
-    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures
+    from knitlab.figures.figure_files import requested_figures
     from knitlab.sweep.results_folder import finished_plan
 
     record = finished_plan(workflow, settings, results)
@@ -176,10 +176,8 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
         return False
     folder = results / record["workflow"]
     figures = requested_figures(record["figures"], open_cube(folder, lazily=True), folder)
-    for figure in figures:
-        fingerprint = fingerprint_of_figure(figure.kind, [folder], figure.selections)
-        if not all(is_drawn(output, fingerprint) for output in figure.outputs):
-            return False
+    if any(figure.missing for figure in figures):
+        return False
     for *design, reason in record["excluded"]:
         _echo_excluded(record["dims"], design, reason)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")

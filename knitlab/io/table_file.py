@@ -1,6 +1,7 @@
 """Tables of numbers: CSV files of a laboratory, the units of their columns, and tension curves."""
 
 import re
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -59,6 +60,38 @@ def numbers_of(
         problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; correct or remove it"
         faults.append(Fault(f"{path}: column {name}", problem))
     return values, faults
+
+
+def read_columns(
+    path: Path,
+    names: Sequence[str],
+    example: str,
+    name_of: Callable[[str], str] = str.strip,
+    with_gaps: Collection[str] = (),
+) -> dict[str, Float[np.ndarray, " point"]]:
+    """The numbers of columns with some names, which follow from their headers.
+
+    Entries of those ``with_gaps`` may be empty, which is NaN. BadInput has every fault.
+    """
+    headers, rows = read_table(path, example)
+    present = list(map(name_of, headers))
+    columns, faults = {}, list[Fault]()
+    for name in names:
+        if present.count(name) != 1:
+            problem = f"is missing; the file has {', '.join(present)}; {example}"
+            problem = "occurs twice; keep one" if name in present else problem
+            faults.append(Fault(f"{path}: column {name}", problem))
+            continue
+        text = rows[present.index(name)]
+        gap = text.str.strip().str.lower().isin(["", "nan"]) & (name in with_gaps)
+        columns[name] = np.full(len(text), np.nan)
+        columns[name][~gap], wrong = numbers_of(path, name, text[~gap])
+        faults += wrong
+    if not faults and rows.empty:
+        faults = [Fault(str(path), f"has no rows; {example}")]
+    if faults:
+        raise BadInput(faults)
+    return columns
 
 
 def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
