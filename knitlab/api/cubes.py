@@ -52,7 +52,6 @@ def query(
         BadInput: with everything that is wrong in these arguments.
 
     Example:
-        >>> import knitlab as kl
         >>> table = kl.query("results/reference/periodic", sort="poisson_ratio_min")
         >>> table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [8, 64]
@@ -92,7 +91,6 @@ def find(
         BadInput: with every target that cannot be read or is not of a variable of the cubes.
 
     Example:
-        >>> import knitlab as kl
         >>> wanted = ["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
         >>> cube = "results/reference/periodic"
         >>> found = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
@@ -152,7 +150,6 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         BadInput: if a cube, a selection or the suffix of the page is at fault.
 
     Example:
-        >>> import knitlab as kl
         >>> len(kl.claims("results/reference/paper"))
         39
     """
@@ -189,7 +186,6 @@ def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
         CannotWrite: if the page cannot be written.
 
     Example:
-        >>> import knitlab as kl
         >>> kl.explore("results/reference/periodic", output=folder / "explorer.html").name
         'explorer.html'
     """
@@ -254,7 +250,6 @@ def export(
             strain, or repeats or thickness do not fit it.
 
     Example:
-        >>> import knitlab as kl
         >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.15}
         >>> exported = kl.export("results/reference/periodic", folder / "shape.vtu", one)
         >>> len(exported.meshes[0].faces)

@@ -72,7 +72,6 @@ def design(
         BadInput: with every fault of the request, or if targets contradict each other.
 
     Example:
-        >>> import knitlab as kl
         >>> wanted = "poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06"
         >>> bounds = {"n_stripe": [4], "n_subunit": [8], "garter_k_t_factor": [0.2, 2.0]}
         >>> designed = kl.design(targets=wanted, vary=bounds, robustness=0, results=folder)

@@ -170,7 +170,6 @@ def knit(
         BadInput: if it is not one design, if it cannot be knitted, or if a setting is at fault.
 
     Example:
-        >>> import knitlab as kl
         >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
         >>> sample.chart.courses, sample.chart.wales
         (64, 32)

@@ -44,7 +44,6 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
 
     Example:
         >>> import numpy as np
-        >>> import knitlab as kl
         >>> from knitlab.fabric.zigzag import tension, zigzag
         >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
         >>> strain = np.linspace(0.05, 2.5, 40)

@@ -69,7 +69,6 @@ class Design:
             range. :func:`knitlab.simulate` reports all other errors.
 
     Example:
-        >>> import knitlab as kl
         >>> kl.Design(4, 16, boundary="periodic").rib is None
         True
     """
@@ -156,7 +155,6 @@ def simulate(
         NotConverged: if a strain was not reached; results from there on are NaN.
 
     Example:
-        >>> import knitlab as kl
         >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03, 0.06])
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
@@ -270,7 +268,6 @@ def evaluate(
 
     Example:
         >>> import jax.numpy as jnp
-        >>> import knitlab as kl
         >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03])
         >>> evaluated = kl.evaluate(test, height=lambda shape: jnp.ptp(shape.positions[..., 2]))
         >>> evaluated["height_sensitivity"].dims

@@ -70,7 +70,6 @@ def run(
         NotAllOk: if a case is not ok, stale or unfinished.
 
     Example:
-        >>> import knitlab as kl
         >>> cube = kl.run("periodic", n_stripe=4, n_subunit=8, strain_max=0.06, results=folder)
         >>> cube["status"].item() == 1
         True
@@ -127,7 +126,6 @@ def merge(
         NotAllOk: if a case file is damaged, and left out.
 
     Example:
-        >>> import knitlab as kl
         >>> kl.merge("results/reference/periodic", results=folder).sizes["n_stripe"]
         4
     """
@@ -149,7 +147,6 @@ def plan(workflow: str | Path, **settings: Any) -> Plan:
         BadInput: with every fault of the workflow and its settings.
 
     Example:
-        >>> import knitlab as kl
         >>> len(kl.plan("preview").cases)
         10
     """
