@@ -178,9 +178,6 @@ def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
         cubes: cubes, or the results folders that hold them.
         output: the page, with the suffix ``.html``.
 
-    Returns:
-        The page.
-
     Raises:
         BadInput: if there is no cube, one cannot be read, or the suffix is another one.
         CannotWrite: if the page cannot be written.

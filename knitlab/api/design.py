@@ -57,12 +57,12 @@ def design(
             ``{"height": lambda shape: shape.positions[..., 2].max()}``.
         budget: largest number of simulations of sweep and searches, or a time such as
             ``"30min"``; the tests of the results are extra.
-        workers: as for :func:`knitlab.run`, like ``settings``.
+        workers: number of processes, as for :func:`knitlab.run`.
         results: folder that holds a folder of results for each request.
         name: name of that folder; with ``file`` it is that of the file.
         figures: whether to draw the targets and the results.
         progress: whether to draw a progress bar with the best distance so far.
-        settings: settings of the workflow to replace.
+        settings: settings of the workflow to replace, likewise.
 
     Returns:
         The candidates: ``table``, best first, ``cube``, ``trials``, ``workflows`` that reproduce
@@ -132,7 +132,7 @@ def draw(designed: Designed) -> list[Path]:
     if (conflict := designed.conflict) is not None:
         shown = conflict.distances, conflict.targets, conflict.candidates
         drawings["pareto"] = lambda: pareto_figure(*shown)
-    files = []
+    files: list[Path] = []
     for name, draw_one in drawings.items():
         of_one = [designed.folder / "figures" / f"{name}.{suffix}" for suffix in ("pdf", "png")]
         draw_into(draw_one, *of_one)

@@ -153,18 +153,15 @@ def knit(
         repeats: how often its pattern repeats along the warp (y) and the weft (x); by default as in
             the design.
         needles: in place of that, needles to fill with whole repeats, twice as long as wide.
-        face: face of the fabric for the conductors of its electrodes, ``"front"`` or ``"back"``; by
-            default that to which their ridges point.
+        face: face of the fabric for its conductors, ``"front"`` or ``"back"``; by default that to
+            which their ridges point.
         machine: values that replace those of ``params/machine.toml``, such as
             ``{"end": "drop", "waste_courses": 10}``.
         model: of a design, its model options, as for :func:`knitlab.simulate`.
-        capacitor: of a design, its electrodes, likewise.
-        gauge: of a design, the size of a stitch, likewise.
+        capacitor: of a design, its electrodes.
+        gauge: of a design, the size of a stitch.
         settings: of a workflow, settings that replace its own, as for :func:`knitlab.run`; of a
             cube, values of coordinates that select one design.
-
-    Returns:
-        The sample.
 
     Raises:
         BadInput: if it is not one design, if it cannot be knitted, or if a setting is at fault.

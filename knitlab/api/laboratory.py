@@ -109,7 +109,8 @@ def fit(
     if isinstance(workflow, Plan) and settings:
         raise fault("settings", "belong to workflows; plan the workflow with them")
     plan = workflow if isinstance(workflow, Plan) else make_plan(str(workflow), settings)
-    case = case_for(plan, cube := opened(experiment))
+    cube = opened(experiment)
+    case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))
     try:

@@ -163,9 +163,6 @@ def status(
         results: folder that holds a folder of results for each workflow.
         check: whether to compare every case file with its checksum.
 
-    Returns:
-        The status of every case, how many have it, and reasons of failures.
-
     Raises:
         BadInput: if the workflow was never planned there.
     """
