@@ -57,12 +57,12 @@ def design(
             ``{"height": lambda shape: shape.positions[..., 2].max()}``.
         budget: largest number of simulations of sweep and searches, or a time such as
             ``"30min"``; the tests of the results are extra.
-        workers: number of processes, as for :func:`knitlab.run`.
+        workers: number of processes on this machine; 0 simulates in this process.
         results: folder that holds a folder of results for each request.
         name: name of that folder; with ``file`` it is that of the file.
         figures: whether to draw the targets and the results.
         progress: whether to draw a progress bar with the best distance so far.
-        settings: settings of the workflow to replace, likewise.
+        settings: settings of the workflow to replace, as for :func:`knitlab.run`.
 
     Returns:
         The candidates: ``table``, best first, ``cube``, ``trials``, ``workflows`` that reproduce
