@@ -14,7 +14,7 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_still
 @options.cubes
 @options.select
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
-@options.repeatable("Sort by a variable, ascending; -NAME descends.", "--sort", metavar="NAME")
+@options.repeatable("--sort", "Sort by a variable, ascending; -NAME descends.", metavar="NAME")
 @click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
 @options.table_format
 def query(
@@ -42,13 +42,13 @@ def query(
 @click.command()
 @options.cubes
 @options.repeatable(
+    "--target targets",
     'Target, such as "poisson_ratio = -0.3 @ 0.05:0.25".',
-    *("--target", "targets"),
     required=True,
     metavar="TARGET",
 )
 @options.repeatable(
-    'Target that must be met, such as "knit_cell_x < 20".', "--subject-to", metavar="TARGET"
+    "--subject-to", 'Target that must be met, such as "knit_cell_x < 20".', metavar="TARGET"
 )
 @click.option("--most", type=options.COUNT, default=10, help="Designs to list.")
 @options.table_format

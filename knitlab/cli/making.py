@@ -69,19 +69,17 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     help="Face of the fabric for conductors; by default that to which their ridges point.",
 )
 @options.repeatable(
+    "--machine changes",
     "Override a value of params/machine.toml, such as end=drop.",
-    *("--machine", "changes"),
     metavar="KEY=VALUE",
 )
 @options.repeatable(
+    "-o --output outputs",
     "File: .k knitout; .svg, .png or .pdf the stitch chart; .csv the chart as a table.",
-    *("-o", "--output", "outputs"),
     type=options.FILE,
 )
 @options.repeatable(
-    "File for the specification sheet, .pdf, .svg or .png.",
-    *("--sheet", "sheets"),
-    type=options.FILE,
+    "--sheet sheets", "File for the specification sheet, .pdf, .svg or .png.", type=options.FILE
 )
 @click.option("--check", is_flag=True, help="Check the knitout, and compare it with the chart.")
 def knit(

@@ -22,7 +22,7 @@ PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 COUNT = click.IntRange(min=1)
-COUNT_OR_NONE = click.IntRange(min=0)
+COUNT_OR_ZERO = click.IntRange(min=0)
 POSITIVE = click.FloatRange(min=0, min_open=True)
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -167,19 +167,19 @@ table_format = click.option(
 )
 
 
-def repeatable(help: str, *names: str, **options: Any) -> Decorator:
-    """An option that may be given several times."""
-    return click.option(*names, multiple=True, help=f"{help} Repeatable.", **options)
+def repeatable(names: str, help: str, **options: Any) -> Decorator:
+    """An option that may be given several times, by its names with spaces between."""
+    return click.option(*names.split(), multiple=True, help=f"{help} Repeatable.", **options)
 
 
 settings = repeatable(
+    "--set settings",
     "Override a setting of the workflow; a comma makes a list.",
-    *("--set", "settings"),
     metavar="KEY=VALUE",
 )
 select = repeatable(
+    "--select selections",
     "Keep one value of a coordinate, or several with commas.",
-    *("--select", "selections"),
     metavar="NAME=VALUE",
     callback=lambda _, __, texts: read_selections(texts),
 )
@@ -194,7 +194,7 @@ def workers(default: int | None, shown: str | bool = True) -> Decorator:
     """The option ``--workers``, with the default of a command and how to show it."""
     return click.option(
         "--workers",
-        type=COUNT_OR_NONE,
+        type=COUNT_OR_ZERO,
         default=default,
         show_default=shown,
         help="Worker processes on this machine; 0 runs in this process.",

@@ -46,9 +46,10 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
             f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
             f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
         )
+        cases = [(case_id, made.cases[case_id]) for case_id in batch.cases]
         lines = [
             f"{case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}"
-            for case_id, case in ((case_id, made.cases[case_id]) for case_id in batch.cases)
+            for case_id, case in cases
         ]
         options.echo_first(lines, indent="  ")
     if len(made.batches) > options.MOST_LINES:
@@ -90,7 +91,7 @@ def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> N
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
 @click.option(
     "--retries",
-    type=options.COUNT_OR_NONE,
+    type=options.COUNT_OR_ZERO,
     default=0,
     help="How often to repeat a batch that raised an error.",
 )
