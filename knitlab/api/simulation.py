@@ -18,7 +18,7 @@ from tqdm.auto import tqdm
 from knitlab.cube.case_file import configurations
 from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe

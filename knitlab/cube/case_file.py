@@ -15,7 +15,7 @@ from knitlab.io.fingerprint import bytes_digest, file_digest
 if TYPE_CHECKING:
     import xarray as xr
 
-    from knitlab.fabric.configuration import Configuration
+    from knitlab.fabric.fabric import Configuration
 
 
 class StoredCase(Enum):
@@ -105,7 +105,7 @@ def configurations(case: "xr.Dataset") -> "Configuration":
 
     The lengths of open samples, which have none, are 0.
     """
-    from knitlab.fabric.configuration import Configuration
+    from knitlab.fabric.fabric import Configuration
 
     positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
     none = np.zeros(len(positions))

@@ -10,48 +10,35 @@ from knitlab.fabric.energy import Energy
 
 
 class Body(eqx.Module):
-    """A fabric with what makes it move.
-
-    Attributes:
-        inverse_mass: 1/m of the nodes, 0 for held ones, which keep their velocity [1/g].
-        inverse_mass_of_lengths: the same for L_x and L_y; 0 for a sample [1/g].
-        damping: viscous damping of a node, c [g/ms].
-        nodes_of_lengths: number of nodes that L_x and L_y move.
-    """
+    """A fabric with what makes it move."""
 
     fabric: GridFabric
+    # 1/m of the nodes, 0 for held ones, which keep their velocity [1/g]
     inverse_mass: Float[Array, "row column"]
-    inverse_mass_of_lengths: Float[Array, "2"]
-    damping: Float[Array, ""]
-    nodes_of_lengths: Float[Array, "2"]
+    inverse_mass_of_lengths: Float[Array, "2"]  # the same for L_x and L_y; 0 for a sample
+    damping: Float[Array, ""]  # c of a node [g/ms]
+    nodes_of_lengths: Float[Array, "2"]  # that L_x and L_y move
 
     @property
     def inverse(self) -> Shape:
-        """1/m of every coordinate and of the lengths; 0 for what is held [1/g]."""
+        """1/m of every coordinate and of the lengths [1/g]."""
         return Shape((self.inverse_mass,) * 3, self.inverse_mass_of_lengths)
 
     @property
     def damping_rate(self) -> Shape:
-        """c/m of every coordinate and of the lengths; 0 for what is held [1/ms]."""
+        """c/m of every coordinate and of the lengths [1/ms]."""
         rate = self.damping * self.inverse_mass
         of_lengths = self.damping * self.nodes_of_lengths * self.inverse_mass_of_lengths
         return Shape((rate,) * 3, of_lengths)
 
 
 class Motion(eqx.Module):
-    """Configuration and velocity of a fabric, or of a batch, and the work done since the beginning.
+    """Configuration and velocity of a fabric, or of a batch, and the work done so far."""
 
-    Attributes:
-        shape: configuration [mm].
-        velocity: its rate [mm/ms].
-        dissipated: work done against the drag [N mm].
-        supplied: work done on what is held [N mm].
-    """
-
-    shape: Shape
-    velocity: Shape
-    dissipated: Float[Array, "*batch"]
-    supplied: Float[Array, "*batch"]
+    shape: Shape  # [mm]
+    velocity: Shape  # [mm/ms]
+    dissipated: Float[Array, "*batch"]  # work done against the drag [N mm]
+    supplied: Float[Array, "*batch"]  # work done on what is held [N mm]
 
     @classmethod
     def at_rest(cls, shape: Shape) -> "Motion":
@@ -60,21 +47,13 @@ class Motion(eqx.Module):
 
 
 class Observed(eqx.Module):
-    """What is computed of a motion at one time.
+    """What is computed of a motion at one time."""
 
-    Attributes:
-        energy: elastic energy in its parts [N mm].
-        kinetic: kinetic energy of what is free [N mm].
-        gradient: derivative of the energy, minus the elastic force [N].
-        force: largest elastic force on a free node or length [N].
-        drag: largest drag on one [N].
-    """
-
-    energy: Energy
-    kinetic: Float[Array, ""]
-    gradient: Shape
-    force: Float[Array, ""]
-    drag: Float[Array, ""]
+    energy: Energy  # elastic [N mm]
+    kinetic: Float[Array, ""]  # of what is free [N mm]
+    gradient: Shape  # of the energy, minus the elastic force [N]
+    force: Float[Array, ""]  # largest elastic force on a free node or length [N]
+    drag: Float[Array, ""]  # largest drag on one [N]
 
 
 def observed(body: Body, motion: Motion) -> Observed:

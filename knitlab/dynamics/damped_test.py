@@ -21,10 +21,9 @@ from knitlab.equilibrium.loading import (
     tensile,
 )
 from knitlab.equilibrium.state import History, Outcome, State, TensileTest
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Energy
-from knitlab.fabric.fabric import Fabric, flat_sheet
-from knitlab.fabric.inertia import Inertia, moved_mass
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
+from knitlab.fabric.inertia import Inertia
 from knitlab.fabric.network import MeshShape, network
 
 Progress = Callable[[int, float], None]
@@ -52,19 +51,11 @@ class MovingFabrics:
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """The end of a relaxation.
+    """The end of a relaxation; ``converged`` if at rest, or after the given time."""
 
-    Attributes:
-        configuration: its shape, aligned for clamping if the fabric is a sample [mm].
-        history: energies on the way.
-        strain_rate: rate at which a test by dynamics is to pull it [1/ms].
-        steps: time steps.
-        outcome: ``converged`` at rest or after the given time, else why not.
-    """
-
-    configuration: Configuration
+    configuration: Configuration  # aligned for clamping if the fabric is a sample [mm]
     history: History
-    strain_rate: float
+    strain_rate: float  # at which a test by dynamics is to pull it [1/ms]
     steps: int
     outcome: Outcome
 
@@ -77,8 +68,7 @@ def relax_by_dynamics(
     """Release flat sheets at rest and let them fold (paper, Sec. "Relaxation of a pattern").
 
     A sheet moves until it is at rest, or for a given time, as ``settings.ending`` says. A sample is
-    rotated rigidly then, so that the rows that are to be clamped match those of its flat sheet.
-    What is released in place of a flat sheet, such as an imperfect one, is in ``sheets`` [mm].
+    then rotated rigidly for clamping. ``sheets``, such as imperfect ones, replace flat sheets [mm].
     """
     shape, settings, cases = fabrics.shape, fabrics.settings, range(len(fabrics.fabrics))
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
@@ -116,15 +106,9 @@ def relax_by_dynamics(
             folded = between_walls(aligned, float(fabrics.fabrics[case].z_max))
         first, left = float(first_force[case]), float(moving.seen.force[case])
         force_left = left / first if first else 0.0
-        relaxed.append(
-            Relaxed(
-                configuration=folded,
-                history=_history(records[case], force_left, settings.snapshots > 0),
-                strain_rate=float(rate[case]),
-                steps=int(moving.steps[case]),
-                outcome=_outcome(moving, case, to_rest),
-            )
-        )
+        history = _history(records[case], force_left, settings.snapshots > 0)
+        outcome, steps = _outcome(moving, case, to_rest), int(moving.steps[case])
+        relaxed.append(Relaxed(folded, history, float(rate[case]), steps, outcome))
     return relaxed
 
 
@@ -135,11 +119,9 @@ def stretch_by_dynamics(
 ) -> list[TensileTest]:
     """Relax flat sheets, then pull them (paper, Sec. "Kinematics under tension").
 
-    The pull begins from rest: what is left of the motion of the relaxation is taken away, as when
-    the test is a simulation of its own. With ``settings.ending = "rest"`` the fabric comes to rest
-    at every applied strain; with ``"time"`` it is pulled without a pause, and its states are not
-    equilibria.
-    Strains ascend from 0, and are of equal number for every fabric.
+    The pull begins from rest, as when the test is a simulation of its own. With ``settings.ending``
+    ``"rest"`` the fabric comes to rest at every strain; with ``"time"`` it is pulled without pause,
+    and its states are not equilibria. Strains ascend from 0, as many for every fabric.
     """
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)
@@ -185,6 +167,17 @@ def _outcome(moving: Moving, case: int, to_rest: bool) -> Outcome:
     if moving.diverged[case]:
         return Outcome.diverged
     return Outcome.time_limit if to_rest and not moving.resting[case] else Outcome.converged
+
+
+def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
+    """Mass that each unknown moves [g].
+
+    L_x and L_y, which the paper does not have, move the images of a line of nodes, and thus the
+    mass of this line; equilibria do not depend on it.
+    """
+    mass = jnp.broadcast_to(inertia.node_mass, (shape.nodes_y, shape.nodes_x))
+    lines = jnp.stack([mass[:, 0].sum(), mass[0].sum()])
+    return Configuration(jnp.broadcast_to(mass[..., None], (*mass.shape, 3)), lines)
 
 
 def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> Body:
@@ -236,15 +229,9 @@ def _state(
 ) -> State:
     energy: Energy = jax.tree.map(lambda leaf: np.asarray(leaf[case]), moving.seen.energy)
     forces = np.asarray(configuration_of(moving.seen.gradient, case).flattened())
-    return State(
-        shape=shape,
-        unknowns=np.asarray(configuration_of(moving.motion.shape, case).flattened()),
-        energy=energy,
-        gradient=forces,
-        outcome=outcome,
-        residual=float(np.abs(forces[free]).max()),
-        iterations=0,
-    )
+    unknowns = np.asarray(configuration_of(moving.motion.shape, case).flattened())
+    residual = float(np.abs(forces[free]).max())
+    return State(shape, unknowns, energy, forces, outcome, residual, iterations=0)
 
 
 def _record(moving: Moving, case: int) -> Record:
@@ -258,12 +245,5 @@ def _record(moving: Moving, case: int) -> Record:
 def _history(records: Sequence[Record], force_left: float, with_snapshots: bool) -> History:
     time, kinetic, potential, dissipated, shapes = zip(*records, strict=True)
     kept = slice(None) if with_snapshots else slice(-1, None)
-    return History(
-        time=np.array(time),
-        kinetic=np.array(kinetic),
-        potential=np.array(potential),
-        dissipated=np.array(dissipated),
-        snapshot_time=np.array(time[kept]),
-        snapshots=Configuration.stacked(shapes[kept]),
-        force_left=force_left,
-    )
+    energies = map(np.array, (time, kinetic, potential, dissipated, time[kept]))
+    return History(*energies, Configuration.stacked(shapes[kept]), force_left)

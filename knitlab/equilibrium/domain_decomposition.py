@@ -56,10 +56,9 @@ class SubdomainSolver:
     ) -> tuple[Point, float]:
         """Solve the subdomains to low accuracy, those with the largest forces first.
 
-        A fraction ``force_part`` of the largest force in the sample is accepted in a subdomain:
-        most need no work while a few are far from equilibrium. Returns the resulting state of the
-        sample, and the number of iterations, each weighted by the subdomain's share of the
-        unknowns.
+        A fraction ``force_part`` of the largest force is accepted: most subdomains need no work
+        while a few are far from equilibrium. Returns the state of the sample, and the number of
+        iterations, each weighted by the subdomain's share of the unknowns.
         """
         problems, coupled = self._decomposition(free)
         unknowns, cost = at.unknowns.copy(), 0.0

@@ -26,17 +26,11 @@ FEWEST = 6
 
 @dataclass(frozen=True, eq=False)
 class Subdomain:
-    """A part of a sample.
+    """A part of a sample."""
 
-    Attributes:
-        places: indices of its coordinates, and of L_x and L_y, among the unknowns of the sample.
-        free: the free unknowns of the subdomain, and the sparsity of their stiffness.
-        springs, hinges: their indices in the sample, in the order of its own network.
-    """
-
-    places: Int[np.ndarray, " unknown"]
+    places: Int[np.ndarray, " unknown"]  # its unknowns among those of the sample, with L_x and L_y
     free: FreeStiffness
-    springs: Int[np.ndarray, " spring"]
+    springs: Int[np.ndarray, " spring"]  # their indices in the sample
     hinges: Int[np.ndarray, " hinge"]
 
     def fabric(self, whole: Fabric) -> Fabric:
@@ -100,10 +94,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
 
 
 def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "subdomain subdomain"]:
-    """Which pairs of the subdomains of a sample are coupled: free unknowns of one affect the other.
-
-    ``unknowns`` is the number of unknowns of the sample.
-    """
+    """Which pairs of subdomains are coupled: free unknowns of one affect the other."""
 
     def membership(places: Sequence[Int[np.ndarray, " _"]]) -> sp.csr_array:
         ends = np.cumsum([0, *map(len, places)])
@@ -120,10 +111,7 @@ def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "su
 def independent_groups(
     forces: Float[np.ndarray, " subdomain"], coupled: Bool[np.ndarray, "subdomain subdomain"]
 ) -> Iterator[list[int]]:
-    """Groups of subdomains that can be solved at the same time, because no two are coupled.
-
-    Those with the largest forces come first, because the others adapt to them.
-    """
+    """Groups of subdomains of which no two are coupled, those with the largest forces first."""
     waiting = np.argsort(-forces).tolist()
     while waiting:
         group: list[int] = []

@@ -20,7 +20,7 @@ JAX holds a lock while it reads or writes, which several workers need."""
 def keep_compiled_programs() -> None:
     """Keep compiled programs, unless the user has set JAX's cache or the folder cannot be written.
 
-    ``JAX_COMPILATION_CACHE_DIR`` names another folder, and ``JAX_ENABLE_COMPILATION_CACHE=0`` keeps
+    ``JAX_COMPILATION_CACHE_DIR`` names another folder; with ``JAX_ENABLE_COMPILATION_CACHE=0``
     none.
     """
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:

@@ -85,12 +85,9 @@ def split_by_cells(strip: Strip) -> list[Strip]:
 
 @dataclass(frozen=True)
 class Electrodes:
-    """The two conductors of a capacitor.
+    """The two conductors of a capacitor, whose strips share whole edges or nothing.
 
-    Attributes:
-        strips: the plated rectangles of each; strips of one electrode share whole edges or nothing.
-        along: direction of the electrodes. On periodic fabric they are periodic in this direction,
-            and have no images in the other.
+    On periodic fabric they are periodic along their direction, without images in the other.
     """
 
     strips: tuple[tuple[Strip, ...], tuple[Strip, ...]]

@@ -68,10 +68,7 @@ hinges."""
 
 @dataclass(frozen=True, eq=False)
 class ThreadChunks:
-    """Chunks that one thread works on, by their indices.
-
-    ``incidence`` is the constant matrix from configurations to their vectors.
-    """
+    """Chunks that one thread works on, and the matrix from configurations to their vectors."""
 
     chunks: range
     incidence: sp.csr_array
@@ -150,9 +147,8 @@ class ChunkedFabric:
             vectors = part.vectors(unknowns)
             energies, gradient = np.zeros(3), np.empty_like(vectors)
             for chunk, values, slopes in zip(part.chunks, vectors, gradient, strict=True):
-                own, by_vectors = _evaluate(
-                    self._fold_angle, acting, self._parameters[chunk], _split(values)
-                )
+                of_chunk = self._parameters[chunk]
+                own, by_vectors = _evaluate(self._fold_angle, acting, of_chunk, _split(values))
                 energies += np.asarray(own)
                 for view, by_kind in zip(_split(slopes), by_vectors, strict=True):
                     view[:] = by_kind

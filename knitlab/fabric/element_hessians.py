@@ -27,11 +27,7 @@ LANES = 64
 
 
 class ElementHessians(eqx.Module):
-    """Second derivatives of the energies of springs, hinges and walls [N/mm].
-
-    They are the results of :func:`spring_stiffness`, :func:`hinge_stiffness` and
-    :func:`wall_stiffness`.
-    """
+    """Second derivatives of the energies of springs, hinges and walls [N/mm]."""
 
     springs: Float[Array | np.ndarray, "*batch 6 spring"]
     hinges: Float[Array | np.ndarray, "*batch block 171 lane"]

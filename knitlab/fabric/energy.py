@@ -1,7 +1,4 @@
-"""Energies of a fabric: stretch, fold and wall, as sums over its elements.
-
-Units are mm, N and rad.
-"""
+"""Energies of a fabric: stretch, fold and wall, as sums over its elements [N mm]."""
 
 from dataclasses import dataclass
 
@@ -12,8 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.fold_angle import Each, HingeVectors, fold_from_rest
 from knitlab.fabric.network import Elements, Network
 from knitlab.fabric.settings import FoldAngle
@@ -44,12 +40,7 @@ class Energy:
 
 
 class Stage(eqx.Module):
-    """Stage of a continuation from the flat sheet to the complete fabric.
-
-    Attributes:
-        fold: fraction of the rest fold angles; a fabric with 0 rests flat.
-        wall: fraction of the stiffness of the walls.
-    """
+    """A stage on the way from the flat sheet: fractions of rest angles and of wall stiffness."""
 
     fold: Float[Array, ""] | float = 1.0
     wall: Float[Array, ""] | float = 1.0

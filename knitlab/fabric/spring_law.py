@@ -115,16 +115,13 @@ class SpringLaw(eqx.Module):
     Without parameters f = e: the paper's linear springs (Eq. 1). A spring with a stiffening strain
     e_s has f = e + e³/e_s², cubic hardening: at e_s the force is twice that of a linear spring. It
     stiffens in compression as in tension, so that no cell softens when crushed.
-
-    Attributes:
-        rate: 1/e_s² of stiffening springs, 0 of the others; None if all are linear [1].
-        shares: 1 where a spring has a measured curve, else 0.
-        curves: the measured curves.
     """
 
+    # 1/e_s², 0 if not stiffening; None if all are linear
     rate: Float[Array | np.ndarray, "*spring"] | None = None
+    # 1 where a spring has that curve
     shares: Float[Array | np.ndarray, "*spring curve"] | None = None
-    curves: tuple[SpringCurve, ...] = eqx.field(static=True, default=())
+    curves: tuple[SpringCurve, ...] = eqx.field(static=True, default=())  # measured
 
     def stored(self, length: Each, rest_length: Each) -> Each:
         """Energy over k_s: ℓ0² times the integral of f over strain [mm²]."""

@@ -71,16 +71,13 @@ class Stripe:
 
 
 class StripeNumbers(eqx.Module):
-    """The parameters of one stripe, or of several along an axis, as variables of derivatives.
-
-    The stiffening strain is infinite for stripes with another law.
-    """
+    """The parameters of one stripe, or of several along an axis, as variables of derivatives."""
 
     k_s: Float[Array | np.ndarray, "*quantity"]
     k_t: Float[Array | np.ndarray, "*quantity"]
     theta_0: Float[Array | np.ndarray, "*quantity"]
     period: Float[Array | np.ndarray, "*quantity"]
-    stiffening_strain: Float[Array | np.ndarray, "*quantity"] | None = None
+    stiffening_strain: Float[Array | np.ndarray, "*quantity"] | None = None  # or infinite
     spring_curves: tuple[SpringCurve | None, ...] = eqx.field(static=True, default=(None,))
 
     @classmethod
