@@ -15,14 +15,18 @@ from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import relax, stretch
-from knitlab.fabric.element_hessians import (
+from knitlab.fabric.energy import (
     LANES,
     ElementHessians,
+    Energy,
+    Evaluation,
+    Stage,
+    element_vectors,
+    energy,
     hinge_stiffness,
     spring_stiffness,
     wall_stiffness,
 )
-from knitlab.fabric.energy import Energy, Evaluation, Stage, element_vectors, energy
 from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.inertia import inertia
 from knitlab.fabric.layout import assemble_fabric

@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.dynamics.body import Body
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.motion import Moving, advance, largest_step
+from knitlab.dynamics.motion import Body, Moving, advance, largest_step
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.loading import (
     Loading,

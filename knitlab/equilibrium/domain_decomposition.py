@@ -14,12 +14,7 @@ from knitlab.equilibrium.second_process import SecondProcess
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import FreeStiffness
-from knitlab.equilibrium.subdomains import (
-    Subdomain,
-    couplings,
-    independent_groups,
-    subdomains_of,
-)
+from knitlab.equilibrium.subdomains import Subdomain, couplings, independent_groups, subdomains_of
 from knitlab.equilibrium.system import KeptFactors, System
 from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Fabric

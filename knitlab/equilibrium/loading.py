@@ -36,9 +36,7 @@ class Loading:
         return moved
 
     def ahead(
-        self,
-        passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]],
-        applied_strain: float,
+        self, passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]], applied_strain: float
     ) -> Float[np.ndarray, " unknown"]:
         """Extrapolation of a path to an applied strain, with held unknowns as prescribed [mm].
 

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, grid_order
 from knitlab.equilibrium.linear_algebra.symbolic_factorisation import NestedDissection, planned
-from knitlab.fabric.element_hessians import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
+from knitlab.fabric.energy import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
 from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.threads import ALONE, Threads
 
@@ -202,11 +202,7 @@ def _terms(
             factor = sign * by_row[x, kept] * by_column[y, kept]
             place = indptr[3 * column + y] - y + offset + x
             used = (factor != 0) & ((column != row) | (x >= y))
-            yield (
-                place[used].astype(np.int32),
-                source[kept][used].astype(np.int32),
-                factor[used],
-            )
+            yield (place[used].astype(np.int32), source[kept][used].astype(np.int32), factor[used])
 
 
 def _places_in_triangle(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row column"]:

@@ -131,9 +131,7 @@ def relax(
         unknowns = begin
         for stage in (*stages, COMPLETE):
             rules = replace(
-                whole,
-                settings=settings if stage is COMPLETE else waypoint,
-                convexified=convexified,
+                whole, settings=settings if stage is COMPLETE else waypoint, convexified=convexified
             )
             state = find_equilibrium(system, Point(unknowns, stage), rules, patience=None)
             passed.append(state)
@@ -149,10 +147,7 @@ def relax(
 
 
 def relax_near(
-    system: System,
-    settings: SolverSettings,
-    start: Configuration,
-    contact: "Barrier | None" = None,
+    system: System, settings: SolverSettings, start: Configuration, contact: "Barrier | None" = None
 ) -> State:
     """The relaxed shape next to a configuration that is nearly in equilibrium."""
     free = free_stiffness(system.shape, all_free(system.shape))

@@ -75,6 +75,7 @@ class PairSearch:
     ) -> None:
         self.least, self.reach, self._near = least, reach, near
         self._mesh, self._every = mesh, np.arange(len(mesh.grid))
+        self._parts = mesh.parts(near)
         self._reached = least + reach
         self._wide, self._narrow = (2 * margin * cell for margin in (WIDE, NARROW))
         self._all = self._close = self._of_whole(np.full((len(mesh.grid), 3), np.nan), 0.0)
@@ -101,10 +102,7 @@ class PairSearch:
         )
 
     def _of_whole(self, vertices: Vertices, within: float) -> Pairs:
-        return Pairs(self._mesh, self._parts(self._mesh), self._every, vertices, within)
-
-    def _parts(self, mesh: ContactMesh) -> ipctk.CollisionMesh:
-        return mesh.near if self._near else mesh.far
+        return Pairs(self._mesh, self._parts, self._every, vertices, within)
 
     def _search(self, vertices: Vertices) -> Pairs:
         """Pairs of the whole mesh, those of two images included."""
@@ -125,7 +123,7 @@ class PairSearch:
             return self._of_whole(vertices, nearest)
         within = min(self._reached + self._narrow, complete)
         mesh, kept = self._mesh.around(distances <= within)
-        closest = Pairs(mesh, self._parts(mesh), kept, vertices, within)
+        closest = Pairs(mesh, mesh.parts(self._near), kept, vertices, within)
         closest.candidates.build(closest.parts, closest.positions(vertices), within / 2)
         without_pairs_of_images(closest.candidates, closest.parts, mesh.own)
         return closest

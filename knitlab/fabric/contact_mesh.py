@@ -44,27 +44,13 @@ class ContactMesh:
         rest = np.pad(self.grid[:, ::-1].astype(float), ((0, 0), (0, 1)))
         return ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(self.faces), self.faces)
 
-    @cached_property
-    def far(self) -> ipctk.CollisionMesh:
-        """That of parts that are not near each other on the grid."""
-        return self._filtered(are_near=False)
-
-    @cached_property
-    def near(self) -> ipctk.CollisionMesh:
-        """That of parts that are near each other on the grid."""
-        return self._filtered(are_near=True)
-
-    def _filtered(self, are_near: bool) -> ipctk.CollisionMesh:
-        # Of a copy, because a filter belongs to its mesh.
-        mesh = replace(self).whole
-        pairs = dict.fromkeys(zip(*self._near_pairs.T.tolist(), strict=True), are_near)
-        mesh.can_collide = ipctk.make_sparse_filter(pairs, not are_near)
+    def parts(self, near: bool) -> ipctk.CollisionMesh:
+        """Collision mesh of the parts that are near each other on the grid, or that are not."""
+        mesh = replace(self).whole  # of a copy, because a filter belongs to its mesh
+        close = cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
+        pairs = dict.fromkeys(zip(*close.T.tolist(), strict=True), near)
+        mesh.can_collide = ipctk.make_sparse_filter(pairs, not near)
         return mesh
-
-    @cached_property
-    def _near_pairs(self) -> Int[np.ndarray, "pair 2"]:
-        """Pairs of vertices, the lower number first, within reach along both axes."""
-        return cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
 
     def around(
         self, chosen: Bool[np.ndarray, " vertex"]

@@ -7,7 +7,7 @@ one law applies to springs of every length, including diagonals.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 
 import equinox as eqx
 import jax
@@ -53,14 +53,28 @@ class SpringCurve:
         if problems := _problems(np.asarray(self.strain, float), np.asarray(self.force, float)):
             raise ValueError("; ".join(problems))
 
-    @property
+    @cached_property
     def spline(self) -> PPoly:
         """Force over k_s times rest length, as a function of strain [1].
 
         The monotone cubic of Fritsch and Butland, with end slopes of the last chords, is smooth
         enough for second derivatives of the energy. Beyond the table the force is linear.
         """
-        return _spline(self)
+        strain, force = np.array(self.strain), np.array(self.force)
+        if strain[0] == 0:
+            strain = np.concatenate([-strain[:0:-1], strain])
+            force = np.concatenate([-force[:0:-1], force])
+        chords = np.diff(force) / np.diff(strain)
+        slopes = PchipInterpolator(strain, force).derivative()(strain)
+        slopes[0], slopes[-1] = chords[0], chords[-1]
+        at_rest = slopes[strain == 0]
+        # Two added points with the end slope continue the curve as a line.
+        beyond = force[[0, -1]] + np.array([-1.0, 1.0]) * slopes[[0, -1]]
+        return CubicHermiteSpline(
+            np.array([strain[0] - 1, *strain, strain[-1] + 1]),
+            np.array([beyond[0], *force, beyond[1]]) / at_rest,
+            np.array([slopes[0], *slopes, slopes[-1]]) / at_rest,
+        )
 
 
 def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " knot"]) -> list[str]:
@@ -88,25 +102,6 @@ def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " kn
     elif rest[0] == len(strain) - 1:
         problems.append("it ends at rest; give points in tension")
     return problems
-
-
-@lru_cache(maxsize=64)
-def _spline(curve: SpringCurve) -> PPoly:
-    strain, force = np.array(curve.strain), np.array(curve.force)
-    if strain[0] == 0:
-        strain = np.concatenate([-strain[:0:-1], strain])
-        force = np.concatenate([-force[:0:-1], force])
-    chords = np.diff(force) / np.diff(strain)
-    slopes = PchipInterpolator(strain, force).derivative()(strain)
-    slopes[0], slopes[-1] = chords[0], chords[-1]
-    at_rest = slopes[strain == 0]
-    # Two added points with the end slope continue the curve as a line.
-    beyond = force[[0, -1]] + np.array([-1.0, 1.0]) * slopes[[0, -1]]
-    return CubicHermiteSpline(
-        np.array([strain[0] - 1, *strain, strain[-1] + 1]),
-        np.array([beyond[0], *force, beyond[1]]) / at_rest,
-        np.array([slopes[0], *slopes, slopes[-1]]) / at_rest,
-    )
 
 
 class SpringLaw(eqx.Module):

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from knitlab.dynamics import motion
-from knitlab.dynamics.body import Body, Motion
 from knitlab.dynamics.damped_test import moved_mass, on_grid
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.motion import Moving, advance
+from knitlab.dynamics.motion import Body, Motion, Moving, advance
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet

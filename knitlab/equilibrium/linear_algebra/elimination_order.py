@@ -6,6 +6,7 @@ A separator is eliminated after the parts on either side. Periodic directions ar
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int
@@ -13,25 +14,17 @@ from jaxtyping import Int
 LEAF_NODES = 32
 """Nodes up to which a rectangle of the grid is not bisected; larger leaves mean fewer BLAS calls
 with more work in each."""
-
-
 _Rectangle = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
 class _Axis:
-    """One axis of the grid.
-
-    Attributes:
-        first, lines: first line, and number of lines.
-        ring: whether the last line is coupled to the first.
-        reach: number of lines over which unknowns are coupled; the thickness of a separator.
-    """
+    """One axis of the grid; a ``ring`` has its last line coupled to the first."""
 
     first: int
     lines: int
     ring: bool
-    reach: int
+    reach: int  # lines over which unknowns are coupled, the thickness of a separator
 
     def closed(self, start: int, stop: int) -> bool:
         """Whether a range of lines is the full ring."""
@@ -48,14 +41,8 @@ class _Axis:
         return [cut], [(start, middle), (cut[1], stop)]
 
 
-@dataclass(frozen=True, eq=False)
-class GridOrder:
-    """Elimination order of the unknowns of a grid.
-
-    Attributes:
-        order: the unknowns in elimination order.
-        starts: where each front starts in that order, and the end.
-    """
+class GridOrder(NamedTuple):
+    """The unknowns of a grid in elimination order, and where fronts start in it, with its end."""
 
     order: Int[np.ndarray, " unknown"]
     starts: Int[np.ndarray, " front"]
@@ -69,11 +56,8 @@ def grid_order(
 ) -> GridOrder:
     """The elimination order for couplings of a grid of nodes.
 
-    Args:
-        indptr: start of every column of the lower triangle in ``indices``.
-        indices: rows of its non-zeros, including the diagonal, column by column.
-        rows: grid row of every unknown; -1 for unknowns of the whole grid, eliminated last.
-        columns: grid column of every unknown, likewise.
+    ``indptr`` and ``indices`` are compressed columns of the lower triangle, with its diagonal. Grid
+    ``rows`` and ``columns`` are −1 for unknowns of the whole grid, which are eliminated last.
     """
     lower, upper = nonzero_pairs(indptr, indices)
     nodal = rows >= 0

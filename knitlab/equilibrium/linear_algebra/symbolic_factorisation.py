@@ -1,14 +1,15 @@
 """Symbolic Cholesky factorisation on a grid of nodes, ordered by nested dissection.
 
 The unknowns of one separator, or of one leaf, are eliminated together in a dense front. The grid
-only determines the order (``elimination_order``); the couplings of a front follow
-from the sparsity, so that any symmetric matrix is factorised correctly. Few couplings beyond those
-of the grid, such as contact of folded plies, hardly add to the work; many would.
+only determines the order; the couplings of a front follow from the sparsity, so that any symmetric
+matrix is factorised correctly. Few couplings beyond those of the grid, such as contact of folded
+plies, hardly add to the work; many would.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,39 +22,23 @@ multiplies by small matrices several times faster than it solves with them, and 
 products alone."""
 
 
-@dataclass(frozen=True, eq=False)
-class ExtendAdd:
-    """Extend-add of a block of a child's update into its parent.
+class ExtendAdd(NamedTuple):
+    """Extend-add of a block of a child's update into its parent, by rows and columns of both."""
 
-    Attributes:
-        target: 0 for the parent's pivots, 1 for its coupling, 2 for its own update.
-        into: rows and columns of the target.
-        block: rows and columns of the child's update.
-    """
-
-    target: int
+    target: int  # 0 for the parent's pivots, 1 for its coupling, 2 for its own update
     into: tuple[slice, slice]
     block: tuple[slice, slice]
 
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """Unknowns that are eliminated together, numbered in elimination order.
+    """Unknowns that are eliminated together, numbered in elimination order."""
 
-    Attributes:
-        pivots: the unknowns.
-        boundary: later unknowns that their elimination couples to each other, ascending.
-        level: its height in the elimination tree: 0 for leaves, more than that of any child.
-        stored: offset of its columns in the stored factor.
-        update: offset of its update on the stack.
-        children: fronts whose updates are added to it, and their extend-add operations.
-    """
-
-    pivots: slice
-    boundary: Int[np.ndarray, " boundary"]
-    level: int
-    stored: int
-    update: int
+    pivots: slice  # the unknowns
+    boundary: Int[np.ndarray, " boundary"]  # later unknowns that they couple, ascending
+    level: int  # in the elimination tree: 0 for leaves, above that of any child
+    stored: int  # offset of its columns in the stored factor
+    update: int  # offset of its update on the stack
     children: tuple[tuple["Front", tuple[ExtendAdd, ...]], ...]
 
     @property
@@ -101,32 +86,21 @@ def columns_of_group(
 class NestedDissection:
     """Symbolic factorisation of matrices of one sparsity.
 
-    Attributes:
-        order: the unknowns in elimination order.
-        parts: the fronts, children before parents: those of two independent halves, then the last
-            one, which both halves update. Fronts of one half and one kind are stored one after
-            another.
-        places: position of every non-zero of the lower triangle in the stored factor.
-        stored: number of entries of the factor.
-        stack: largest number of entries of pending updates.
+    Children are before parents; fronts of one half and one kind are stored one after another.
     """
 
-    order: Int[np.ndarray, " unknown"]
+    order: Int[np.ndarray, " unknown"]  # the unknowns as eliminated
+    # two independent halves, and the last front
     parts: tuple[Sequence[Front], Sequence[Front], Sequence[Front]]
-    places: Int[np.ndarray, " nonzero"]
-    stored: int
-    stack: int
+    places: Int[np.ndarray, " nonzero"]  # of lower non-zeros in the factor
+    stored: int  # entries of the factor
+    stack: int  # largest number of entries of pending updates
 
 
 def planned(
-    grid: GridOrder,
-    indptr: Int[np.ndarray, " column"],
-    indices: Int[np.ndarray, " nonzero"],
+    grid: GridOrder, indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
 ) -> NestedDissection:
-    """Plan the factorisation of matrices of any sparsity in the elimination order of a grid.
-
-    ``indptr`` and ``indices`` are the lower triangle, as in :func:`grid_order`.
-    """
+    """Plan the factorisation of any lower triangle in the elimination order of a grid."""
     order, starts = grid.order, grid.starts
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
@@ -201,7 +175,7 @@ def _fronts(
 ) -> tuple[tuple[Front, ...], int]:
     """The fronts with their offsets on the stack, and the size of the stack.
 
-    The second half does not reuse the part of the stack of the first, which runs concurrently.
+    The second half does not reuse the part of the first, which runs concurrently.
     """
     fronts: list[Front] = []
     waiting: list[Front] = []
@@ -210,31 +184,24 @@ def _fronts(
     for number, (boundary, parent) in enumerate(zip(boundaries, parents, strict=True)):
         pivots = slice(int(starts[number]), int(starts[number + 1]))
         bottom = stack if number == middle else bottom
-        update = _first_gap(waiting, len(boundary) ** 2, bottom)
+        update, size = bottom, len(boundary) ** 2
+        for other in waiting:  # the lowest gap between pending updates
+            if other.update >= bottom:
+                if other.update - update >= size:
+                    break
+                update = other.update + len(other.boundary) ** 2
         extend_adds = tuple(
             (child, _extend_adds(child, pivots, boundary)) for child in children[number]
         )
         level, offset = int(levels[number]), int(stored[number])
         front = Front(pivots, boundary, level, offset, update, extend_adds)
         fronts.append(front)
-        stack = max(stack, update + len(boundary) ** 2)
+        stack = max(stack, update + size)
         waiting = [other for other in waiting if other not in children[number]]
         if parent >= 0:
             children[parent].append(front)
             waiting = sorted([*waiting, front], key=lambda other: other.update)
     return tuple(fronts), stack
-
-
-def _first_gap(waiting: Sequence[Front], size: int, bottom: int) -> int:
-    """Lowest offset on the stack, from its bottom, at which an update fits between pending ones."""
-    end = bottom
-    for front in waiting:
-        if front.update < bottom:
-            continue
-        if front.update - end >= size:
-            break
-        end = front.update + len(front.boundary) ** 2
-    return end
 
 
 def _extend_adds(
