@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from knitlab.measure.knit_size import Gauge
     from knitlab.sweep.parameters import Model, defaults
     from knitlab.sweep.patterns import Pattern
+    from knitlab.sweep.workflow import Protocol
 
     __version__: str
 
@@ -49,6 +50,7 @@ __all__ = [
     "NotConverged",
     "Pattern",
     "PlainKnit",
+    "Protocol",
     "Sheet",
     "SolverSettings",
     "Stripe",
@@ -93,6 +95,7 @@ _NAMES_OF_MODULES = {
     "measure.knit_size": ("Gauge",),
     "sweep.parameters": ("Model", "defaults"),
     "sweep.patterns": ("Pattern",),
+    "sweep.workflow": ("Protocol",),
 }
 """Names by their modules, which are imported when a name is first used: a query needs no JAX."""
 

@@ -31,7 +31,7 @@ from knitlab.sweep.figure_names import STILL_SUFFIXES, check_still
 from knitlab.sweep.parameters import defaults
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.reproduce import find_case
-from knitlab.sweep.workflow import ProtocolSection
+from knitlab.sweep.workflow import Protocol
 from knitlab.sweep.workflow_file import Overrides
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def knit(
             )
         parameters = defaults().with_tables(**tables)
         plated = capacitor is not None
-        case = case_of_design(design, [0.0], parameters, ProtocolSection(), electrodes=plated)
+        case = case_of_design(design, [0.0], parameters, Protocol(), electrodes=plated)
         single = SingleDesign(case, parameters.gauge)
     elif given := [name for name, table in tables.items() if table is not None]:
         raise fault(", ".join(given), "is of a Design; leave it out of a workflow or a cube")

@@ -26,7 +26,7 @@ from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slop
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case, Method, case_of
+from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cases import cases, electrode_problems
@@ -34,10 +34,8 @@ from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
 from knitlab.sweep.design_space import design_space
 from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
-from knitlab.sweep.workflow import DesignSection, ElectrodesSection, ProtocolSection, Workflow
+from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
-DEFAULT_STRAINS = tuple(round(0.03 * step, 2) for step in range(16))
-"""Strains of the preview: 0 to 45 % in steps of 3 %."""
 OWN_PATTERN = "own pattern"
 """Name of a pattern that is given as an object."""
 
@@ -115,8 +113,9 @@ class Design:
 
 def simulate(
     design: Design,
-    applied_strain: Sequence[float] | Float[np.ndarray, " strain"] = DEFAULT_STRAINS,
+    applied_strain: Sequence[float] | Float[np.ndarray, " strain"] | None = None,
     *,
+    protocol: Protocol | None = None,
     model: ModelOptions | None = None,
     sheet: Sheet | None = None,
     plain: PlainKnit | None = None,
@@ -124,10 +123,6 @@ def simulate(
     dynamics: DynamicsSettings | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
-    method: Method = "equilibrium",
-    sensitivities: bool = False,
-    unloading: bool = False,
-    robustness: int = 0,
     progress: bool = False,
 ) -> xr.Dataset:
     """Relax a fabric and pull it along the warp, in this process.
@@ -137,7 +132,10 @@ def simulate(
 
     Args:
         design: the knit and its sample.
-        applied_strain: strains of the test along the warp, ascending from 0 [1].
+        applied_strain: strains of the test along the warp, ascending from 0, in place of those of
+            the protocol [1].
+        protocol: the strains, and how the states are reached, such as
+            ``knitlab.Protocol(strain_max=0.3, method="dynamics")``.
         model: model options, such as ``knitlab.Model(cell_size="flat")``.
         sheet: the walls, and the thickness of the fabric.
         plain: stiffness of plain knit.
@@ -145,10 +143,6 @@ def simulate(
         dynamics: settings of motion in time.
         capacitor: electrodes and their layout.
         gauge: size of a stitch in cloth.
-        method: how the states of the test are reached, ``"equilibrium"`` or ``"dynamics"``.
-        sensitivities: whether to add derivatives with respect to the stripe parameters.
-        unloading: whether to add the states of unloading at the same strains.
-        robustness: number of slightly perturbed copies over which results are spread.
         progress: whether to draw a progress bar.
 
     Returns:
@@ -179,13 +173,9 @@ def simulate(
         capacitor=capacitor,
         gauge=gauge,
     )
-    try:
-        protocol = ProtocolSection(
-            method=method, sensitivities=sensitivities, unloading=unloading, robustness=robustness
-        )
-    except ValidationError as error:
-        raise BadInput(faults_of(error, "simulate")) from error
-    strains = np.asarray(applied_strain, dtype=float).tolist()
+    protocol = protocol or Protocol()
+    given = protocol.applied_strain if applied_strain is None else applied_strain
+    strains = np.asarray(given, dtype=float).tolist()
     case = case_of_design(design, strains, parameters, protocol, electrodes=capacitor is not None)
     with tqdm(total=case.states, unit="state", disable=not progress) as bar:
 
@@ -206,7 +196,7 @@ def case_of_design(
     design: Design,
     applied_strain: Sequence[float],
     parameters: Parameters,
-    protocol: ProtocolSection,
+    protocol: Protocol,
     *,
     electrodes: bool,
 ) -> Case:

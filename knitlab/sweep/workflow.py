@@ -1,6 +1,6 @@
 """Workflows: the schema of the TOML file that describes one sweep."""
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import (
     AfterValidator,
@@ -8,6 +8,7 @@ from pydantic import (
     Field,
     PositiveFloat,
     PositiveInt,
+    ValidationError,
     field_validator,
     model_validator,
 )
@@ -18,7 +19,7 @@ from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import Knit, Stripe
-from knitlab.io.errors import unknown
+from knitlab.io.errors import BadInput, faults_of, unknown
 from knitlab.io.toml import StrictModel
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
@@ -115,7 +116,7 @@ class StripesSection(StrictModel):
     stripe_periods: PositiveInt = 1
 
 
-class ProtocolSection(StrictModel):
+class Protocol(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
@@ -123,6 +124,14 @@ class ProtocolSection(StrictModel):
     respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
     ``robustness`` the spread of results over this number of siblings of each design, which are
     slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
+
+    Raises:
+        BadInput: if a value is out of range, or two contradict.
+
+    Example:
+        >>> import knitlab as kl
+        >>> kl.Protocol(strain_max=0.09).applied_strain
+        (0.0, 0.03, 0.06, 0.09)
     """
 
     method: Method = "equilibrium"
@@ -133,8 +142,16 @@ class ProtocolSection(StrictModel):
     unloading: bool = False
     robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
 
+    if not TYPE_CHECKING:  # which knows the arguments from the fields
+
+        def __init__(self, **values: Any) -> None:
+            try:
+                super().__init__(**values)
+            except ValidationError as error:
+                raise BadInput(faults_of(error, "Protocol")) from error
+
     @model_validator(mode="after")
-    def _has_these_in_equilibrium(self) -> "ProtocolSection":
+    def _has_these_in_equilibrium(self) -> "Protocol":
         for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
                 raise ValueError(
@@ -143,7 +160,7 @@ class ProtocolSection(StrictModel):
         return self
 
     @model_validator(mode="after")
-    def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
+    def _is_a_whole_number_of_steps(self) -> "Protocol":
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6:
             raise ValueError(
@@ -238,7 +255,7 @@ class Workflow(StrictModel):
     figures: Figures = ()
     design: DesignSection | None = None
     stripes: StripesSection | None = None
-    protocol: ProtocolSection = ProtocolSection()
+    protocol: Protocol = Protocol()
     model: ModelSection = ModelSection()
     solver: SolverSection = SolverSection()
     dynamics: DynamicsSection = DynamicsSection()
@@ -257,7 +274,7 @@ class Workflow(StrictModel):
 SECTIONS: dict[str, type[StrictModel]] = {
     "design": DesignSection,
     "stripes": StripesSection,
-    "protocol": ProtocolSection,
+    "protocol": Protocol,
     "model": ModelSection,
     "solver": SolverSection,
     "dynamics": DynamicsSection,

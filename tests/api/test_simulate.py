@@ -12,7 +12,7 @@ import xarray as xr
 
 import knitlab as kl
 from knitlab.api.simulation import case_of_design
-from knitlab.sweep.workflow import ProtocolSection
+from knitlab.sweep.workflow import Protocol
 
 STRAINS = [0.0, 0.03, 0.06]
 SMALL = kl.Design(4, 8, boundary="periodic")
@@ -76,10 +76,8 @@ def test_objects_make_the_case_of_a_workflow_with_the_same_settings(given, setti
     (planned,) = kl.plan(path, **settings).cases
     parameters = DEFAULTS.with_tables(**given)
     design = kl.Design(4, 16)
-    strains = ProtocolSection().applied_strain
-    case = case_of_design(
-        design, strains, parameters, ProtocolSection(), electrodes="capacitor" in given
-    )
+    strains = Protocol().applied_strain
+    case = case_of_design(design, strains, parameters, Protocol(), electrodes="capacitor" in given)
     assert case.case_id == planned
 
 
@@ -87,7 +85,7 @@ def test_stripes_of_other_sizes_replace_those_of_the_tables():
     pattern = kl.Pattern(rows=("GR", "RG"), column_stitches=(16, 24), column_n_stripe=(4, 6))
     own = replace(DEFAULTS.stripes.stripe("rib", 6), k_t=0.01)
     design = kl.Design(4, 16, pattern=pattern, further_stripes=(own,))
-    case = case_of_design(design, [0], DEFAULTS, ProtocolSection(), electrodes=False)
+    case = case_of_design(design, [0], DEFAULTS, Protocol(), electrodes=False)
     assert [stripe.k_t for stripe in case.grading.weft] == [case.weft.k_t, 0.01]
 
 
@@ -133,13 +131,25 @@ def test_an_impossible_design_is_refused(change, message):
             {"capacitor": replace(DEFAULTS.capacitor, layout=kl.ElectrodeLayout(width="wide"))},
             "capacitor.layout: width: .* is 'wide'",
         ),
-        ({"robustness": 101}, "robustness: .* 100, but is 101"),
-        ({"method": "dynamics", "unloading": True}, "gives no unloading; take method"),
     ],
 )
 def test_an_invalid_setting_is_refused(settings, message):
     with pytest.raises(kl.BadInput, match=message):
         kl.simulate(SMALL, STRAINS, **settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"robustness": 101}, "Protocol: robustness: .* 100, but is 101"),
+        ({"method": "dynamics", "unloading": True}, "gives no unloading; take method"),
+        ({"strain_max": 45.0}, "gives 1.5e.03 strains; give at most"),
+        ({"strain_step": 0.04}, "not a whole multiple of strain_step"),
+    ],
+)
+def test_an_invalid_protocol_is_refused(settings, message):
+    with pytest.raises(kl.BadInput, match=message):
+        kl.Protocol(**settings)
 
 
 def test_every_fault_of_several_objects_is_listed():
@@ -164,7 +174,7 @@ knitlab.simulate(
     model=knitlab.Model(cell_size="flat"),
     sheet=knitlab.Sheet(z_max=1.9, k_wall=100.0),
     solver=knitlab.SolverSettings(tolerance=1e-9),
-    robustness=1,
+    protocol=knitlab.Protocol(strain_max=0.3, robustness=1),
 )
 knitlab.simulate(design, model=knitlab.Model(cell_size="long"))
 knitlab.simulate(design, k_t_factor=2)
