@@ -42,10 +42,8 @@ class MovingFabrics:
 
     def bodies(self, clamped: bool) -> list[Body]:
         """The fabrics as bodies, free or with what a tensile test holds held."""
-        return [
-            _body(self.shape, fabric, inertia, clamped)
-            for fabric, inertia in zip(self.fabrics, self.inertias, strict=True)
-        ]
+        pairs = zip(self.fabrics, self.inertias, strict=True)
+        return [_body(self.shape, *pair, clamped) for pair in pairs]
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,11 +167,7 @@ def _outcome(moving: Moving, case: int, to_rest: bool) -> Outcome:
 
 
 def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
-    """Mass that each unknown moves [g].
-
-    L_x and L_y, which the paper does not have, move the images of a line of nodes, and thus the
-    mass of this line; equilibria do not depend on it.
-    """
+    """Mass that each unknown moves [g]; L_x and L_y, not in the paper, that of a line of nodes."""
     mass = jnp.broadcast_to(inertia.node_mass, (shape.nodes_y, shape.nodes_x))
     lines = jnp.stack([mass[:, 0].sum(), mass[0].sum()])
     return Configuration(jnp.broadcast_to(mass[..., None], (*mass.shape, 3)), lines)
@@ -188,13 +182,9 @@ def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> 
         lengths[1] = 0.0
     elif clamped:
         inverse[[0, -1]] = 0.0
-    return Body(
-        GridFabric.of(shape, fabric),
-        jnp.asarray(inverse),
-        jnp.asarray(lengths),
-        jnp.asarray(inertia.damping),
-        jnp.array([shape.nodes_y, shape.nodes_x], float),
-    )
+    inverses = map(jnp.asarray, (inverse, lengths, inertia.damping))
+    moved = jnp.array([shape.nodes_y, shape.nodes_x], float)
+    return Body(GridFabric.of(shape, fabric), *inverses, moved)
 
 
 def on_grid(configuration: Configuration) -> Shape:

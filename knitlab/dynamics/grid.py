@@ -138,7 +138,7 @@ class GridFabric(eqx.Module):
     hinges: tuple[Hinges, ...]  # about edges along y, and along x
     z_max: Float[Array, ""]  # half the gap between the walls [mm]
     k_wall: Float[Array, ""]  # penalty stiffness of the walls [N/mm]
-    periodic: bool = eqx.field(static=True)  # whether the fabric is periodic
+    periodic: bool = eqx.field(static=True)
 
     @classmethod
     def of(cls, shape: MeshShape, fabric: Fabric) -> "GridFabric":
@@ -237,10 +237,7 @@ class GridFabric(eqx.Module):
         return heights - jnp.clip(heights, -self.z_max, self.z_max)
 
     def _surrounded(self, shape: Shape) -> Vector:
-        """Positions on all lines, and on one more on every side [mm].
-
-        Beyond an open edge the sheet goes on straight, so that normals exist; nothing acts there.
-        """
+        """Positions, also of straight lines beyond open edges, so that normals exist [mm]."""
         (x, y, z), (length_x, length_y) = shape.positions, shape.lengths
         return (
             _extended(x, self.periodic, length_x, 0.0),

@@ -127,11 +127,9 @@ def _squares(vector: Shape) -> Float[Array, "row column"]:
 def highest_frequency(
     body: Body, motion: Motion, mode: Shape, iterations: Int[Array, ""]
 ) -> tuple[Float[Array, ""], Shape]:
-    """Square of the highest frequency, without walls, by power iteration on M⁻¹ K [1/ms²].
-
-    It begins with ``mode``, a shape of any size, and returns the last one for the next time.
-    """
-    # With M^(−1/2) on both sides the matrix is symmetric, and its Rayleigh quotients are sharp.
+    """Square of the highest frequency without walls, and its mode, from one near it [1/ms²]."""
+    # By power iteration on M^(−1/2) K M^(−1/2), which is symmetric, so that Rayleigh quotients are
+    # sharp.
     weighted = partial(jax.tree.map, lambda part, inverse: jnp.sqrt(inverse) * part)
 
     def norm(vector: Shape) -> Float[Array, ""]:
@@ -221,10 +219,7 @@ def leapfrog(
 def runge_kutta(
     body: Body, motion: Motion, duration: Float[Array, ""], tolerances: tuple[float, float]
 ) -> tuple[Motion, Int[Array, ""], Bool[Array, ""]]:
-    """Move a fabric for a time [ms] by ``diffrax.Tsit5``, the paper's integrator, to tolerances.
-
-    Returns the motion, the steps tried, and whether the end was reached.
-    """
+    """Move by ``diffrax.Tsit5``; returns motion, steps tried, and whether the end was reached."""
     import diffrax  # half as long to import as JAX, and the leapfrog does without
 
     def derivative(_: Any, motion: Motion, __: Any) -> Motion:
@@ -320,12 +315,9 @@ def largest_step(moving: Moving) -> OfCases:
 
 
 def _by_leapfrog(
-    moving: Moving, left: OfCases, fraction: OfCases, most: float
+    moving: Moving, left: OfCases, fraction: OfCases, safety: float
 ) -> tuple[Moving, OfCases]:
-    """Equal steps of those that have time left [ms]; unstable ones are undone.
-
-    ``fraction`` of the stability limit has a step of each, and is also returned for the next ones.
-    """
+    """Equal steps at a ``fraction`` of the stability limit; unstable ones are undone."""
     iterations = np.where(moving.steps > 0, 4, FIRST_ITERATIONS)
     square, mode = _highest_frequencies(moving.body, moving.motion, moving.mode, iterations)
     step = fraction * 2 / np.sqrt(np.asarray(square))
@@ -340,7 +332,7 @@ def _by_leapfrog(
     # A step was unstable if the energy grew by more than this part of the largest.
     stable = after - supplied <= before + 0.02 * np.maximum(moving.largest, np.abs(supplied))
     count = np.where(stable, count, 0)
-    fraction = np.where(stable, np.minimum(2 * fraction, most), fraction / 2)
+    fraction = np.where(stable, np.minimum(2 * fraction, safety), fraction / 2)
     moved = replace(
         moving,
         motion=_chosen(stable, motion, moving.motion),
@@ -348,7 +340,7 @@ def _by_leapfrog(
         mode=_chosen(left > 0, mode, moving.mode),
         time=np.where(count == whole, moving.time + left, moving.time + count * step),
         steps=moving.steps + count,
-        diverged=moving.diverged | (fraction < most * 0.5**HALVINGS),
+        diverged=moving.diverged | (fraction < safety * 0.5**HALVINGS),
     )
     return _with_peaks(moved), fraction
 

@@ -48,10 +48,7 @@ class NoDerivative(ArithmeticError):
 
 
 class LinearResponse:
-    """Displacements of an equilibrium under small forces, for one choice of free unknowns.
-
-    Rigid motions that cost no energy are projected out of both forces and displacements.
-    """
+    """Displacements of an equilibrium by small forces, both without free rigid motions."""
 
     def __init__(self, shape: MeshShape, free: Int[np.ndarray, " free"]) -> None:
         self.free = free_stiffness(shape, free)
@@ -59,11 +56,7 @@ class LinearResponse:
         self._factors = Multifrontal(self.free.plan)
 
     def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
-        """The response at one equilibrium, in place of the previous one.
-
-        Raises:
-            NoDerivative: if K is not positive definite, apart from rigid motions.
-        """
+        """The response at one equilibrium, in place of the last one; or :class:`NoDerivative`."""
         shape, free = self.free.shape, self.free.places
         hessians = ChunkedFabric(shape, fabric).element_hessians(COMPLETE, unknowns)
         with one_thread_of_blas():
@@ -81,11 +74,7 @@ class LinearResponse:
         return self
 
     def to(self, forces: Moved) -> Moved:
-        """Displacements under forces, row by row; 0 for held unknowns, whose forces do nothing.
-
-        Raises:
-            NoDerivative: if K is nearly singular.
-        """
+        """Displacements under forces, row by row, or :class:`NoDerivative`; 0 for held unknowns."""
         displacements, free = np.zeros_like(forces), self.free.places
         for row, force in zip(displacements, forces, strict=True):
             row[free] = self._solved(self._without_rigid_motion(force[free]))
@@ -133,10 +122,8 @@ class Adjoint:
     """Derivatives along the tensile test of one fabric, from its layout, stripes and relaxed shape.
 
     A sample with free edges is rigidly aligned before it is clamped, which also depends on its
-    stripes. As long as it touches no wall, its height between the walls is treated as fixed.
-
-    Raises:
-        NoDerivative: if the relaxed shape is not a stable equilibrium.
+    stripes; while it touches no wall, its height is treated as fixed. :class:`NoDerivative` is
+    raised if the relaxed shape is not a stable equilibrium.
     """
 
     def __init__(self, layout: FabricLayout, stripes: StripePair, relaxed: Configuration) -> None:
@@ -149,15 +136,12 @@ class Adjoint:
     def of_strained(
         self, applied_strain: float, strained: Configuration, measure: Measure
     ) -> StripePair:
-        """Derivatives of a measure of the equilibrium at one applied strain, which is held fixed.
+        """Derivatives of a measure of the equilibrium at one strain, or :class:`NoDerivative`.
 
         The measure is such as ``lambda relaxed, strained, fabric: jnp.ptp(strained.positions[...,
         0])``. JAX traces it once, so pass the same function object for all fabrics of a mesh shape.
         Every value is differentiated by every stripe parameter; those of a graded fabric, along the
         first axis.
-
-        Raises:
-            NoDerivative: if the state is not a stable equilibrium.
         """
         unknowns = np.asarray(strained.flattened())
         by_relaxed, by_strained, by_fabric = _jacobian(

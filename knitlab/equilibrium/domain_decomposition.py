@@ -66,9 +66,12 @@ class SubdomainSolver:
         def solved(place: int) -> State:
             problem = problems[place]
             start = Point(unknowns[problem.subdomain.places], at.stage)
-            process = self._processes.get()
+            free, state, process = problem.subdomain.free, None, self._processes.get()
             try:
-                return self._solved(process, problem, start, settings)
+                if process is not None:
+                    sent = free.shape, free.places, problem.fabric
+                    state = process.solve(problem.number, sent, start, settings)
+                return state or solve_subdomain(problem.system, free, start, settings)
             finally:
                 self._processes.put(process)
 
@@ -82,19 +85,6 @@ class SubdomainSolver:
                 cost += state.iterations * len(subdomain.free.places) / len(free.places)
         system.factorised()
         return Point(unknowns, at.stage), cost
-
-    def _solved(
-        self,
-        process: SecondProcess | None,
-        problem: _LocalProblem,
-        start: Point,
-        settings: SolverSettings,
-    ) -> State:
-        free, state = problem.subdomain.free, None
-        if process is not None:
-            sent = free.shape, free.places, problem.fabric
-            state = process.solve(problem.number, sent, start, settings)
-        return state or solve_subdomain(problem.system, free, start, settings)
 
     def _decomposition(
         self, free: FreeStiffness

@@ -122,11 +122,7 @@ class SubdomainRounds:
         return after, system.evaluate(after)
 
     def extrapolate(self) -> None:
-        """If many rounds gain slowly, extrapolate the step of the last one.
-
-        This is repeated while each step gains at least half as much energy as the one before; the
-        last step, which does not, is discarded.
-        """
+        """If many rounds gain slowly, extrapolate the last step while that gains half as much."""
         search, before, gain = self._search, self._last, self._energy - self._search.energy
         # Slow is a round that gains more than 0.3 of what the previous one gained.
         slow = self._rounds >= ROUNDS and gain > 0.3 * self._gain > 0

@@ -38,11 +38,7 @@ class Loading:
     def ahead(
         self, passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]], applied_strain: float
     ) -> Float[np.ndarray, " unknown"]:
-        """Extrapolation of a path to an applied strain, with held unknowns as prescribed [mm].
-
-        It is by the polynomial through all states passed or, if there is only one, by an affine
-        stretch.
-        """
+        """Polynomial extrapolation of states passed, or an affine stretch of only one [mm]."""
         strain, last = passed[-1]
         if len(passed) == 1:
             return self.holding(last + (applied_strain - strain) * self.drive, applied_strain)
@@ -55,10 +51,7 @@ class Loading:
         return self.holding(extrapolated, applied_strain)
 
     def reaction_force(self, gradient: Float[np.ndarray, " unknown"]) -> float:
-        """Force that drives the test, ∂V/∂(displacement) at fixed free unknowns [N].
-
-        It is the sum of the y forces on the top row of a sample, and ∂V/∂L_y of periodic fabric.
-        """
+        """Force on the driven end: Σ of y forces on the top row, or ∂V/∂L_y if periodic [N]."""
         return float(reaction_force(self.shape, self.drive, self.length, gradient))
 
 
@@ -141,10 +134,7 @@ def rigidly_aligned(shape: MeshShape, flat: Configuration, relaxed: Configuratio
 def aligning_rotation(
     target: Float[Array | np.ndarray, "point 3"], points: Float[Array | np.ndarray, "point 3"]
 ) -> Float[Array | np.ndarray, "3 3"]:
-    """The rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976).
-
-    It and its derivative exist where the best rotation is unique, so not for collinear points.
-    """
+    """The unique rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976)."""
     xp, covariance = array_library(target, points), target.T @ points
     constant = covariance if xp is np else lax.stop_gradient(covariance)
     left, _, right = xp.linalg.svd(constant)

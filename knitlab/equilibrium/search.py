@@ -141,10 +141,7 @@ class Search:
         return whole
 
     def longest_part(self, step: Vector) -> float:
-        """The fraction of a step that has the largest allowed length; above 1 for shorter steps.
-
-        Only relative motion of neighbouring nodes is limited, not that of a part as a rigid body.
-        """
+        """The fraction of a step with the largest allowed relative motion of neighbouring nodes."""
         shape = self.rules.free.shape
         move = Configuration.of(self.of_all(step), shape)
         nodes, (along_x, along_y) = np.asarray(move.positions), np.asarray(move.lengths)

@@ -16,8 +16,12 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, grid_order
-from knitlab.equilibrium.linear_algebra.symbolic_factorisation import NestedDissection, planned
+from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
+    GridOrder,
+    NestedDissection,
+    grid_order,
+    planned,
+)
 from knitlab.fabric.energy import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
 from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.threads import ALONE, Threads
@@ -184,10 +188,7 @@ def _terms(
 ) -> Iterator[
     tuple[Int[np.ndarray, " term"], Int[np.ndarray, " term"], Float[np.ndarray, " term"]]
 ]:
-    """Non-zeros, entries of element Hessians that are added to them, and their factors.
-
-    ``entry`` gives the index and the sign of an entry of every element's Hessian by its nodes.
-    """
+    """Non-zeros, entries of element Hessians that are added to them, and their factors."""
     groups = pairs.shape[0]
     first = np.repeat(np.arange(groups), np.diff(pairs.indptr))
     keys = first * groups + pairs.indices

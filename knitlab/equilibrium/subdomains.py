@@ -3,11 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import jax
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.fabric.fabric import Fabric
@@ -36,20 +37,13 @@ class Subdomain:
     def fabric(self, whole: Fabric) -> Fabric:
         """The part of the sample's fabric in the subdomain."""
 
-        # NumPy indexes without compiling, which JAX does for every size.
-        def part(
-            values: Array | np.ndarray, places: Int[np.ndarray, " element"]
-        ) -> Float[np.ndarray, "..."]:
-            return np.asarray(values)[places]
+        def parts(places: Int[np.ndarray, " element"], *names: str) -> dict[str, Any]:
+            # NumPy indexes without compiling, which JAX does for every size.
+            whole_values = {name: getattr(whole, name) for name in names}
+            return jax.tree.map(lambda values: np.asarray(values)[places], whole_values)
 
-        return replace(
-            whole,
-            rest_length=part(whole.rest_length, self.springs),
-            stretch_stiffness=part(whole.stretch_stiffness, self.springs),
-            spring_law=jax.tree.map(lambda values: part(values, self.springs), whole.spring_law),
-            rest_fold=part(whole.rest_fold, self.hinges),
-            fold_stiffness=part(whole.fold_stiffness, self.hinges),
-        )
+        springs = parts(self.springs, "rest_length", "stretch_stiffness", "spring_law")
+        return replace(whole, **springs, **parts(self.hinges, "rest_fold", "fold_stiffness"))
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
         """Largest force on its free unknowns [N]."""

@@ -177,11 +177,7 @@ def starts_from_periodic(
     seed: int | None = None,
     contacts: Sequence["Barrier | None"] = (),
 ) -> list[Configuration | None]:
-    """Starting shapes of samples of one mesh shape, tiled with their relaxed periodic fabrics.
-
-    These ``cells`` are of one mesh shape too, and imperfect if there is a seed. A sample whose
-    periodic fabric did not relax has ``None``.
-    """
+    """Samples tiled with relaxed periodic ``cells``, or None; with a seed these are imperfect."""
     searches = [
         partial(
             relax,
@@ -316,8 +312,7 @@ class _Path:
         soft = self._found(start, near, floor, convexified=True)
         if soft.outcome is Outcome.left_branch:
             return soft
-        state = self._found(Point(soft.unknowns), self.settings, floor, convexified=True)
-        return state.after(soft)
+        return self._found(Point(soft.unknowns), self.settings, floor, convexified=True).after(soft)
 
     def _against_drag(self, strain: float) -> State:
         """The state reached by a viscous step; its residual, but not its energy, includes drag."""
@@ -349,17 +344,13 @@ class _Path:
             return Point(far)
         starts = [Point(near + part * (far - near)) for part in PARTS_AHEAD]
         if self.contact is not None:
-            return self._reachable(starts, self.contact)
+            before = passed[-1][1]
+            for start in starts:  # the first that contact lets be reached from the last state
+                if self.contact.free_part(before, start.unknowns - before) == 1:
+                    return start
+            return Point(np.full_like(before, np.nan))
         energies = [float(self.system.evaluate(start).energy.total) for start in starts]
         return starts[int(np.argmin(np.nan_to_num(energies, nan=np.inf)))]
-
-    def _reachable(self, starts: Sequence[Point], contact: "Barrier") -> Point:
-        """The first of several starts that contact lets be reached from the last state."""
-        before = self.last[-1][1].unknowns
-        for start in starts:
-            if contact.free_part(before, start.unknowns - before) == 1:
-                return start
-        return Point(np.full_like(before, np.nan))
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by extrapolated work."""
@@ -369,8 +360,8 @@ class _Path:
         distance = (strain - before_strain) * self.loading.length
         force = self.loading.reaction_force(before.gradient)
         earlier_strain, earlier = self.last[-2]
-        earlier_force = self.loading.reaction_force(earlier.gradient)
-        slope = (force - earlier_force) / (before_strain - earlier_strain)
+        growth = force - self.loading.reaction_force(earlier.gradient)
+        slope = growth / (before_strain - earlier_strain)
         work = (force + slope * (strain - before_strain) / 2) * distance
         return float(before.energy.total) + work - self._allowed(work, strain)
 

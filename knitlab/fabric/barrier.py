@@ -130,11 +130,7 @@ class PairSearch:
 
 
 def shortened(distance: float, before: Vertices, after: Vertices) -> float:
-    """What may be left of a distance between parts when the fabric moves; NaN if nothing is known.
-
-    A stretch along x and y shortens it by at most that factor, and the rest of the motion by at
-    most twice its largest.
-    """
+    """A distance that is left after a motion, by its stretch along x and y and the rest; or NaN."""
     stretch = np.ones(3)
     stretch[:2] = np.ptp(after[:, :2], axis=0) / np.ptp(before[:, :2], axis=0)
     rest = after - before * stretch
@@ -193,10 +189,7 @@ class Barrier:
         return Evaluation(replace(evaluation.energy, contact=energy), total)
 
     def hessian(self, unknowns: Unknowns, free: Int[np.ndarray, " free"]) -> sp.csc_array | None:
-        """Hessian by the free unknowns, made positive semidefinite pair by pair [N/mm].
-
-        It has both triangles, and is ``None`` where nothing is within reach.
-        """
+        """Both triangles, made positive semidefinite by pairs [N/mm]; None if none are in reach."""
         terms = []
         for search, mesh, touching in self._touching(unknowns):
             potential, of_free = self._potential(search), mesh.from_unknowns[:, free]

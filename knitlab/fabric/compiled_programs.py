@@ -42,11 +42,7 @@ def keep_compiled_programs() -> None:
 
 
 def _kind_of_program() -> str:
-    """Version of JAX, processor and threads.
-
-    Programs of one processor may crash on another, and XLA decides on parallel loops as it
-    compiles: a program of one thread stays one where there are more.
-    """
+    """Version of JAX, processor, whose programs may crash on another, and threads of a program."""
     features = ""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -36,15 +36,12 @@ OneOrEach = Float[Array | np.ndarray, "*#element"]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Energy:
-    """Elastic energy in its three parts [N mm] (paper, Eqs. 1, 2 and the wall penalty).
-
-    ``drag`` is the potential of the drag while a viscous step is solved, and 0 in every result.
-    """
+    """Elastic energy in its parts [N mm] (paper, Eqs. 1, 2 and the wall penalty)."""
 
     stretch: Float[Array, "*batch"]
     fold: Float[Array, "*batch"]
     wall: Float[Array, "*batch"]
-    drag: Float[Array, "*batch"] | float = 0.0
+    drag: Float[Array, "*batch"] | float = 0.0  # while a viscous step is solved
     contact: Float[Array, "*batch"] | float = 0.0
 
     @property
@@ -135,10 +132,7 @@ class ElementHessians(eqx.Module):
 def spring_stiffness(
     vectors: Vector, rest_length: Each, stiffness: Each, law: SpringLaw = LINEAR
 ) -> Float[Array, "6 spring"]:
-    """Hessian of springs with respect to their vectors, :data:`SPRING_ENTRIES` of it [N/mm].
-
-    Of a linear spring it is k_s along it and tension over length, k_s (1 − ℓ0/ℓ), across it.
-    """
+    """Hessian of springs with respect to their vectors, :data:`SPRING_ENTRIES` of it [N/mm]."""
     length = jnp.sqrt((vectors**2).sum(0))
     along = vectors / length
     stretching = stiffness * law.slope(length, rest_length)
@@ -157,10 +151,7 @@ def wall_stiffness(heights: Each, z_max: OneOrEach, k_wall: OneOrEach) -> Each:
 def hinge_stiffness(
     vectors: HingeVectors, rest: Each, stiffness: Each, of: FoldAngle
 ) -> Float[Array, "block 171 lane"]:
-    """Hessian of ½ k_t (φ − φ0)² with respect to the six nodes, :data:`HINGE_ENTRIES` of it [N/mm].
-
-    In blocks of :data:`LANES` hinges; vectors see :data:`~knitlab.fabric.network.HINGE_VECTORS`.
-    """
+    """Hessian of hinges by their six nodes, :data:`HINGE_ENTRIES` of it, in blocks [N/mm]."""
     hinges = (
         jnp.moveaxis(vectors.reshape(5, 3, -1, LANES), 2, 0),
         rest.reshape(-1, LANES),
@@ -172,10 +163,7 @@ def hinge_stiffness(
 def _hinge_entries(
     vectors: Float[Array, "5 3 lane"], rest: Each, stiffness: Each, of: FoldAngle
 ) -> Float[Array, "171 lane"]:
-    """Hessians of one block: by the edge and the normals beside it, by the vectors, by the nodes.
-
-    Differentiating with respect to the nodes at once would take twice the time.
-    """
+    """Hessians by edge and normals, then vectors, then nodes, in half the time of nodes at once."""
     diagonals = vectors[1:]
     normals = jnp.cross(diagonals[::2], diagonals[1::2], axis=1)
     three = jnp.concatenate([vectors[:1], normals])

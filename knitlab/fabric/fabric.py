@@ -40,10 +40,8 @@ class Configuration(eqx.Module):
     @classmethod
     def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":
         """Configurations of one mesh shape as the states of one configuration, in NumPy."""
-        return cls(
-            np.stack([np.asarray(state.positions) for state in states]),
-            np.stack([np.asarray(state.lengths) for state in states]),
-        )
+        positions, lengths = zip(*((its.positions, its.lengths) for its in states), strict=True)
+        return cls(np.stack(positions), np.stack(lengths))
 
     def flattened(self) -> Float[Array | np.ndarray, "*state unknown"]:
         """Unknowns as a vector: (x, y, z) by nodes from the bottom left, then L_x and L_y [mm]."""
@@ -57,11 +55,7 @@ class Configuration(eqx.Module):
 
 
 class Fabric(eqx.Module):
-    """Parameters of one fabric on a network.
-
-    Fabrics with the same mesh shape, kind of fold angle and kind of spring law can be stacked into
-    a batch.
-    """
+    """Parameters of one fabric on a network; those of one shape, angle and law can be stacked."""
 
     rest_length: Float[Array | np.ndarray, " spring"]  # [mm]
     stretch_stiffness: Float[Array | np.ndarray, " spring"]  # [N/mm]

@@ -26,11 +26,7 @@ AngleAndSlopes = tuple[Each, tuple[Vector, Vector, Vector]]
 
 @partial(jax.custom_jvp, nondiff_argnums=(2,))
 def fold_from_rest(vectors: HingeVectors, rest: Each, of: FoldAngle) -> Each:
-    """Signed fold angle of hinges minus its rest value, on the branch nearest zero [rad].
-
-    It is positive for a mountain. On this branch the energy is smooth unless the angle differs from
-    its rest value by exactly π.
-    """
+    """Signed fold angle, > 0 in a mountain, minus its rest value, between ±π [rad]."""
     return fold_and_slope(vectors, rest, of)[0]
 
 
@@ -68,10 +64,7 @@ def by_hinge_vectors(
 
 
 def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> AngleAndSlopes:
-    """φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2.
-
-    With r² = S² + C² its slopes are φ_S = C/r² and φ_C = −S/r².
-    """
+    """φ = atan2(S, C), S = (n1 × n2)·ê, C = n1·n2; φ_S = C/r², φ_C = −S/r², r² = S² + C²."""
     xp = array_library(edge)
     cross, length = partial(xp.cross, axis=0), xp.linalg.norm(edge, axis=0)
     along = edge / length

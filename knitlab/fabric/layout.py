@@ -38,10 +38,7 @@ class FabricLayout:
         return np.where(np.isnan(self.single_fold), self.fold_part, np.sign(self.single_fold))
 
     def fabric(self, stripes: StripePair) -> Fabric:
-        """The fabric of given stripes; differentiable by JAX, except by k_s where both are equal.
-
-        Diagonals have the smaller of both k_s, and the spring law of that stripe.
-        """
+        """The fabric of given stripes; differentiable, except by k_s where both are equal."""
         xp, net, options = array_library(stripes), self.net, self.options
         sides = stripes.weft, stripes.warp
 
@@ -134,15 +131,13 @@ def fabric_layout(
     Springs and hinges across the wales have the values of the rib stripe of their column, those
     across the courses of the garter stripe of their row, diagonals the smaller k_s; within plain
     knit all have its values. Folds lie on the lines of
-    :func:`~knitlab.fabric.fold_lines.fold_senses`, and where the pattern has single folds. The
-    first fold of a rib patch is a mountain, that of a garter patch is as ``garter_start`` says.
-    Hinges that join different knits, or that are across the folds of their patch, are flat at rest,
-    and exist only with ``hinges = "all"`` or within plain knit.
+    :func:`~knitlab.fabric.fold_lines.fold_senses`, and where the pattern has single folds. Hinges
+    that join different knits, or that are across the folds of their patch, are flat at rest, and
+    exist only with ``hinges = "all"`` or within plain knit.
 
     Raises:
         BadPattern: if a single fold lies outside the pattern or between grid lines.
-        ValueError: if the pattern has plain knit and ``plain`` is not given, or if its grid is not
-            that of the options.
+        ValueError: if ``plain`` is needed and not given, or the grid is not that of the options.
     """
     if pattern.cells_per_period != options.cells_per_period:
         counts = f"{pattern.cells_per_period} and {options.cells_per_period}"

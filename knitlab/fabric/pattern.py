@@ -129,11 +129,7 @@ class PatchGrid:
         return replace(self, knit=np.tile(self.knit, repeats), folds=tuple(folds), **of_lines)
 
     def grid_folds(self) -> list[tuple[SingleFold, int, int, int]]:
-        """The single folds, each with its grid line and the grid lines at its start and end.
-
-        Raises:
-            BadPattern: if folds lie outside the pattern or between grid lines; it lists them all.
-        """
+        """Single folds with their grid line, start and end; :class:`BadPattern` has all faults."""
         problems: list[str] = []
         on_grid = []
         for number, fold in enumerate(self.folds, 1):
@@ -178,11 +174,7 @@ def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int | str:
 
 
 def letters_of(rows: Sequence[str]) -> np.ndarray:
-    """Letters (row, column) of a patch map, lowest row first, from text with the top course first.
-
-    Raises:
-        BadPattern: if the rows differ in length, are empty, or hold another letter.
-    """
+    """Letters (row, column) of a map, lowest row first, from its text; or :class:`BadPattern`."""
     widths = {len(row) for row in rows}
     if not rows or len(widths) != 1 or widths == {0}:
         lengths = ", ".join(f"row {k} has {len(row)}" for k, row in enumerate(rows, 1))
@@ -229,11 +221,7 @@ def graded_pattern(
     folds: tuple[SingleFold, ...] = (),
     cells_per_period: int = CELLS_PER_PERIOD,
 ) -> PatchGrid:
-    """The pattern of a whole fabric: letters in rows, top course first, and their repeats (y, x).
-
-    Patches have P periods if they are not graded. Folds are of one repeat; :class:`BadPattern` is
-    raised if the rows are not a map of patches.
-    """
+    """The pattern of a fabric: its letters, top course first, with sizes, and repeats (y, x)."""
     knit = letters_of(rows)
     if grading is None:
         height, width = knit.shape

@@ -91,10 +91,7 @@ Solves = FrontSolves | GroupSolves
 
 
 class TriangularSolves:
-    """Solves with the factor L of a matrix, in memory that is reused.
-
-    The columns in ``stored`` may be overwritten between solves. At most two threads are used.
-    """
+    """Solves with the factor L of a matrix, whose columns may be overwritten between solves."""
 
     def __init__(self, plan: NestedDissection, stored: Vector, threads: Threads = ALONE) -> None:
         self._order, self._stored = plan.order, stored
