@@ -182,9 +182,10 @@ def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> 
         lengths[1] = 0.0
     elif clamped:
         inverse[[0, -1]] = 0.0
-    inverses = map(jnp.asarray, (inverse, lengths, inertia.damping))
-    moved = jnp.array([shape.nodes_y, shape.nodes_x], float)
-    return Body(GridFabric.of(shape, fabric), *inverses, moved)
+    inverses = jnp.asarray(inverse), jnp.asarray(lengths)
+    nodes_of_lengths = jnp.array([shape.nodes_y, shape.nodes_x], float)
+    damping = jnp.asarray(inertia.damping)
+    return Body(GridFabric.of(shape, fabric), *inverses, damping, nodes_of_lengths)
 
 
 def on_grid(configuration: Configuration) -> Shape:
@@ -232,7 +233,8 @@ def _record(moving: Moving, case: int) -> Record:
 
 
 def _history(records: Sequence[Record], force_left: float, with_snapshots: bool) -> History:
-    time, kinetic, potential, dissipated, shapes = zip(*records, strict=True)
+    *numbers, shapes = zip(*records, strict=True)
+    time, kinetic, potential, dissipated = map(np.array, numbers)
     kept = slice(None) if with_snapshots else slice(-1, None)
-    energies = map(np.array, (time, kinetic, potential, dissipated, time[kept]))
-    return History(*energies, Configuration.stacked(shapes[kept]), force_left)
+    snapshots = time[kept], Configuration.stacked(shapes[kept])
+    return History(time, kinetic, potential, dissipated, *snapshots, force_left)

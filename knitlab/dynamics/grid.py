@@ -151,8 +151,7 @@ class GridFabric(eqx.Module):
         for size, around in (
             ((shape.nodes_y, columns), (lines, cells)),
             ((rows, shape.nodes_x), (cells, lines)),
-            ((rows, columns), (cells, cells)),
-            ((rows, columns), (cells, cells)),
+            *[((rows, columns), (cells, cells))] * 2,
         ):
             numbers = np.arange(first, first := first + size[0] * size[1]).reshape(size)
             places = np.pad(numbers, around, "edge")
@@ -164,20 +163,17 @@ class GridFabric(eqx.Module):
                     fabric.spring_law.of(places),
                 )
             )
+        # The hinge on the image of the first line is that line's; open edges have none.
+        beyond, mode = ((0, 1), "wrap") if shape.periodic else ((1, 1), "constant")
         wales = rows * (columns if shape.periodic else columns - 1)
         hinges = []
-        for own, size, across in (
+        for own, size, axes in (
             (slice(None, wales), (rows, -1), 1),
-            (slice(wales, None), (-1, columns), 0),
+            (slice(wales, None), (-1, columns), -1),
         ):
-            # The hinge on the image of the first line is that line's; open edges have none.
-            lines, mode = ((0, 1), "wrap") if shape.periodic else ((1, 1), "constant")
-            beyond = [(0, 0), (0, 0)]
-            beyond[across] = lines
-            beside = [(0, 0), (0, 0)]
-            beside[1 - across] = cells
+            across, beside = ((0, 0), beyond)[::axes], (cells, (0, 0))[::axes]
             stiffness, rest = (
-                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), beyond, mode), beside)
+                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), across, mode), beside)
                 for values in (fabric.fold_stiffness, fabric.rest_fold)
             )
             hinges.append(Hinges(stiffness, rest, fabric.fold_angle))

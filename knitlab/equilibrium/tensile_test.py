@@ -62,16 +62,10 @@ def stretch(
     marked. The iterations of all attempts are counted in the state that they lead to. The test ends
     at the first strain that cannot be reached.
 
-    Args:
-        system: the equations of the fabric.
-        applied_strain: strains, ascending from 0.
-        settings: settings of the search.
-        progress: called with the number of finished states.
-        start: configuration to start the relaxation from; the flat sheet by default.
-        folded: in place of it, a configuration nearly in equilibrium, relaxed without a detour.
-        unload: whether to unload a fabric that reached the last strain through all strains.
-        contact: contact of the fabric with itself, if any.
-        factorised: called after every factorisation.
+    ``progress`` is called with the number of finished states, ``factorised`` after every
+    factorisation. The relaxation begins with the flat sheet, with ``start`` or, without a detour,
+    with ``folded``, which is nearly in equilibrium. With ``unload`` a fabric that reached the last
+    strain is unloaded through all.
     """
     system.factorised = factorised
     if folded is None:

@@ -121,7 +121,7 @@ class PatchGrid:
             for turn_y, turn_x in np.ndindex(repeats)
             for fold in self.folds
         ]
-        of_lines = {
+        of_lines: dict[str, Any] = {
             f"{line}_{name}": np.tile(getattr(self, f"{line}_{name}"), times)
             for line, times in zip(("row", "column"), repeats, strict=True)
             for name in ("periods", "stripe")
