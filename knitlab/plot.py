@@ -17,18 +17,19 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.figure import Figure
+
 from knitlab.api.cubes import Cube, opened
 from knitlab.figures.drawing import FIGURES, draw
-from knitlab.figures.figure_kind import Drawing
 
 __all__ = list(FIGURES)
 
 
-def _plot_function(name: str) -> Callable[..., Drawing]:
+def _plot_function(name: str) -> Callable[..., Figure]:
     """The public function of a figure."""
     kind = FIGURES[name]
 
-    def plot(*cubes: Cube, **keywords: Any) -> Drawing:
+    def plot(*cubes: Cube, **keywords: Any) -> Figure:
         options = {key: keywords.pop(key) for key in kind.options if key in keywords}
         return draw(name, [opened(cube) for cube in cubes], keywords, options)
 

@@ -158,7 +158,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
 
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:
-        from knitlab.figures.report.page import check_suffix, write_page
+        from knitlab.figures.claims_page import check_suffix, write_page
 
         check_suffix(Path(output))
         write_page(judgements, Path(output), selections)

@@ -27,7 +27,7 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
 from knitlab.sweep.cube import gauge_of
-from knitlab.sweep.figure_names import STILL_SUFFIXES, check_still
+from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
 from knitlab.sweep.parameters import defaults
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.reproduce import find_case
@@ -110,7 +110,7 @@ class KnitSample:
         path = Path(path)
         check_output(path)
         suffix = path.suffix.lower()
-        if suffix in STILL_SUFFIXES:
+        if suffix in FIGURE_SUFFIXES:
             draw_into(self.chart_figure, path)
         else:
             with atomic_write(path) as temporary:
@@ -128,7 +128,7 @@ class KnitSample:
             BadInput: if it has another suffix, or cannot be written.
         """
         path = Path(path)
-        check_still(path)
+        check_figure_suffix(path)
         draw_into(self.sheet_figure, path)
         return path
 
@@ -214,7 +214,7 @@ def knitted(
 
 def check_output(path: Path) -> None:
     """Raise ``BadInput`` if the suffix of a file says neither knitout nor a chart."""
-    known = (KNITOUT, TABLE, *STILL_SUFFIXES)
+    known = (KNITOUT, TABLE, *FIGURE_SUFFIXES)
     if path.suffix.lower() not in known:
         problem = f"has no suffix of knitout or a chart; give {', '.join(known)}"
         raise fault(f"output {path}", problem)

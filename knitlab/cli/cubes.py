@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from knitlab.cli import options
-from knitlab.sweep.figure_names import FIGURE_NAMES, check_still
+from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 
 
 @click.command()
@@ -72,7 +72,7 @@ def find(
     from knitlab.cube.query import formatted
 
     if output is not None:
-        check_still(output)
+        check_figure_suffix(output)
     found = api.find(*cubes, targets=targets, subject_to=subject_to, most=most)
     if style == "table":
         for number, reached in enumerate(found.reached, start=1):
@@ -114,9 +114,7 @@ def compare(
 )
 @click.argument("kind")
 @options.cubes
-@options.output(
-    "File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.", required=True
-)
+@options.output("File to draw; its suffix (.pdf, .svg, .png) sets the format.", required=True)
 @click.option("--x", metavar="DIM", help="Dimension across a grid.")
 @click.option("--y", metavar="DIM", help="Dimension up a grid.")
 @click.option("--of", metavar="NAME", help="Variable whose values grid and swept show.")
@@ -149,7 +147,7 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
     it is a near miss. If several cubes measure a claim, the one with the paper's samples decides
     it: clamped before periodic, then with more of the designs, then with more unit cells.
     """
-    from knitlab.figures.report.page import check_suffix, write_page
+    from knitlab.figures.claims_page import check_suffix, write_page
     from knitlab.validation.claims import read_claims
     from knitlab.validation.judgement import judged, listed
 

@@ -101,12 +101,12 @@ def knit(
     Exit code 1 if the check finds a fault.
     """
     from knitlab.api.knitting import check_output, knitted, single_design
-    from knitlab.sweep.figure_names import check_still
+    from knitlab.sweep.figure_names import check_figure_suffix
 
     for path in outputs:
         check_output(path)
     for path in sheets:
-        check_still(path)
+        check_figure_suffix(path)
     single = single_design(design, settings, selections)
     sample = knitted(single, repeats, needles, face, options.read_machine_values(changes))
     for name, value in sample.specification.rows():

@@ -31,8 +31,7 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.results_folder import PLAN
-    from knitlab.sweep.status import folder_status
+    from knitlab.sweep.results_folder import PLAN, folder_status
 
     made = make_plan(workflow, settings + scale)
     _echo_warnings(made)
@@ -165,18 +164,16 @@ def run(
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
-    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures
-    from knitlab.sweep.status import finished_plan
+    from knitlab.figures.figure_files import requested_figures
+    from knitlab.sweep.results_folder import finished_plan
 
     record = finished_plan(workflow, settings, results)
     if record is None:
         return False
     folder = results / record["workflow"]
     figures = requested_figures(record["figures"], open_cube(folder, lazily=True), folder)
-    for figure in figures:
-        fingerprint = fingerprint_of_figure(figure.kind, [folder], figure.selections)
-        if not all(is_drawn(output, fingerprint) for output in figure.outputs):
-            return False
+    if any(figure.missing for figure in figures):
+        return False
     for *design, reason in record["excluded"]:
         _echo_excluded(record["dims"], design, reason)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
@@ -224,7 +221,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.sweep.status import workflow_status
+    from knitlab.sweep.results_folder import workflow_status
 
     state = workflow_status(workflow, results, check)
     if as_json:

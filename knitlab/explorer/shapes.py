@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
-from pydantic import ValidationError
 
 if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
 
-MOST_NODES = 4096
-"""Largest number of nodes of a large sample that are shown: of the paper's largest unit cell."""
+MOST_NODES = 4096  # of a large sample that are shown: those of the paper's largest unit cell
 NO_POSITIONS = "Its case file holds no node positions, so that there is no shape."
 NO_STATE = "No state of it was reached, so that there is no shape."
 LEVELS = (1 << 12) - 1
-SMALLEST_STEP = 1e-9
-"""Step of a component that does not vary [mm]."""
+SMALLEST_STEP = 1e-9  # step of a component that does not vary [mm]
 
 
 class Window(NamedTuple):
@@ -109,7 +106,6 @@ def _central(borders: np.ndarray, count: int, fraction: float) -> tuple[tuple[in
 
 
 def _patches(sample: "PatchGrid", window: Window) -> dict[str, Any]:
-    """Knit and borders of the patches of a window, in its own grid lines."""
     found: dict[str, Any] = {}
     kept = []
     for name, (first, last) in (("row_borders", window.rows), ("column_borders", window.columns)):
@@ -126,10 +122,7 @@ def _electrodes(record: Mapping[str, Any], window: Window) -> dict[str, Any] | N
         return None
     from knitlab.simulation.case import case_of
 
-    try:
-        electrodes = case_of(dict(record)).electrodes
-    except ValidationError:
-        return None  # a case of another version, whose record this one does not know
+    electrodes = case_of(dict(record)).electrodes
     x, y = window.columns[0], window.rows[0]
     strips = [
         [[one.left - x, one.right - x, one.bottom - y, one.top - y] for one in of_electrode]

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
 from knitlab.figures.style import Colour, Look, ValueColours, ink_on
+from knitlab.io.errors import fault
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},
@@ -31,6 +32,8 @@ PERIODS_LABEL = (
     "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
 )
 """With spaces where no line may end."""
+MOST_NAMED = 16
+"""Largest number of columns or rows that have a tick each."""
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 """Frame of a measured cell."""
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
@@ -47,19 +50,23 @@ def draw_map(
 ) -> tuple[set[Status], bool]:
     """Draw a map of cells over n_stripe and P, with its colour bar.
 
-    P, the periods of a stripe across a patch, stands for n_subunit: every n_stripe has designs at
-    the same few P, but at values of n_subunit of its own. Each cell names its design. A measured
-    design has a dashed frame; where it is simulated too, the measurement is the strip at the
-    bottom of its cell.
-    A cell has the text of its value and design. Of the cubes at most one is simulated. Returned
-    are the statuses that are marked, and whether there are places without a cell.
+    P stands for n_subunit: every n_stripe has designs at the same few P, but at values of n_subunit
+    of its own. A measured design has a dashed frame; where it is simulated too, the measurement is
+    the strip at the bottom of its cell. Returned are the statuses that are marked, and whether
+    there are places without a cell.
+
+    Raises:
+        BadInput: if there are several experiments on one design.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = ValueColours.of(np.concatenate([np.empty(0), *values]), signed)
     cells: dict[tuple[int, float], list[xr.Dataset]] = {}
     for cube in sorted(cubes, key=is_measured):
         for design in designs_of(cube):
-            cells.setdefault(_stripe_and_periods(design), []).append(design)
+            n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
+            cells.setdefault((n_stripe, n_subunit / (2 * n_stripe)), []).append(design)
+    if any(sum(map(is_measured, designs)) > 1 for designs in cells.values()):
+        raise fault("experiments", "there are several on one design; show one of them")
     stripes, periods = (sorted({each[k] for each in cells}) for k in (0, 1))
     marked: set[Status] = set()
     for (n_stripe, p), designs in cells.items():
@@ -72,7 +79,11 @@ def draw_map(
             valid = status is Status.ok and np.isfinite(value)
             colour = colours(value) if valid else WHITE
             if design is designs[0]:
-                _name_design(axes, row, column, design, colour)
+                at: Look = {"xytext": (3, -3), "textcoords": "offset points", "va": "top"}
+                # Of a mark the name hides the hatching.
+                box = {"fc": "white", "ec": "none", "pad": 0.8} if colour == WHITE else None
+                at |= {"fontsize": 6, "color": ink_on(colour), "zorder": 4, "bbox": box}
+                axes.annotate(design_name(design), (column - 0.5, row + 0.5), **at)
             if not valid:
                 cell(axes, row, column, (bottom, top), **MARKS[status])
                 marked.add(status)
@@ -84,16 +95,8 @@ def draw_map(
                 corner = column - 0.5 + inset, bottom + inset
                 size = 1 - 2 * inset, top - bottom - 2 * inset
                 axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
-    axes.set(
-        xlim=(-0.5, len(periods) - 0.5),
-        ylim=(-0.5, len(stripes) - 0.5),
-        xticks=range(len(periods)),
-        yticks=range(len(stripes)),
-        xticklabels=[f"{p:g}" for p in periods],
-        yticklabels=stripes,
-        ylabel="n_stripe: stitches\nacross a rib stripe",
-    )
-    remove_frame(axes)
+    name_places(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
+    axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
     colours.bar(figure, axes, pad=0.01, label=label)
     return marked, len(cells) < len(stripes) * len(periods)
 
@@ -117,33 +120,12 @@ def design_name(design: xr.Dataset) -> str:
     return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
 
 
-def _stripe_and_periods(design: xr.Dataset) -> tuple[int, float]:
-    n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
-    return n_stripe, n_subunit / (2 * n_stripe)
-
-
-def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: Colour) -> None:
-    axes.annotate(
-        design_name(design),
-        (column - 0.5, row + 0.5),
-        xytext=(3, -3),
-        textcoords="offset points",
-        va="top",
-        fontsize=6,
-        color=ink_on(colour),
-        zorder=4,
-        # Of a mark the name hides the hatching.
-        bbox={"fc": "white", "ec": "none", "pad": 0.8} if colour == WHITE else None,
-    )
-
-
 def cell(
     axes: Axes, row: float, column: float, span: tuple[float, float] | None = None, **look: Any
 ) -> None:
     """Draw one cell, a unit wide, and a unit high unless its bottom and top are given."""
     bottom, top = span or (row - 0.5, row + 0.5)
-    look = {"linewidth": 1.5} | look
-    axes.add_patch(Rectangle((column - 0.5, bottom), 1, top - bottom, **look))
+    axes.add_patch(Rectangle((column - 0.5, bottom), 1, top - bottom, **{"linewidth": 1.5} | look))
 
 
 def value_cell(
@@ -160,8 +142,8 @@ def value_cell(
     edge = {"edgecolor": "white"} if large else {"edgecolor": colour, "linewidth": 0.2}
     cell(axes, row, column, span, facecolor=colour, **edge)
     middle = row if span is None else sum(span) / 2
-    look: Look = {"ha": "center", "va": "center", "color": ink_on(colour), "zorder": 4}
     if text:
+        look: Look = {"ha": "center", "va": "center", "color": ink_on(colour), "zorder": 4}
         axes.text(column, middle, text, **look, **letters)
 
 
@@ -169,6 +151,15 @@ def remove_frame(axes: Axes) -> None:
     """Remove the frame and the ticks of a map of cells."""
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
+
+
+def name_places(axes: Axes, columns: Sequence[str], rows: Sequence[str]) -> None:
+    """Fit the axes to a map of cells, and name as many of its columns and rows as have room."""
+    for axis, names in ((axes.xaxis, columns), (axes.yaxis, rows)):
+        named = slice(None, None, 1 + (len(names) - 1) // MOST_NAMED)
+        axis.set_ticks(range(len(names))[named], names[named])
+    axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
+    remove_frame(axes)
 
 
 def marks_legend(
@@ -183,9 +174,8 @@ def marks_legend(
     ``no_value`` says why a design that is ok may have no value.
     """
     names = NAMES | {Status.ok: no_value}
-    sources = dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube))
     handles: list[Artist] = []
-    if sources:
+    if sources := dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube)):
         label = f"measured: {', '.join(sources)}"
         handles.append(Patch(label=label, facecolor="white", **MEASURED))
     handles += [Patch(label=text, facecolor="none", edgecolor="none") for text in notes]

@@ -1,6 +1,5 @@
 """Drawing figures by name."""
 
-import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -11,25 +10,17 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.cube import cube_file
 from knitlab.cube.case_file import case_path, read_case
-from knitlab.cube.cube_file import (
-    as_cube,
-    base_dims,
-    design_dims,
-    is_case,
-    is_measured,
-    open_cube,
-    source_of,
-    swept_dims,
-)
-from knitlab.cube.schema import DESIGN_DIMS, VARIABLES
+from knitlab.cube.cube_file import base_dims, is_measured, swept_dims
+from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
-from knitlab.figures.figure_kind import Drawing, FigureKind
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
-from knitlab.sweep.figure_names import COMPARING, suffixes
+from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
 
 FIGURES: dict[str, FigureKind] = {}
 for _module in iter_modules(kinds.__path__):
@@ -50,29 +41,19 @@ def draw_figure(
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
     A figure of a single case shows the most auxetic design of the selection that has its case file
-    beside the cube.
-
-    Args:
-        kind: a name of :data:`FIGURES`.
-        cube_paths: the cubes.
-        output: the file; its suffix sets the format.
-        selections: values by coordinate that slice the cubes first.
-        options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
+    beside the cube. Options say what a kind shows, such as ``{"of": "reaction_force"}``.
 
     Raises:
         BadInput: if a cube, a selection or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
-    if output.suffix.lower() not in suffixes(kind):
-        known = ", ".join(suffixes(kind))
-        raise fault(f"output {output}", f"{kind} has no format of this suffix; give one of {known}")
-    _check_request(kind, len(cube_paths), options)
-    cubes = [open_cube(path) for path in cube_paths]
+    check_figure_suffix(output)
+    cubes = [cube_file.open_cube(path) for path in cube_paths]
     fingerprint = fingerprint_of_figure(kind, cube_paths, selections, options)
     if not is_drawn(output, fingerprint):
         with print_style():
-            save(_drawn(kind, cube_paths, cubes, selections, options), output, fingerprint)
+            save(draw(kind, cubes, selections, options), output, fingerprint)
     return output
 
 
@@ -80,14 +61,11 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
     A cube with dimensions of swept settings gives a figure for each of their values. Figures that
-    are up to date are kept.
-
-    Returns:
-        The files, and why some figures could not be drawn.
+    are up to date are kept. Returned are the files, and why some figures could not be drawn.
     """
     files: list[Path] = []
     faults: list[Fault] = []
-    cube = open_cube(folder)
+    cube = cube_file.open_cube(folder)
     requested = requested_figures(names, cube, folder)
     slices = {tuple(each.selections.items()) for each in requested if each.kind not in COMPARING}
     if len(slices) > MOST_SLICES:
@@ -95,17 +73,14 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
         faults.append(Fault("figures", problem))
         requested = [figure for figure in requested if figure.kind in COMPARING]
     for figure in requested:
-        fingerprint = fingerprint_of_figure(figure.kind, [folder], figure.selections)
-        missing = [output for output in figure.outputs if not is_drawn(output, fingerprint)]
         try:
-            if missing:
+            if missing := figure.missing:
                 with print_style():
-                    drawing = _drawn(figure.kind, [folder], [cube], figure.selections)
+                    drawing = draw(figure.kind, [cube], figure.selections)
                     for output in missing:
-                        save(drawing, output, fingerprint)
-                        if isinstance(drawing, Figure):
-                            # The other formats take the layout of the first.
-                            drawing.set_layout_engine("none")
+                        save(drawing, output, figure.fingerprint)
+                        # The other formats take the layout of the first.
+                        drawing.set_layout_engine("none")
         except BadInput as error:
             stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
@@ -115,81 +90,57 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
 
 
 def draw(
-    kind: str,
+    name: str,
     cubes: Sequence[xr.Dataset],
     selections: Mapping[str, Any] = {},
     options: Mapping[str, str] = {},
-) -> Drawing:
+) -> Figure:
     """Draw one figure from cubes or single cases in memory; otherwise as :func:`draw_figure`.
 
-    A figure that needs node positions takes them from a case, or from the case files beside the
-    file that the cube was opened from.
+    Node positions are those of a case, or of case files beside the file that a cube was read from.
     """
-    _check_request(kind, len(cubes), options)
-    paths = [
-        Path(cube.encoding.get("source", cube.attrs.get("title", f"cube {number}")))
-        for number, cube in enumerate(cubes, start=1)
-    ]
-    with print_style():
-        return _drawn(kind, paths, cubes, selections, options)
-
-
-def _check_request(name: str, cubes: int, options: Mapping[str, str]) -> None:
-    """Check the number of cubes, and the names of options."""
     kind = FIGURES[name]
     if not cubes:
         raise fault(name, "shows a cube; give one")
-    if cubes > 1 and not kind.several:
-        raise fault(name, f"shows one cube, not {cubes}; give one")
-    able = ", ".join(other for other, each in FIGURES.items() if each.options)
-    problem = f"is not an option of {name}, only of {able}; leave it out"
+    if len(cubes) > 1 and not kind.several:
+        raise fault(name, f"shows one cube, not {len(cubes)}; give one")
     if others := [option for option in options if option not in kind.options]:
+        able = ", ".join(other for other, each in FIGURES.items() if each.options)
+        problem = f"is not an option of {name}, only of {able}; leave it out"
         raise BadInput([Fault(option, problem) for option in others])
-
-
-def _drawn(
-    name: str,
-    cube_paths: Sequence[Path],
-    cubes: Sequence[xr.Dataset],
-    selections: Mapping[str, Any],
-    options: Mapping[str, str] = {},
-) -> Drawing:
-    kind = FIGURES[name]
-    if all(is_case(cube) for cube in cubes):
+    if all(cube_file.is_case(cube) for cube in cubes):
         if kind.needs is not None:
             known = kind.coordinates
             remedy = f"select along {', '.join(known)}" if known else "select nothing"
             problem = f"is not a coordinate along which {name} can be sliced; {remedy}"
             refuse_others(selections, known, problem)
-            return _drawn_of_cases(kind, cubes, selections)
-        cubes = [as_cube(case) for case in cubes]
+            return _draw_cases(kind, cubes, selections)
+        cubes = [cube_file.as_cube(case) for case in cubes]
     _check_cubes(name, kind, cubes)
-    dims = {dim: None for cube in cubes for dim in design_dims(cube)}
+    dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
     known = (*dims, *kind.coordinates)
-    refuse_others(
-        selections, known, f"is not a coordinate of {name}; select along {', '.join(known)}"
-    )
+    problem = f"is not a coordinate of {name}; select along {', '.join(known)}"
+    refuse_others(selections, known, problem)
+    folder = Path(cubes[0].encoding.get("source", "")).parent
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
-    if name in COMPARING:
-        if kind.several:
-            return kind.draw(list(zip(cube_paths, cubes, strict=True)))
-        return kind.draw(cubes[0], **options)
-    slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
-    cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
+    slices: dict[str, None] = {}
+    if name not in COMPARING:
+        slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
+        cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
     if kind.needs is not None:
-        folder = cube_paths[0] if cube_paths[0].is_dir() else cube_paths[0].parent
         cases = _cases(kind, cubes[0], folder)
-        drawing = _drawn_of_cases(kind, cases, selections_along(selections, kind.coordinates))
+        figure = _draw_cases(kind, cases, selections_along(selections, kind.coordinates))
     else:
-        drawing = kind.draw(cubes if kind.several else cubes[0], **options)
-    if (shown := ", ".join(filter(None, slices))) and isinstance(drawing, Figure):
-        title = drawing.get_suptitle()
-        drawing.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
-    return drawing
+        with print_style():
+            figure = kind.draw(cubes if kind.several else cubes[0], **options)
+    if shown := ", ".join(filter(None, slices)):
+        title = figure.get_suptitle()
+        figure.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
+    return figure
 
 
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
-    """Check that a kind can show the dimensions of cubes, and tell apart which are measured."""
+    """Check that a kind can show the dimensions of cubes, and those that were measured."""
     for cube in cubes:
         if kind.dims not in (None, base_dims(cube)):
             able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
@@ -198,57 +149,46 @@ def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> No
     measured = [cube for cube in cubes if is_measured(cube)]
     if measured and kind.several is None:
         able = [other for other, each in FIGURES.items() if each.several]
-        problem = f"needs a simulation, and {source_of(measured[0])} was measured"
+        problem = f"needs a simulation, and {cube_file.source_of(measured[0])} was measured"
         raise fault(name, f"{problem}; draw {', '.join(able)}")
-    if kind.several in ("experiments", "designs") and len(cubes) - len(measured) > 1:
+    if kind.several == "experiments" and len(cubes) - len(measured) > 1:
         raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
-    by_source = kind.several != "designs"
-    experiments = [
-        (source_of(cube) if by_source else "", *design)
-        for cube in measured
-        for design in itertools.product(*(cube[dim].values.tolist() for dim in DESIGN_DIMS))
-    ]
-    if len(set(experiments)) < len(experiments):
-        remedy = "give each another source" if by_source else "show one of them"
-        raise fault(name, f"has several experiments on one design; {remedy}")
 
 
 def _swept_values(name: str, cube: xr.Dataset) -> str:
-    """The one value of every swept setting of a cube, as text."""
     swept = swept_dims(cube)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
     return ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
 
 
-def _drawn_of_cases(
+def _draw_cases(
     kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
-) -> Drawing:
-    sliced = [_sliced_case(case, selections) for case in cases]
-    return kind.draw(sliced if kind.designs else sliced[0])
-
-
-def _sliced_case(case: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The selected strains of a case, of which its file must hold the shapes."""
-    sliced = selected(case, selections)
-    if selections and "position" in case:
+) -> Figure:
+    """Draw the selected strains of cases, of which their files must hold the shapes."""
+    sliced = [selected(case, selections) for case in cases]
+    for case, shown in zip(cases, sliced, strict=True):
+        if not selections or "position" not in case:
+            continue
         strains = case["applied_strain"].values
         kept = strains[np.isfinite(case["position"].values).all(axis=(1, 2, 3))]
-        if not np.isin(sliced["applied_strain"].values, kept).all():
+        if not np.isin(shown["applied_strain"].values, kept).all():
             known = ", ".join(f"{strain:g}" for strain in kept)
             raise fault(
                 f"selections {', '.join(as_given(selections))}",
                 f"has no shape, which this case file keeps at {known}; choose one of these",
             )
-    return sliced
+    with print_style():
+        return kind.draw(sliced if kind.designs else sliced[0])
 
 
 def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
     """The case files that a figure shows: of its designs, or of the most auxetic design."""
     designs = cube[["case_id", "poisson_ratio_min"]].stack(design=base_dims(cube))
+    planned = dict(zip(designs["design"].values, designs["case_id"].values, strict=True))
     stored = {
         design: case_id
-        for design, case_id in zip(designs["design"].values, designs["case_id"].values, strict=True)
+        for design, case_id in planned.items()
         if case_id and case_path(folder, case_id).is_file()
     }
     if kind.designs:
@@ -261,7 +201,7 @@ def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]
     for design in designs.sortby("poisson_ratio_min")["design"].values:
         if design in stored and kind.needs in (case := read_case(folder, stored[design])):
             return [case]
-    if not any(designs["case_id"].values):
+    if not any(planned.values()):
         raise fault("selections", "no design of this selection is planned; choose others")
     how = "run them with method=dynamics" if needs.of == "dynamics" else NO_CASE_FILES
     raise fault(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")

@@ -17,20 +17,18 @@ from knitlab.cube.cube_file import cube_path, swept_dims
 from knitlab.cube.selection import as_given
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
-from knitlab.sweep.figure_names import COMPARING, suffixes
+from knitlab.sweep.figure_names import COMPARING
 
 if TYPE_CHECKING:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    from knitlab.figures.figure_kind import Drawing
+    from matplotlib.figure import Figure
 
 MARK = "knitlab-drawn-of:"
 """Prefix of the fingerprint that is stored in the file of every figure."""
-UNDRAWN = ".svg"
-"""Format that a run does not write."""
+RUN_SUFFIXES = (".pdf", ".png")
+"""Formats of the figures of a run."""
 PALETTE = 256
 """Colours of a PNG: with a palette it is a third as large, and no difference can be seen."""
-FRAMES_PER_SECOND = 15
 
 
 @dataclass(frozen=True)
@@ -40,6 +38,12 @@ class RequestedFigure:
     kind: str
     selections: Mapping[str, Any]
     outputs: tuple[Path, ...]
+    fingerprint: str
+
+    @property
+    def missing(self) -> list[Path]:
+        """The files that do not hold it yet."""
+        return [output for output in self.outputs if not is_drawn(output, self.fingerprint)]
 
 
 def requested_figures(
@@ -53,9 +57,9 @@ def requested_figures(
     for kind in kinds:
         for selections in [{}] if kind in COMPARING else slices:
             stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
-            names = [f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != UNDRAWN]
-            outputs = tuple(folder / "figures" / name for name in names)
-            requested.append(RequestedFigure(kind, selections, outputs))
+            outputs = tuple(folder / "figures" / f"{stem}{suffix}" for suffix in RUN_SUFFIXES)
+            fingerprint = fingerprint_of_figure(kind, [folder], selections)
+            requested.append(RequestedFigure(kind, selections, outputs, fingerprint))
     return requested
 
 
@@ -81,34 +85,28 @@ def is_drawn(output: Path, fingerprint: str) -> bool:
     return output.is_file() and f"{MARK}{fingerprint}".encode() in output.read_bytes()
 
 
-def save(drawing: "Drawing", output: Path, fingerprint: str = "") -> None:
-    """Write a figure or film in the format of its suffix, with the fingerprint of its sources."""
-    from matplotlib.animation import FuncAnimation, PillowWriter
+def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
+    """Write a figure in the format of its suffix, with the fingerprint of its sources."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     mark, suffix = f"{MARK}{fingerprint}", output.suffix.lower()
+    canvas = FigureCanvasAgg(figure)
     with atomic_write(output) as temporary:
-        if isinstance(drawing, FuncAnimation):
-            drawing.save(temporary, writer=PillowWriter(fps=FRAMES_PER_SECOND))
-            with temporary.open("ab") as film:
-                # No reader minds what follows the end of a GIF.
-                film.write(mark.encode())
-        elif suffix == ".png":
-            _write_png(FigureCanvasAgg(drawing), temporary, mark)
+        if suffix == ".png":
+            _write_png(canvas, temporary, mark)
         else:
-            FigureCanvasAgg(drawing)
             key = "Keywords" if suffix == ".pdf" else "Description"
-            drawing.savefig(temporary, metadata={key: mark})
+            figure.savefig(temporary, metadata={key: mark})
 
 
-def draw_into(draw: Callable[[], "Drawing"], *outputs: Path) -> None:
+def draw_into(draw: Callable[[], "Figure"], *outputs: Path) -> None:
     """Draw a figure in the style for print, and write it into files."""
     from knitlab.figures.style import print_style
 
     with print_style():
-        drawing = draw()
+        figure = draw()
         for output in outputs:
-            save(drawing, output)
+            save(figure, output)
 
 
 def _write_png(canvas: "FigureCanvasAgg", output: Path, mark: str) -> None:

@@ -4,17 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
 
 from knitlab.cube.schema import DESIGN_DIMS
-
-Drawing = Figure | FuncAnimation
-SEVERAL = {
-    "any": "any number of cubes",
-    "experiments": "one simulated cube or test, and any experiments",
-    "designs": "one simulated cube or test, and one experiment for each design",
-}
 
 
 @dataclass(frozen=True)
@@ -31,23 +23,24 @@ class FigureKind:
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
             missing are left out, and if all are, other designs are shown instead.
         options: names of keyword arguments by which ``draw`` is told what to show.
-        several: whether it takes several cubes: any, or experiments beside one simulation, or the
-            latter with only one experiment for each design.
+        several: whether it takes several cubes: any, or experiments beside one simulation.
     """
 
-    draw: Callable[..., Drawing]
+    draw: Callable[..., Figure]
     dims: tuple[str, ...] | None = DESIGN_DIMS
     needs: str | None = None
     designs: tuple[tuple[int, int], ...] = ()
     coordinates: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
-    several: Literal["any", "experiments", "designs"] | None = None
+    several: Literal["any", "experiments"] | None = None
 
     @property
     def takes(self) -> str:
         """What it takes, for the documentation."""
-        if self.several:
-            return SEVERAL[self.several]
+        if self.several == "any":
+            return "any number of cubes"
+        if self.several == "experiments":
+            return "one simulated cube or test, and any experiments"
         if self.designs:
             return "a cube with its case files"
         return "a test, or a cube with its case files" if self.needs else "a cube or a test"

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, name_rows
 from knitlab.laboratory.fit import Fit
 from knitlab.measure.calibration import Calibration
 
@@ -70,16 +70,11 @@ def fit_figure(fit: Fit, title: str) -> Figure:
 
 
 def _draw_factors(axes: Axes, fit: Fit) -> None:
-    """Factors with two standard errors."""
     names = list(fit.factors)
     for row, name in enumerate(names):
         factor, reach = fit.factors[name], np.exp(2 * fit.standard_errors[name])
         axes.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
         axes.plot(factor, row, "o", color=FITTED, ms=4)
     axes.axvline(1, color=BEFORE, lw=0.8)
-    axes.set(
-        yticks=range(len(names)),
-        yticklabels=names,
-        ylim=(len(names) - 0.5, -0.5),
-        xlabel="fitted / table [1]\n± 2 standard errors",
-    )
+    name_rows(axes, names)
+    axes.set_xlabel("fitted / table [1]\n± 2 standard errors")

@@ -24,20 +24,14 @@ COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)
 def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:
     """A row of panels for each target: what is wanted in green, and the nearest designs.
 
-    Curves with bands have a panel for each design, with the curves of the others in grey behind
-    it: bands of similar designs would cover each other.
-
-    Args:
-        found: designs by their distance from the targets.
-        title: what the designs are called.
-        bands: whether to shade the range over the siblings of a design.
+    With ``bands`` the range over the siblings of a design is shaded, and curves have a panel for
+    each design, with those of the others in grey behind it: bands would cover each other.
     """
     names = [_name(found, number) for number in range(min(MOST_SHOWN, len(found.table)))]
     rows = len(found.reached)
     figure = Figure(figsize=(TWO_COLUMNS, 2.4 * rows + 0.6), layout="constrained")
-    for row, reached in zip(
-        figure.subfigures(rows, 1, squeeze=False)[:, 0], found.reached, strict=True
-    ):
+    panels_of_targets = figure.subfigures(rows, 1, squeeze=False)[:, 0]
+    for row, reached in zip(panels_of_targets, found.reached, strict=True):
         banded = bands and len(reached.band) == 2
         curved = reached.target.reduction is None and len(reached.at) > 1
         count = len(names) if curved and banded else 1
@@ -64,7 +58,6 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
 
 
 def _draw_band(panel: Axes, reached: Reached, number: int, shown: int) -> None:
-    """Draw the curve of a design and its band, and the curves of the others behind it."""
     label: str | None = "the other designs"
     for other in range(shown):
         if other != number:
@@ -87,7 +80,6 @@ def _draw_bars(panel: Axes, reached: Reached, names: list[str], banded: bool) ->
 
 
 def _label(target: Target) -> str:
-    """Label of the axis of a target."""
     variable = VARIABLES.get(target.name)
     if variable is None:
         return f"{target.label}\n[1]"
@@ -104,7 +96,6 @@ def _name(found: Found, number: int) -> str:
 
 
 def _draw_wanted(panel: Axes, target: Target) -> None:
-    """Draw a wanted value or curve as a line in its tolerance; shade a wanted range."""
     shade: Look = {"color": WANTED, "alpha": 0.15, "lw": 0}
     if target.curve is None and target.low != target.high:
         ends = [end for end in (target.low, target.high) if np.isfinite(end)]
@@ -131,12 +122,9 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
 def pareto_figure(
     distances: Float[np.ndarray, "trial 2"], labels: tuple[str, str], candidates: pd.Series
 ) -> Figure:
-    """Trials of a design by their distances from two targets, the front, and the candidates.
+    """Trials by their distances from two targets, over the tolerances of these, and the front.
 
-    Args:
-        distances: distances from both targets, each over the tolerance of the target.
-        labels: names of the targets.
-        candidates: for each trial the number of the candidate whose search it belongs to.
+    ``candidates`` has the number of the candidate whose search each trial belongs to.
     """
     figure = Figure(figsize=(ONE_COLUMN * 1.4, 3.0), layout="constrained")
     axes = figure.subplots()
@@ -153,8 +141,8 @@ def pareto_figure(
         room = 0.3 * max(float(np.ptp(on_front)), 1.0)
         limits = max(float(on_front.min()) - room, -0.1), float(on_front.max()) + room
         axes.set(**{f"{axis}lim": limits, f"{axis}label": f"off by, in tolerances:\n{label}"})
-    for axis_label in (axes.xaxis.label, axes.yaxis.label):
-        axis_label.set_fontsize("small")
+    for each in (axes.xaxis, axes.yaxis):
+        each.label.set_fontsize("small")
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 

@@ -11,6 +11,8 @@ from matplotlib.colors import LightSource, to_rgba_array
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
+from knitlab.figures.style import Look
+
 FABRIC = "0.85"
 """Colour of a sheet."""
 LIGHT = np.array([-0.5, 0.5, 0.7])
@@ -32,13 +34,7 @@ def state_text(strain: float) -> str:
 
 
 def draw_sheet(axes: Axes3D, nodes: np.ndarray, colours: Sequence[str] = (FABRIC,)) -> None:
-    """Draw one sheet in perspective, without seams between its faces.
-
-    Args:
-        axes: three-dimensional axes.
-        nodes: positions (y, x, component).
-        colours: one colour, or one for every face, row after row.
-    """
+    """Draw nodes (y, x, component) in perspective, in one colour or one for every face."""
     rows, columns = nodes.shape[0] - 1, nodes.shape[1] - 1
     faces = np.broadcast_to(to_rgba_array(list(colours)), (rows * columns, 4))
     axes.plot_surface(
@@ -61,9 +57,8 @@ def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2 * (1 + 0.02)
     half = np.maximum(half, 0.05 * half.max())
-    axes.set(
-        **{f"{name}lim": (middle[k] - half[k], middle[k] + half[k]) for k, name in enumerate("xyz")}
-    )
+    limits = zip("xyz", middle - half, middle + half, strict=True)
+    axes.set(**{f"{name}lim": (low, high) for name, low, high in limits})
     axes.set_proj_type("ortho")
     axes.view_init(**{"elev": 38.0, "azim": -58.0})
     axes.set_axis_off()
@@ -96,22 +91,14 @@ def shaded(
 def draw_faces(
     axes: Axes, faces: Float[np.ndarray, "face 4 3"], colours: Float[np.ndarray, "face 4"]
 ) -> None:
-    """Draw faces [mm] in their RGBA colours from above, without seams between them.
-
-    They are drawn from the lowest to the highest, so that a fold hides what lies under it; vector
-    files hold them as a picture.
-    """
+    """Draw faces [mm] in their RGBA colours from above, without seams between them."""
+    # A fold hides what lies under it.
     from_below = np.argsort(faces[:, :, 2].mean(axis=1))
+    # Smoothed edges let the background through between two faces.
+    edges: Look = {"edgecolors": "face", "lw": 0.2, "antialiaseds": False}
+    shown = list(faces[from_below, :, :2])
     axes.add_collection(
-        PolyCollection(
-            list(faces[from_below, :, :2]),
-            facecolors=colours[from_below],
-            edgecolors="face",
-            lw=0.2,
-            # Smoothed edges let the background through between two faces.
-            antialiaseds=False,
-            rasterized=True,
-        )
+        PolyCollection(shown, facecolors=colours[from_below], rasterized=True, **edges)
     )
     axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
     axes.autoscale_view()

@@ -36,11 +36,9 @@ REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}
 
 A4 = 210 / 25.4, 297 / 25.4
 """Width and height of the specification sheet [in]."""
-NOTES = (
-    "Sizes are of cloth, by the gauge;",
-    "times by the speeds in machine.toml.",
-    "Both are estimates.",
-)
+NOTE = """Sizes are of cloth, by the gauge;
+times by the speeds in machine.toml.
+Both are estimates."""
 
 
 def stitch_chart_figure(chart: StitchChart) -> Figure:
@@ -92,12 +90,8 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
     _draw_patches(axes, chart, extent, stitch)
     _draw_electrodes(axes, chart, plated, extent)
     _draw_repeat(axes, chart, extent)
-    axes.set(
-        xlim=extent[:2],
-        ylim=extent[2:],
-        xlabel="wale, numbered as its needle",
-        ylabel="course, in the order of knitting",
-    )
+    axes.set(xlim=extent[:2], ylim=extent[2:])
+    axes.set(xlabel="wale, numbered as its needle", ylabel="course, in the order of knitting")
     for axis, start, stop in ((axes.xaxis, *extent[:2]), (axes.yaxis, *extent[2:])):
         # The first and the last are numbered, and others that are not too near to these.
         near = (stop - start) / 16
@@ -111,17 +105,17 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
 
 def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
     """What the marks of a chart mean."""
-    patches = [
-        (FRONT, "knit on the front bed: face stitch (knit)"),
-        (BACK, "knit on the back bed: reverse stitch (purl)"),
-    ]
+    colours = {
+        "knit on the front bed: face stitch (knit)": FRONT,
+        "knit on the back bed: reverse stitch (purl)": BACK,
+    }
     for electrode in chart.electrodes:
-        outlined = f"electrode {electrode_name(electrode)}, outlined"
-        label = f"{outlined}: conductor on the {chart.plated_face[electrode - 1]}; darker: purl"
-        patches.append((ELECTRODES[electrode][0], label))
+        face = chart.plated_face[electrode - 1]
+        label = f"electrode {electrode_name(electrode)}, outlined: conductor on the {face}"
+        colours[f"{label}; darker: purl"] = ELECTRODES[electrode][0]
     part = "edge of the sample" if chart.is_whole_sample else "repeat"
     return [
-        *(Patch(fc=colour, ec="0.3", lw=0.5, label=label) for colour, label in patches),
+        *(Patch(fc=colour, ec="0.3", lw=0.5, label=label) for label, colour in colours.items()),
         Line2D([], [], color="black", linewidth=1.0, label="border of a patch"),
         Line2D([], [], color="black", label=part, **REPEAT),
     ]
@@ -142,7 +136,6 @@ def _draw_stitches(axes: Axes, front: np.ndarray, extent: Extent, stitch: float)
 
 
 def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float) -> None:
-    """The borders of patches, and the knit of each."""
     left, right, low, high = extent
     ys = [y for y in chart.row_borders.tolist() if low <= y <= high]
     xs = [x for x in chart.column_borders.tolist() if left <= x <= right]
@@ -159,7 +152,6 @@ def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float)
 
 
 def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent: Extent) -> None:
-    """The outline of every electrode, and its letter at its lower end."""
     left, _, low, high = extent
     course, wale = np.nonzero(plated[:, 1:] != plated[:, :-1])
     axes.vlines(left + wale + 1, low + course, low + course + 1, colors="black", lw=1.4)
@@ -168,20 +160,14 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent:
     for electrode in chart.electrodes:
         courses, wales = np.nonzero(plated == electrode)
         if len(courses):
-            axes.text(
-                left + wales[courses == courses.min()].mean() + 0.5,
-                low + courses.min() + 0.02 * (high - low),
-                electrode_name(electrode),
-                ha="center",
-                va="bottom",
-                fontweight="bold",
-                bbox={"facecolor": "white", "edgecolor": "black", "linewidth": 0.6, "pad": 1.5},
-                zorder=4,
-            )
+            x = left + wales[courses == courses.min()].mean() + 0.5
+            y = low + courses.min() + 0.02 * (high - low)
+            box: Look = {"fc": "white", "ec": "black", "lw": 0.6, "pad": 1.5}
+            look: Look = {"ha": "center", "va": "bottom", "fontweight": "bold", "bbox": box}
+            axes.text(x, y, electrode_name(electrode), zorder=4, **look)
 
 
 def _draw_repeat(axes: Axes, chart: StitchChart, extent: Extent) -> None:
-    """The outline of the repeat, or of the whole sample, and its size."""
     left, right, low, high = extent
     height, width = chart.repeat
     part = "whole sample" if chart.is_whole_sample else "repeat"
@@ -215,7 +201,7 @@ def specification_sheet(specification: "Specification") -> Figure:
     figure.legend(handles=legend_handles(chart), ncols=2, **at)
     _draw_prediction(figure.add_axes((0.75, 0.32, 0.2, 0.18)), specification.prediction)
     remarks = [line for remark in specification.remarks for line in textwrap.wrap(remark, 34)]
-    figure.text(0.7, 0.25, "\n".join([*NOTES, *remarks]), va="top", fontsize=8, color="0.3")
+    figure.text(0.7, 0.25, "\n".join([NOTE, *remarks]), va="top", fontsize=8, color="0.3")
     return figure
 
 

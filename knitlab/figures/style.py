@@ -3,7 +3,7 @@
 Colours of values are about zero if some are negative, and by decades if they span several.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -22,17 +22,9 @@ STRAIN_COLOURS = "RdBu_r"
 """Diverging colour map for signed values, white at zero."""
 SEQUENCE_COLOURS = "viridis"
 """Sequential colour map for ordered values."""
-CATEGORY_COLOURS = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#E69F00",
-    "#56B4E9",
-    "black",
-    "0.5",
-)
-"""Colours of things without an order, by Okabe and Ito."""
+OKABE_ITO = "#0072B2 #D55E00 #009E73 #CC79A7 #E69F00 #56B4E9 black 0.5"
+CATEGORY_COLOURS = tuple(OKABE_ITO.split())
+"""Colours of things without an order."""
 MARKERS = "osD^vP*X"
 """Markers of things without an order."""
 MINUS = "\u2212"
@@ -64,6 +56,12 @@ def ink_on(colour: tuple[float, ...]) -> str:
     """Text colour that is legible on a colour: black or white."""
     luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
     return "white" if luminance < 0.45 else "black"
+
+
+def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
+    """Name the rows of a plot, the first of them at the top."""
+    axes.set_yticks(range(len(names)), names, **letters)
+    axes.set_ylim(len(names) - 0.5, -0.5)
 
 
 @contextmanager

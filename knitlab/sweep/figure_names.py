@@ -9,9 +9,7 @@ FIGURE_NAMES = (
     "capacitors",
     "contact",
     "curves",
-    "departure",
     "electrodes",
-    "folding",
     "grid",
     "options",
     "relaxation",
@@ -27,23 +25,11 @@ FIGURE_NAMES = (
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
 COMPARING = ("contact", "grid", "options", "swept")
 """Figures that accept a cube with several values of its swept settings."""
-FILMS = ("folding",)
-STILL_SUFFIXES = (".pdf", ".svg", ".png")
-FILM_SUFFIXES = (".gif",)
+FIGURE_SUFFIXES = (".pdf", ".svg", ".png")
 
 
-def suffixes(kind: str) -> tuple[str, ...]:
-    """Formats that a kind of figure can be written in."""
-    return FILM_SUFFIXES if kind in FILMS else STILL_SUFFIXES
-
-
-def check_still(output: Path) -> None:
-    """Check that the suffix of a file is a format of a still figure.
-
-    Raises:
-        BadInput: if it is not.
-    """
-    if output.suffix.lower() not in STILL_SUFFIXES:
-        raise fault(
-            f"output {output}", f"has no suffix of a figure; give {', '.join(STILL_SUFFIXES)}"
-        )
+def check_figure_suffix(output: Path) -> None:
+    """Check that the suffix of a file is a format of a figure; else BadInput."""
+    if output.suffix.lower() not in FIGURE_SUFFIXES:
+        problem = f"has no suffix of a figure; give {', '.join(FIGURE_SUFFIXES)}"
+        raise fault(f"output {output}", problem)

@@ -31,17 +31,12 @@ CHECKS: dict[str, Callable[..., CheckResult]] = {
     check.__name__: check
     for check in (laboratory, *sample_checks.CHECKS, *comparison_checks.CHECKS)
 }
-"""The tests of claims by name."""
 
 
 class Claim(StrictModel):
-    """A statement of the paper and its test.
+    """A statement of the paper, its place there, and its test.
 
     Attributes:
-        name: its name.
-        text: the statement.
-        place: its place in the paper.
-        topic: its topic.
         measured_along: direction that is tested here, if the statement is about both.
         figure: kind of figure that shows it, if any.
         why_not: why knitlab does not reproduce it, as far as known.
@@ -78,11 +73,9 @@ class Claim(StrictModel):
         return "cubes" in inspect.signature(CHECKS[self.test]).parameters
 
     def check(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> CheckResult:
-        """Check the claim on cubes at one value of every swept setting.
+        """Check the claim on a cube at one value of every swept setting, or on several to compare.
 
-        Args:
-            cubes: the cubes; one, unless it compares cubes.
-            factor: factor on the arguments that were chosen for knitlab.
+        ``factor`` is on the arguments that were chosen for knitlab.
         """
         own = {name: factor * number for name, number in self.knitlab.items()}
         where = cubes if self.compares_cubes else cubes[0]

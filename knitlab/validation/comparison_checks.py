@@ -57,10 +57,9 @@ def stripe_order(
     direction: Direction,
     stiffened: Fraction = 0.5,
 ) -> CheckResult:
-    """A quantity of the force curves rises or falls with the stitches across the stripe.
+    """The initial slope, or the strain of stiffening, rises or falls with the stitches across.
 
-    It is the initial slope, or the applied strain at which the slope first reaches the fraction
-    ``stiffened`` of the largest.
+    A stripe has stiffened where its slope first reaches the fraction ``stiffened`` of the largest.
     """
 
     def value(stripe: xr.Dataset) -> float:
@@ -78,7 +77,6 @@ def stripe_order(
 def _trend(
     samples: Samples, values: dict[Labels, float], label: int, direction: Direction
 ) -> CheckResult:
-    """The result for a value that should rise or fall with one of the labels."""
 
     def others(labels: Labels) -> Labels:
         return (*labels[:label], *labels[label + 1 :])
@@ -109,10 +107,8 @@ def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Desig
     """A design has the lowest value of all designs with a complete test."""
     samples = Samples.of(cube, about, of)
     values = samples.values(of)
-    if design not in values:
-        raise samples.too_few(0)
-    if len(values) < 2:
-        raise samples.too_few(len(values))
+    if design not in values or len(values) < 2:
+        raise samples.too_few(len(values) if design in values else 0)
     next_to = min((each for each in values if each != design), key=lambda each: values[each])
     spread = float(np.ptp([*values.values()]))
     margin = above(values[next_to] - values[design], 0, strict=True, scale=spread)
@@ -140,10 +136,7 @@ def trades_off(
     against: str,
     significant: Annotated[float, Field(gt=0, lt=0.5)],
 ) -> CheckResult:
-    """Two values of designs are anticorrelated, by Spearman's rank correlation.
-
-    The correlation must be significant at the level ``significant``.
-    """
+    """Two values are anticorrelated, by a significant rank correlation of Spearman's."""
     samples = Samples.of(cube, about, of, against)
     ones, others = samples.values(of), samples.values(against)
     pairs = {labels: (ones[labels], others[labels]) for labels in ones if labels in others}
@@ -169,36 +162,31 @@ def sample_order(
     Samples are named as (n_stripe, n_subunit) or (knit, n), and may be in different cubes. If
     several cubes have a sample, the one whose sample is nearest the paper's is used.
     """
-    values = [_values(cube, of) for cube in cubes]
+    values = [
+        by_labels(cube[of].where(cube["status"] == Status.ok)) if of in cube else {}
+        for cube in cubes
+    ]
     used: dict[Sample, tuple[int, Labels]] = {}
     for sample in (*less, *more):
         candidates = [
             (number, labels)
             for number, each in enumerate(values)
-            for labels in each
-            if labels[:2] == sample
+            for labels, value in each.items()
+            if labels[:2] == sample and np.isfinite(value)
         ]
         if candidates:
             used[sample] = min(candidates, key=lambda each: preference(cubes[each[0]], [each[1]]))
     if not used:
         raise NotMeasured(f"no {of} of these samples in this cube")
-    value = {sample: values[number][labels] for sample, (number, labels) in used.items()}
-    text = ", ".join(f"{name_of(each)} {value[each]:.3g}{unit_of(of)}" for each in used)
+    known = {sample: values[number][labels] for sample, (number, labels) in used.items()}
+    text = ", ".join(f"{name_of(each)} {known[each]:.3g}{unit_of(of)}" for each in used)
     wanted = len({*less, *more})
     pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(used)]
     if not pairs:
         raise NotMeasured(f"{text}; nothing to compare it with", wanted, "samples")
-    margin = worst(below(value[one], value[other], strict=True) for one, other in pairs)
+    margin = worst(below(known[one], known[other], strict=True) for one, other in pairs)
     numbers, at = zip(*used.values(), strict=True)
     return CheckResult(margin, text, len(used), wanted, "samples", at, numbers)
-
-
-def _values(cube: xr.Dataset, of: str) -> dict[Labels, float]:
-    """The values of all samples with a complete test."""
-    if of not in cube:
-        return {}
-    values = by_labels(cube[of].where(cube["status"] == Status.ok))
-    return {labels: value for labels, value in values.items() if np.isfinite(value)}
 
 
 def linear(cube: xr.Dataset, n_stripe: Families, of: str, unexplained: Fraction) -> CheckResult:

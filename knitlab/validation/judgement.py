@@ -12,15 +12,15 @@ from knitlab.cube.cube_file import open_cube, swept_dims
 from knitlab.cube.selection import choices, refuse_others, selected, selections_along
 from knitlab.io.errors import fault
 from knitlab.validation.claims import Claim
-from knitlab.validation.margin import CheckResult, Grade, Verdict, signed
+from knitlab.validation.margin import CheckResult, Grade, signed
 from knitlab.validation.samples import JudgedSamples, preference
 
 QUARTER = (0.75, 1.25)
 """Factors on thresholds chosen for knitlab, to test whether a verdict depends on them."""
 WOULD = {
-    Verdict.holds: "would hold",
-    Verdict.fails: "would fail",
-    Verdict.not_measured: "would not be measured",
+    Grade.holds: "would hold",
+    Grade.fails: "would fail",
+    Grade.not_measured: "would not be measured",
 }
 Slice = tuple[Path, xr.Dataset]
 """Path of a cube, and the cube at one value of every swept setting."""
@@ -28,21 +28,17 @@ Slice = tuple[Path, xr.Dataset]
 
 @dataclass(frozen=True)
 class Judgement:
-    """A claim and its verdict.
+    """A claim, the result that decides it, and the samples that it was judged on, cube by cube.
 
     Attributes:
-        claim: the claim.
-        result: the result that decides it.
-        samples: the samples that it was judged on, cube by cube.
-        quarters: the verdicts with thresholds chosen for knitlab at the factors :data:`QUARTER`;
-            empty if the threshold is the paper's.
+        quarters: the verdicts with thresholds chosen for knitlab at the factors :data:`QUARTER`.
         contrary: cubes with another verdict, and their results.
     """
 
     claim: Claim
     result: CheckResult
     samples: tuple[JudgedSamples, ...]
-    quarters: tuple[Verdict, ...] = ()
+    quarters: tuple[Grade, ...] = ()
     contrary: tuple[tuple[Path, CheckResult], ...] = ()
 
     @property
@@ -54,7 +50,7 @@ class Judgement:
     def sensitivity(self) -> str:
         """Effect of changing thresholds chosen for knitlab by a quarter, as text."""
         now = self.result.verdict
-        if now is Verdict.not_measured or not self.quarters:
+        if now is Grade.not_measured or not self.quarters:
             return ""
         changed = [
             f"{WOULD[verdict]} at {factor - 1:+.0%}"
@@ -81,33 +77,28 @@ def judged(
     swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
     remedy = f"select along {', '.join(swept)}" if swept else "leave it out: there are none"
     refuse_others(selections, swept, f"is not a swept setting of these cubes; {remedy}")
-    slices = [(path, _one_slice(path, cube, selections)) for path, cube in whole]
-    return judged_slices(claims, slices)
+    return judged_slices(claims, [(path, _one(path, cube, selections)) for path, cube in whole])
 
 
 def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judgement]:
     """Judge claims by open cubes; see :func:`judged`."""
-    return [
-        _by_all(claim, slices) if claim.compares_cubes else _by_nearest(claim, slices)
-        for claim in claims
-    ]
+    return [(_by_all if claim.compares_cubes else _by_nearest)(claim, slices) for claim in claims]
 
 
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
-    """The judgement by the one cube whose samples are nearest the paper's."""
     checked = [(path, cube, claim.check([cube])) for path, cube in slices]
-    path, cube, result = min(checked, key=lambda each: _rank(each[1], each[2]))
+
+    def rank(one: tuple[Path, xr.Dataset, CheckResult]) -> tuple[object, ...]:
+        _, cube, result = one
+        return result.margin is None, result.wanted == 0, *preference(cube, result.at)
+
+    path, cube, result = min(checked, key=rank)
     samples = JudgedSamples.of(path, cube, result.at)
     factors = QUARTER if claim.knitlab else ()
     quarters = tuple(claim.check([cube], factor).verdict for factor in factors)
-    same = (result.verdict, Verdict.not_measured)
+    same = (result.verdict, Grade.not_measured)
     others = tuple((other, each) for other, _, each in checked if each.verdict not in same)
     return Judgement(claim, result, (samples,), quarters, others)
-
-
-def _rank(cube: xr.Dataset, result: CheckResult) -> tuple[object, ...]:
-    nothing = result.verdict is Verdict.not_measured
-    return nothing, result.wanted == 0, *preference(cube, result.at)
 
 
 def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
@@ -121,7 +112,7 @@ def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     return Judgement(claim, result, samples)
 
 
-def _one_slice(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+def _one(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """The cube at one value of every swept setting, which stays as a coordinate."""
     swept = swept_dims(cube)
     cube = selected(cube, selections_along(selections, swept))
@@ -131,7 +122,7 @@ def _one_slice(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> x
 
 
 def summary(judgements: Sequence[Judgement]) -> str:
-    """Numbers of claims that hold, are near misses, fail and are not measured, as text."""
+    """Numbers of claims of every grade, as text."""
     counts = Counter(each.result.grade for each in judgements)
     near = counts[Grade.near_miss]
     return (
@@ -164,6 +155,9 @@ def records(judgements: Sequence[Judgement]) -> list[dict[str, Any]]:
 
 
 def _record(each: Judgement) -> dict[str, Any]:
+    def joined(texts: Iterable[str]) -> str:
+        return " | ".join(dict.fromkeys(filter(None, texts)))
+
     claim, result = each.claim, each.result
     samples = each.samples if result.at else ()
     return {
@@ -182,16 +176,11 @@ def _record(each: Judgement) -> dict[str, Any]:
         "threshold_of": claim.threshold_of,
         "ours": ", ".join(claim.knitlab),
         "change": each.sensitivity,
-        "why_not": (claim.why_not or "") if result.verdict is Verdict.fails else "",
+        "why_not": (claim.why_not or "") if result.verdict is Grade.fails else "",
         "figure": claim.figure or "",
         "cube": ", ".join(map(str, each.cubes)),
-        "boundary": _joined(sample.boundary for sample in samples),
-        "unit_cells": _joined(sample.size for sample in samples),
-        "options": _joined(sample.options for sample in samples),
+        "boundary": joined(sample.boundary for sample in samples),
+        "unit_cells": joined(sample.size for sample in samples),
+        "options": joined(sample.options for sample in samples),
         "contrary": contrary(each.contrary, str),
     }
-
-
-def _joined(texts: Iterable[str]) -> str:
-    """Different texts, each once."""
-    return " | ".join(dict.fromkeys(filter(None, texts)))

@@ -34,16 +34,8 @@ Labels = tuple[str | int, ...]
 """Labels of one sample along the cube's dimensions: (4, 16), or ("rib", 4, "periodic")."""
 
 
-class Verdict(StrEnum):
-    """Whether a claim holds in a cube."""
-
-    holds = "holds"
-    fails = "fails"
-    not_measured = "not measured"
-
-
 class Grade(StrEnum):
-    """A verdict, with near misses apart from claims that fail by more."""
+    """Whether a claim holds in a cube, with near misses apart from claims that fail by more."""
 
     holds = "holds"
     near_miss = "near miss"
@@ -58,9 +50,7 @@ class CheckResult:
     Attributes:
         margin: distance to the threshold; ``None`` if the claim could not be measured.
         text: the values that decide it, or what is missing.
-        judged: number of designs, stripes, lines or samples that it was judged on.
-        wanted: number that the claim is about; 0 if the cube has none of them.
-        counted: what is counted: designs, stripes, lines or samples.
+        judged, wanted: numbers of what is counted that it was judged on, and that it is about.
         at: labels of the samples that it was judged on.
         cubes: for a check of several cubes, the index of the cube of each of these samples.
     """
@@ -74,17 +64,18 @@ class CheckResult:
     cubes: tuple[int, ...] = ()
 
     @property
-    def verdict(self) -> Verdict:
-        """Whether the claim holds."""
+    def grade(self) -> Grade:
+        """Whether the claim holds, is a near miss, fails or was not measured."""
         if self.margin is None:
-            return Verdict.not_measured
-        return Verdict.holds if self.margin >= 0 else Verdict.fails
+            return Grade.not_measured
+        if self.margin >= 0:
+            return Grade.holds
+        return Grade.near_miss if self.margin >= -NEAR else Grade.fails
 
     @property
-    def grade(self) -> Grade:
-        """The verdict, with near misses separate from other failures."""
-        near = self.margin is not None and -NEAR <= self.margin < 0
-        return Grade.near_miss if near else Grade(self.verdict.value)
+    def verdict(self) -> Grade:
+        """The grade, in which a near miss fails."""
+        return Grade.fails if self.grade is Grade.near_miss else self.grade
 
     @property
     def count(self) -> str:
@@ -111,8 +102,8 @@ def above(
 ) -> float | None:
     """Margin of a value that must be at least a limit, or more than it if ``strict``.
 
-    The scale has margin 1; by default it is the size of the limit, or 1 if the limit is 0. There
-    is no margin if the value, the limit or the scale is not a finite number.
+    The scale is by default the size of the limit, or 1 if that is 0. There is no margin if the
+    value, the limit or the scale is not finite.
     """
     scale = (abs(limit) or 1.0) if scale is None else scale
     if not all(map(math.isfinite, (value, limit, scale))):

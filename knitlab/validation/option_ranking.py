@@ -1,8 +1,7 @@
 """Model options ranked by the paper's claims: under which of them most of the claims hold."""
 
 import itertools
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,37 +9,34 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.cube_file import base_dims, model_options, swept_dims
+from knitlab.cube.cube_file import base_dims, cube_name, swept_dims
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.validation.claims import Claim
-from knitlab.validation.judgement import judged_slices
+from knitlab.validation.judgement import Slice, judged_slices
 from knitlab.validation.margin import CheckResult, Grade
-from knitlab.validation.samples import by_labels
+from knitlab.validation.samples import by_labels, parameters_of, stated_options
 
 Options = dict[str, str | float]
+Key = tuple[tuple[str, str | float], ...]
+"""Options as a key, in the order of :data:`NAMES`."""
 
 OF_STRIPES = ("cell_size", "hinge_stiffness", "length_scale")
 """Options that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
 that rest flat stay flat, and the walls are for patterned fabric."""
-OF_MOTION = ("ending", "damping_ratio", "relax_time", "strain_rate")
-"""Options of what moves in time: the shape at which a sample comes to rest depends on its motion,
-too."""
 OF_FABRIC = ("fold_phase", "hinges", "garter_start", "fold_angle", "z_max")
+OF_MOTION = ("ending", "damping_ratio", "relax_time", "strain_rate")
+"""Options of what moves in time: the shape at rest depends on the motion, too."""
 NAMES = (*OF_STRIPES, *OF_FABRIC, *OF_MOTION, "drag")
-"""Names of the options."""
 CLIPPED = 1.0
 """Margins beyond this count as this in a sum, so that no gross claim outweighs the rest."""
 
 
 @dataclass(frozen=True)
 class RankedOptions:
-    """One set of model options, and the results of the checks of the claims under it.
+    """One set of model options, and the result of every check by the name of its claim.
 
-    Attributes:
-        options: the options by name.
-        results: the result of every check, by the name of the claim.
-        designs: number of checkerboards that it was judged on; fewer make it easier for claims to
-            hold.
+    ``designs`` is the number of checkerboards that it was judged on; fewer make it easier for
+    claims to hold.
     """
 
     options: Options
@@ -64,44 +60,37 @@ class RankedOptions:
         return self.count(Grade.holds), self.count(Grade.near_miss), total
 
 
-def ranked_options(
-    cubes: Sequence[tuple[Path, xr.Dataset]], claims: Sequence[Claim]
-) -> list[RankedOptions]:
+def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list[RankedOptions]:
     """Rank the model options of cubes by how many claims hold under them, the best first.
 
     Options are judged by all slices of all cubes that were computed with them; slices of pure
     stripes serve all options that do not differ in :data:`OF_STRIPES`. Of options under which
     equally many claims hold, those with more near misses come first, then those with the larger
     sum of margins. They are those of the checkerboards; without these, those of the pure stripes.
-
-    Args:
-        cubes: paths and cubes of checkerboards or pure stripes, with or without swept settings.
-        claims: the claims.
     """
-    slices = [(path, one, options_of(one)) for path, cube in cubes for one in _slices(cube)]
-    of_boards = [each for each in slices if base_dims(each[1]) == DESIGN_DIMS]
-    of_stripes = [
-        (path, one, _of_stripes(options))
-        for path, one, options in slices
-        if base_dims(one) != DESIGN_DIMS
-    ]
-    distinct: list[Options] = []
-    for _, _, options in of_boards or of_stripes:
-        if options not in distinct:
-            distinct.append(options)
+    boards: dict[Key, list[Slice]] = {}
+    stripes: dict[Key, list[Slice]] = {}
+    for cube in cubes:
+        path, dims = Path(cube_name(cube)), swept_dims(cube)
+        for indices in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
+            one = cube.isel(dict(zip(dims, indices, strict=True)))
+            key = tuple(options_of(one).items())
+            if base_dims(one) == DESIGN_DIMS:
+                boards.setdefault(key, []).append((path, one))
+            else:
+                stripes.setdefault(_of_stripes(key), []).append((path, one))
     ranked = []
-    for options in distinct:
-        boards = [(path, one) for path, one, each in of_boards if each == options]
-        stripes = [(path, one) for path, one, each in of_stripes if each == _of_stripes(options)]
-        judgements = judged_slices(claims, [*boards, *stripes])
+    for key in boards or stripes:
+        of_boards = boards.get(key, [])
+        judgements = judged_slices(claims, [*of_boards, *stripes.get(_of_stripes(key), [])])
         designs = {
             design
-            for _, one in boards
+            for _, one in of_boards
             for design, status in by_labels(one["status"]).items()
             if status == Status.ok
         }
         results = {each.claim.name: each.result for each in judgements}
-        ranked.append(RankedOptions(options, results, len(designs)))
+        ranked.append(RankedOptions(dict(key), results, len(designs)))
     return sorted(ranked, key=lambda each: each.score, reverse=True)
 
 
@@ -112,14 +101,12 @@ def differing(ranked: Sequence[RankedOptions]) -> list[str]:
 
 def options_of(cube: xr.Dataset) -> Options:
     """The model options of a cube at one value of every swept setting."""
-    parameters: dict[str, Any] = json.loads(cube.attrs.get("parameters", "{}"))
+    parameters = parameters_of(cube)
     motion = parameters.get("dynamics") or {}
     stated: dict[str, Any] = {
-        "drag": (parameters.get("solver") or {}).get("drag", 0.0),
+        "drag": (parameters.get("solver") or {}).get("drag"),
         **{name: motion[name] for name in OF_MOTION if name in motion},
-        **parameters.get("sheet", {}),
-        **model_options(cube),
-        **{str(name): each.item() for name, each in cube.coords.items() if not each.dims},
+        **stated_options(cube),
     }
     if not stated["drag"]:
         del stated["drag"]
@@ -131,12 +118,5 @@ def options_of(cube: xr.Dataset) -> Options:
     }
 
 
-def _slices(cube: xr.Dataset) -> Iterator[xr.Dataset]:
-    """A cube at one value of every swept setting, for all of these."""
-    dims = swept_dims(cube)
-    for indices in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
-        yield cube.isel(dict(zip(dims, indices, strict=True)))
-
-
-def _of_stripes(options: Options) -> Options:
-    return {name: each for name, each in options.items() if name in OF_STRIPES}
+def _of_stripes(key: Key) -> Key:
+    return tuple((name, each) for name, each in key if name in OF_STRIPES)

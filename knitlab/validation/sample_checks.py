@@ -38,10 +38,9 @@ def value_within(
     highest: float = np.inf,
     slack: float = 0.0,
 ) -> CheckResult:
-    """A value, or a whole curve over the applied strain, is between two limits.
+    """A value, or a whole curve over the applied strain, is between two limits, with some slack.
 
-    A value equal to a limit of 0 is outside. If the paper's limits are approximate, a value may be
-    outside them by ``slack``.
+    A value equal to a limit of 0 is outside.
     """
 
     def measure(sample: xr.Dataset) -> Measured:
@@ -69,10 +68,7 @@ def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> Che
 def rises_and_falls(
     cube: xr.Dataset, about: Checkerboards, of: str, fall: PositiveFloat
 ) -> CheckResult:
-    """A curve rises to a peak within the test, then falls by the fraction ``fall`` of the peak.
-
-    The fall of a curve without a peak within the test is 0.
-    """
+    """A curve rises to a peak within the test, then falls by the fraction ``fall`` of the peak."""
 
     def measure(sample: xr.Dataset) -> Measured:
         curve = sample[of].dropna("applied_strain")
@@ -92,8 +88,7 @@ def follows(
 ) -> CheckResult:
     """A strain rises with the applied strain and stays close to it.
 
-    The margin is the smaller of two: that of the largest departure, over the largest applied
-    strain, against ``tolerance``, and the smallest slope against the applied strain.
+    ``tolerance`` is of the largest departure, over the largest applied strain.
     """
 
     def measure(sample: xr.Dataset) -> Measured:
@@ -112,10 +107,7 @@ def follows(
 def largest_at_centre(
     cube: xr.Dataset, about: Checkerboards, of: str, applied_strain: PositiveFloat
 ) -> CheckResult:
-    """A local strain is positive at the centre, and larger there than elsewhere along the sample.
-
-    Both are compared at one ``applied_strain``.
-    """
+    """A local strain is positive at the centre, and larger there than along the rest."""
     # JAX is imported only for this check.
     from knitlab.measure.unit_cells import central
 
@@ -140,10 +132,7 @@ def largest_at_centre(
 def stripe_toe(
     cube: xr.Dataset, about: PureStripes, softer_than: PositiveFloat, visible: bool
 ) -> CheckResult:
-    """A force curve is J-shaped, or is not: much softer at its start than at its end.
-
-    It is if the ratio of the initial to the largest tangent is below ``softer_than``.
-    """
+    """A force curve is J-shaped or not: its initial over its largest tangent is small."""
 
     def measure(sample: xr.Dataset) -> Measured:
         slopes = tangents(sample)
@@ -173,7 +162,6 @@ def tangents(stripe: xr.Dataset) -> np.ndarray:
 
 
 def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> CheckResult:
-    """The result for samples that each must satisfy the claim."""
     margins: dict[Labels, float] = {}
     texts: dict[Labels, str] = {}
     for labels in samples.complete:

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
-from knitlab.cube.cube_file import OPTION, base_dims, is_measured, model_options, source_of
+from knitlab.cube.cube_file import base_dims, is_measured, model_options, source_of
 from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.toml import StrictModel
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured
@@ -19,18 +19,12 @@ from knitlab.validation.margin import CheckResult, Labels, NotMeasured
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
 STRIPE_BOUNDARY = "periodic"
 """Boundary of the pure stripes of claims: the paper computes them without ends."""
-PAPER_BOUNDARY = "clamped"
-"""Boundary of the paper's own samples."""
 
 
 class Checkerboards(StrictModel):
-    """Checkerboards (n_stripe, n_subunit) that a claim is about.
+    """Checkerboards that a claim is about: ``designs``, or all ``without`` some; of any n_stripe.
 
-    Attributes:
-        designs: these designs; by default all in the cube.
-        n_stripe: only designs with these n_stripe, by default any.
-        without: designs to leave out.
-        at_least: number of designs in the paper.
+    ``at_least`` is the number of designs in the paper.
     """
 
     dims: ClassVar = DESIGN_DIMS
@@ -51,11 +45,9 @@ class Checkerboards(StrictModel):
 
 
 class PureStripes(StrictModel):
-    """Pure stripes that a claim is about.
+    """Pure stripes that a claim is about, with a range of stitches across the stripe by knit.
 
-    Attributes:
-        smallest, largest: range of stitches across the stripe, by knit.
-        at_least: number of stripes in the paper.
+    ``at_least`` is the number of stripes in the paper.
     """
 
     dims: ClassVar = STRIPE_DIMS
@@ -77,14 +69,7 @@ class PureStripes(StrictModel):
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete.
-
-    Attributes:
-        cube: the cube of the samples.
-        complete: labels of the samples with a complete test.
-        wanted: number of samples that the claim is about.
-        counted: what is counted: designs or stripes.
-    """
+    """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete."""
 
     cube: xr.Dataset
     complete: list[Labels]
@@ -112,8 +97,8 @@ class Samples:
     def values(self, of: str) -> dict[Labels, float]:
         """The value, or the largest of a curve, of the complete samples that have one."""
         dims = base_dims(self.cube)
-        variable = self.cube[of].transpose(*dims, ...)
-        values = by_labels(variable.max([dim for dim in variable.dims if dim not in dims]))
+        curves = self.cube[of].transpose(*dims, ...)
+        values = by_labels(curves.max([dim for dim in curves.dims if dim not in dims]))
         return {labels: values[labels] for labels in self.complete if np.isfinite(values[labels])}
 
     def result(self, margin: float | None, text: str, at: Iterable[Labels]) -> CheckResult:
@@ -122,7 +107,7 @@ class Samples:
         return CheckResult(margin, text, len(at), self.wanted, self.counted, at)
 
     def too_few(self, measured: int) -> NotMeasured:
-        """The exception for too few measured samples."""
+        """The exception where too few samples are measured."""
         count = f"{measured} of {self.wanted}" if measured else "none of the"
         return NotMeasured(f"{count} {self.counted} measured", self.wanted, self.counted)
 
@@ -152,14 +137,9 @@ def unit_of(variable: str) -> str:
 
 @dataclass(frozen=True)
 class JudgedSamples:
-    """Samples of a cube that a claim was judged on.
+    """Samples of a cube that a claim was judged on, described by texts that may be empty.
 
-    Attributes:
-        cube: path of the cube.
-        boundary: clamped or periodic; empty if the cube does not state it.
-        size: their unit cells, along weft × warp: one size, or smallest and largest.
-        options: model options, as text.
-        experiment: name of the experiment, if it is one.
+    ``size`` is their unit cells along weft × warp: one size, or smallest and largest.
     """
 
     cube: Path
@@ -171,31 +151,32 @@ class JudgedSamples:
     @classmethod
     def of(cls, path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> "JudgedSamples":
         """Describe the samples ``at`` of a cube at one value of every swept setting."""
-        sizes = sorted(
-            {size for labels in at if (size := unit_cells(cube, labels)) is not None},
-            key=lambda size: (size[0] * size[1], size),
-        )
+        known = {size for labels in at if (size := unit_cells(cube, labels)) is not None}
+        sizes = sorted(known, key=lambda size: (size[0] * size[1], size))
         ends = [f"{cells_x} × {cells_y}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
         boundaries = dict.fromkeys(boundary_of(cube, labels) for labels in at)
+        options = ", ".join(
+            f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in stated_options(cube).items()
+            if name != "boundary"
+        )
         return cls(
             path,
             ", ".join(filter(None, boundaries)),
             " to ".join(dict.fromkeys(ends)),
-            _options(cube),
+            options,
             source_of(cube) if is_measured(cube) else "",
         )
 
 
 def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
-    """Sort key for cubes by the similarity of their samples ``at`` to those of the paper.
+    """Sort key for cubes by how like the paper's their samples ``at`` are.
 
-    Samples with the boundary of the paper's come first, then more of the wanted samples before
-    fewer, then larger ones, by their mean number of unit cells.
+    Clamped samples come first, then more before fewer, then larger ones by their mean unit cells.
     """
-    sizes = [unit_cells(cube, labels) or (0, 0) for labels in at]
-    mean = float(np.mean([cells_x * cells_y for cells_x, cells_y in sizes])) if sizes else 0.0
-    another = any(boundary_of(cube, labels) != PAPER_BOUNDARY for labels in at)
-    return another, -len(at), -mean
+    sizes = [np.prod(unit_cells(cube, labels) or 0) for labels in at]
+    another = any(boundary_of(cube, labels) != "clamped" for labels in at)
+    return another, -len(at), -float(np.mean(sizes)) if sizes else 0.0
 
 
 def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
@@ -203,18 +184,11 @@ def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
     if is_measured(cube):
         return "clamped"
     along = dict(zip(base_dims(cube), labels, strict=True))
-    if "boundary" in along:
-        return str(along["boundary"])
-    swept = cube.coords.get("boundary")
-    return str(cube.attrs.get(f"{OPTION}boundary", "") if swept is None else swept.item())
+    return str((stated_options(cube) | along).get("boundary", ""))
 
 
 def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
-    """Unit cells of one sample along (weft, warp).
-
-    They are taken from the variables ``unit_cells_x`` and ``unit_cells_y``, else counted in the
-    local strains, else taken from the parameters of the cube.
-    """
+    """Unit cells of one sample along (weft, warp), as stated or counted in the local strains."""
     names = [each for each in ("unit_cells_x", "unit_cells_y", "strain_xx") if each in cube]
     sample = one_sample(cube[["status", *names]], labels)
     stated = [float(sample[name]) for name in ("unit_cells_x", "unit_cells_y") if name in sample]
@@ -224,26 +198,24 @@ def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
         strained = sample["strain_xx"].notnull().any("applied_strain")
         if strained.any():
             return int(strained.any("cell_y").sum()), int(strained.any("cell_x").sum())
-    cells = _parameters(cube).get("unit_cells")
+    cells = parameters_of(cube).get("unit_cells")
     return (int(cells[1]), int(cells[0])) if cells else None
 
 
-def _options(cube: xr.Dataset) -> str:
-    """The model options as text, with swept settings and the gap between the walls."""
-    options = model_options(cube)
-    if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
-        options["z_max"] = z_max
-    options |= {
-        str(name): each.item()
-        for name, each in cube.coords.items()
-        if not each.dims and name != SOURCE and name not in base_dims(cube)
+def stated_options(cube: xr.Dataset) -> dict[str, Any]:
+    """The model options of a cube, with the gap between the walls and the swept settings."""
+    z_max = parameters_of(cube).get("sheet", {}).get("z_max")
+    return {
+        **model_options(cube),
+        **({"z_max": z_max} if z_max else {}),
+        **{
+            str(name): each.item()
+            for name, each in cube.coords.items()
+            if not each.dims and name not in (SOURCE, *base_dims(cube))
+        },
     }
-    options.pop("boundary", None)
-    return ", ".join(
-        f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in options.items()
-    )
 
 
-def _parameters(cube: xr.Dataset) -> dict[str, Any]:
+def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
+    """The parameters that all designs of a cube share."""
     return json.loads(cube.attrs.get("parameters", "{}"))

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.figures.report.page import write_page
+from knitlab.figures.claims_page import write_page
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import judged
 

@@ -20,13 +20,13 @@ def knitlab(*words):
 
 
 @pytest.mark.slow
-def test_a_relaxation_is_drawn_and_animated():
+def test_a_relaxation_is_drawn():
     settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "snapshots=12")
     words = [word for setting in settings for word in ("--set", setting)]
     ran = knitlab("run", "relaxation", *words, "--workers", "0")
     assert ran.exit_code == 0, ran.output
     figures = {path.name for path in Path("results/relaxation/figures").iterdir()}
-    assert figures == {"relaxation.pdf", "relaxation.png", "folding.gif"}
+    assert figures == {"relaxation.pdf", "relaxation.png"}
     (path,) = Path("results/relaxation/cases").glob("*.nc")
     case = xr.load_dataset(path)
     assert float(case["kinetic_energy"][-1]) < 1e-9 * float(case["potential_energy"][0])
@@ -50,7 +50,7 @@ def test_stripes_are_run_queried_and_drawn():
     ran = knitlab("run", "stripes", *words, "--workers", "0")
     assert ran.exit_code == 0, ran.output
     figures = {path.name for path in Path("results/stripes/figures").iterdir()}
-    assert {"stripes.png", "departure.png"} <= figures
+    assert "stripes.png" in figures
     answer = knitlab(
         "query",
         "results/stripes",
@@ -65,5 +65,4 @@ def test_stripes_are_run_queried_and_drawn():
     assert "periodic" in answer.output
     refused = knitlab("map", "auxetic", "results/stripes", "-o", "map.png")
     assert refused.exit_code == 2
-    for figure in ("stripes", "departure"):
-        assert f"{figure}," in refused.output.partition("draw ")[2]
+    assert "stripes," in refused.output.partition("draw ")[2]

@@ -22,14 +22,13 @@ CUBES = {
     "sensitivity": lambda: made_up_cube(sensitivities=True),
     "sensor": with_electrodes,
     "capacitors": with_electrodes,
-    "departure": lambda: stripes_cube(),
     "stripes": lambda: stripes_cube(),
     "samples": lambda: made_up_case(periodic=False),
     "shape": lambda: made_up_case(periodic=True),
 }
 
 
-SLOW = ("capacitors", "curves", "departure", "samples", "sensitivity", "sensor", "stripes")
+SLOW = ("capacitors", "curves", "samples", "sensitivity", "sensor", "stripes")
 
 
 def stripes_cube() -> xr.Dataset:
@@ -73,15 +72,6 @@ def test_nothing_is_cut_off(kind):
     assert box.y0 > -room
     assert box.x1 < width + room
     assert box.y1 < height + room
-
-
-def test_no_curve_of_the_departure_runs_through_a_legend():
-    with print_style():
-        figure = drawn(draw("departure", [stripes_cube()]))
-    for axes in figure.axes:
-        frame = axes.get_window_extent()
-        legend = axes.get_legend().get_window_extent()
-        assert not frame.overlaps(legend)
 
 
 def test_names_of_the_pareto_front_lie_beyond_it_and_stay_apart():

@@ -7,8 +7,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.figures.curves import broken
-from knitlab.figures.kinds.curves import tension_curves
+from knitlab.figures.kinds.curves import broken, tension_curves
 from tests.cube.artificial_cubes import made_up_cube
 
 

@@ -12,7 +12,7 @@ from knitlab.io.errors import BadInput
 from knitlab.measure.fit_statistics import common_slope_probability, linear_fit
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import judged
-from knitlab.validation.margin import Verdict
+from knitlab.validation.margin import Grade
 
 FAMILIES = {
     2: (0.05, 0.05, 0.05, 0.05, 0.05),
@@ -151,8 +151,8 @@ LABORATORY = [each.name for each in read_claims() if each.test == "laboratory"]
 @pytest.mark.slow
 def test_every_claim_holds_on_a_cube_made_to_meet_it(verdicts):
     found = verdicts(good_checkerboards(), good_stripes())
-    others = {name: verdict for name, verdict in found.items() if verdict != Verdict.holds}
-    assert others == dict.fromkeys(LABORATORY, Verdict.not_measured)
+    others = {name: verdict for name, verdict in found.items() if verdict != Grade.holds}
+    assert others == dict.fromkeys(LABORATORY, Grade.not_measured)
 
 
 def put(name, value, n=4, m=16, **at):
@@ -236,7 +236,7 @@ def test_a_claim_fails_on_a_cube_made_to_break_it(verdicts, name):
     boards, stripes = good_checkerboards(), good_stripes()
     boards = boards.assign_coords(cell_y=np.arange(ROWS), cell_x=np.arange(COLUMNS))
     SPOILT[name](boards, stripes)
-    assert verdicts(boards, stripes)[name] is Verdict.fails
+    assert verdicts(boards, stripes)[name] is Grade.fails
 
 
 @pytest.mark.slow
@@ -245,9 +245,9 @@ def test_a_claim_is_not_measured_if_its_one_design_has_no_results(verdicts, stat
     boards = good_checkerboards()
     boards["status"].loc[{"n_stripe": 4, "n_subunit": 48}] = status
     found = verdicts(boards, good_stripes())
-    assert found["n_stripe_4_n_subunit_48_is_not"] is Verdict.not_measured
-    assert found["longer_cells_are_less_auxetic"] is Verdict.holds
-    assert found["transverse_strain_peaks"] is Verdict.holds
+    assert found["n_stripe_4_n_subunit_48_is_not"] is Grade.not_measured
+    assert found["longer_cells_are_less_auxetic"] is Grade.holds
+    assert found["transverse_strain_peaks"] is Grade.holds
 
 
 @pytest.mark.slow
@@ -256,7 +256,7 @@ def test_a_claim_that_fails_for_one_design_fails_though_others_are_missing(verdi
     boards["status"].loc[{"n_stripe": 8}] = Status.pending
     boards["poisson_ratio_min"].loc[{"n_stripe": 6, "n_subunit": 24}] = -0.9
     found = verdicts(boards, good_stripes())
-    assert found["wide_stripes_reach_minus_02_to_minus_07"] is Verdict.fails
+    assert found["wide_stripes_reach_minus_02_to_minus_07"] is Grade.fails
 
 
 def test_command_refuses_another_suffix(tmp_path):

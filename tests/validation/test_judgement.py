@@ -16,7 +16,7 @@ from knitlab.io.errors import BadInput
 from knitlab.validation import sample_checks
 from knitlab.validation.claims import CHECKS, read_claims
 from knitlab.validation.judgement import contrary, judged, judged_slices, listed, summary
-from knitlab.validation.margin import Grade, Verdict
+from knitlab.validation.margin import Grade
 from knitlab.validation.samples import Checkerboards, preference
 from tests.validation.test_claims import LOWEST, SLOPES, good_checkerboards, good_stripes
 
@@ -65,7 +65,7 @@ def test_missing_designs_never_change_the_margin_of_the_rest(kind, name, missing
     whole, part = result(name, CUBES[kind]), result(name, without(CUBES[kind], missing))
     kept = [design for design in whole.at if design not in missing]
     assert list(part.at) == kept
-    assert (part.verdict is Verdict.not_measured) == (not kept)
+    assert (part.verdict is Grade.not_measured) == (not kept)
     if kept:
         alone = [result(name, without(CUBES[kind], set(DESIGNS) - {each})).margin for each in kept]
         assert part.margin == min(alone) >= whole.margin
@@ -75,7 +75,7 @@ def test_missing_designs_never_change_the_margin_of_the_rest(kind, name, missing
 def test_a_claim_is_judged_on_the_available_designs_and_states_their_number():
     gone = [design for design in DESIGNS if design[0] == 8][:3]
     found = result("longer_cells_are_less_auxetic", without(good_checkerboards(), gone))
-    assert found.verdict is Verdict.holds
+    assert found.verdict is Grade.holds
     assert (found.judged, found.wanted) == (12, 15)
     assert found.measured.endswith("judged on 12 of 15 designs")
 
@@ -84,25 +84,25 @@ def test_a_claim_is_judged_on_the_available_designs_and_states_their_number():
 @pytest.mark.parametrize(
     ("name", "left", "verdict"),
     [
-        ("design_4_16_is_the_lowest", [(4, 16), (8, 32)], Verdict.holds),
-        ("design_4_16_is_the_lowest", [(4, 16)], Verdict.not_measured),
-        ("design_4_16_is_the_lowest", [(8, 32), (6, 24)], Verdict.not_measured),
-        ("longer_cells_are_less_auxetic", [(4, 16), (4, 24)], Verdict.holds),
-        ("longer_cells_are_less_auxetic", [(4, 16), (6, 24)], Verdict.not_measured),
-        ("strain_of_the_lowest_ratio_varies", [(4, 16)], Verdict.not_measured),
-        ("wavelength_along_weft_is_linear", [(4, 16), (4, 24), (4, 32)], Verdict.holds),
-        ("wavelength_along_weft_is_linear", [(4, 16), (4, 24)], Verdict.not_measured),
-        ("slopes_along_weft_are_common", [(4, 16), (4, 24), (4, 32)], Verdict.not_measured),
-        ("three_samples_are_auxetic", [(4, 32)], Verdict.holds),
-        ("capacitor_4_32_is_the_steepest", [(4, 16), (4, 32)], Verdict.holds),
-        ("capacitor_4_32_is_the_steepest", [(4, 16)], Verdict.not_measured),
-        ("steeper_capacitors_are_narrower", [(4, 16), (4, 24)], Verdict.not_measured),
+        ("design_4_16_is_the_lowest", [(4, 16), (8, 32)], Grade.holds),
+        ("design_4_16_is_the_lowest", [(4, 16)], Grade.not_measured),
+        ("design_4_16_is_the_lowest", [(8, 32), (6, 24)], Grade.not_measured),
+        ("longer_cells_are_less_auxetic", [(4, 16), (4, 24)], Grade.holds),
+        ("longer_cells_are_less_auxetic", [(4, 16), (6, 24)], Grade.not_measured),
+        ("strain_of_the_lowest_ratio_varies", [(4, 16)], Grade.not_measured),
+        ("wavelength_along_weft_is_linear", [(4, 16), (4, 24), (4, 32)], Grade.holds),
+        ("wavelength_along_weft_is_linear", [(4, 16), (4, 24)], Grade.not_measured),
+        ("slopes_along_weft_are_common", [(4, 16), (4, 24), (4, 32)], Grade.not_measured),
+        ("three_samples_are_auxetic", [(4, 32)], Grade.holds),
+        ("capacitor_4_32_is_the_steepest", [(4, 16), (4, 32)], Grade.holds),
+        ("capacitor_4_32_is_the_steepest", [(4, 16)], Grade.not_measured),
+        ("steeper_capacitors_are_narrower", [(4, 16), (4, 24)], Grade.not_measured),
     ],
 )
 def test_too_few_designs_are_not_judged(name, left, verdict):
     found = result(name, without(good_checkerboards(), set(DESIGNS) - set(left)))
     assert found.verdict is verdict
-    assert (found.margin is None) == (verdict is Verdict.not_measured)
+    assert (found.margin is None) == (verdict is Grade.not_measured)
 
 
 def quarters(name, cube):
@@ -113,10 +113,10 @@ def quarters(name, cube):
 @pytest.mark.parametrize(
     ("ratio", "expected"),
     [
-        (-0.745, (Verdict.fails, Verdict.holds, "would fail at -25%")),
-        (-0.755, (Verdict.fails, Verdict.holds, "would hold at +25%")),
-        (-0.77, (Verdict.fails, Verdict.fails, "the same at -25% and at +25%")),
-        (-0.5, (Verdict.holds, Verdict.holds, "the same at -25% and at +25%")),
+        (-0.745, (Grade.fails, Grade.holds, "would fail at -25%")),
+        (-0.755, (Grade.fails, Grade.holds, "would hold at +25%")),
+        (-0.77, (Grade.fails, Grade.fails, "the same at -25% and at +25%")),
+        (-0.5, (Grade.holds, Grade.holds, "the same at -25% and at +25%")),
     ],
 )
 def test_a_quarter_of_the_slack_moves_both_limits_by_a_quarter_of_it(ratio, expected):
@@ -130,10 +130,10 @@ def test_a_quarter_of_the_slack_moves_both_limits_by_a_quarter_of_it(ratio, expe
 def test_a_quarter_of_a_coefficient_of_determination_is_relative_to_its_residual():
     """Of the middle one of five points off the line by d, 0.8 d² is left unexplained."""
     for unexplained, expected in {
-        0.014: (Verdict.holds, Verdict.holds),
-        0.016: (Verdict.fails, Verdict.holds),
-        0.024: (Verdict.fails, Verdict.holds),
-        0.026: (Verdict.fails, Verdict.fails),
+        0.014: (Grade.holds, Grade.holds),
+        0.016: (Grade.fails, Grade.holds),
+        0.024: (Grade.fails, Grade.holds),
+        0.026: (Grade.fails, Grade.fails),
     }.items():
         cube = good_checkerboards()
         explained = SLOPES[4] ** 2 * sum((m - 32) ** 2 for m in (16, 24, 32, 40, 48))
@@ -145,9 +145,9 @@ def test_a_quarter_of_a_coefficient_of_determination_is_relative_to_its_residual
 def test_a_quarter_on_a_plain_number_scales_it():
     cube = good_checkerboards()
     cube["poisson_ratio"].loc[{"n_stripe": 2, "n_subunit": 16, "applied_strain": 0.2}] = 0.35
-    assert quarters("narrowest_is_slightly_positive", cube)[:2] == (Verdict.fails, Verdict.holds)
+    assert quarters("narrowest_is_slightly_positive", cube)[:2] == (Grade.fails, Grade.holds)
     cube["poisson_ratio"].loc[{"n_stripe": 2, "n_subunit": 16, "applied_strain": 0.2}] = 0.25
-    assert quarters("narrowest_is_slightly_positive", cube)[:2] == (Verdict.fails, Verdict.holds)
+    assert quarters("narrowest_is_slightly_positive", cube)[:2] == (Grade.fails, Grade.holds)
 
 
 def test_thresholds_are_the_papers_unless_knitlab_gives_one():
@@ -234,7 +234,7 @@ def test_a_judgement_names_its_samples_and_contrary_cubes(written, tmp_path):
     write_cube(sample("periodic", (1, 1), -0.9), tmp_path / "worse.nc")
     judgements = judged([CLAIMS[OF_ALL]], [tmp_path / "worse.nc", written / "smaller.nc"])
     ((each,), (samples,)) = judgements, judgements[0].samples
-    assert (each.result.verdict, each.result.grade) == (Verdict.holds, Grade.holds)
+    assert (each.result.verdict, each.result.grade) == (Grade.holds, Grade.holds)
     assert each.cubes == (written / "smaller.nc",)
     assert (samples.boundary, samples.size) == ("clamped", "2 × 4")
     assert samples.options == "cell_size flat, z_max 6"

@@ -13,7 +13,6 @@ from knitlab.validation.comparison_checks import weakest_significant
 from knitlab.validation.margin import (
     CheckResult,
     Grade,
-    Verdict,
     above,
     below,
     within,
@@ -57,7 +56,7 @@ def test_a_margin_is_never_infinite_or_nan(value, limit, strict):
             assert math.isfinite(found)
         else:
             assert found is None
-            assert CheckResult(found, "").verdict is Verdict.not_measured
+            assert CheckResult(found, "").verdict is Grade.not_measured
 
 
 @given(st.lists(st.none() | NUMBER))
@@ -69,10 +68,10 @@ def test_the_margin_of_many_is_that_of_the_worst(found):
 @given(st.none() | st.floats(-2, 2))
 def test_verdict_and_grade_agree(margin):
     result = CheckResult(margin, "")
-    assert (result.verdict is Verdict.holds) == (margin is not None and margin >= 0)
+    assert (result.verdict is Grade.holds) == (margin is not None and margin >= 0)
     assert (result.grade is Grade.near_miss) == (margin is not None and -0.25 <= margin < 0)
     if result.grade is not Grade.near_miss:
-        assert result.grade.value == result.verdict.value
+        assert result.grade is result.verdict
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import xarray as xr
 from knitlab.cube.cube_file import open_cube, write_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.validation.claims import read_claims
-from knitlab.validation.margin import Grade, Verdict
+from knitlab.validation.margin import Grade
 from knitlab.validation.option_ranking import differing, options_of, ranked_options
 from tests.validation.test_claims import good_checkerboards, good_stripes
 
@@ -33,29 +33,23 @@ def with_ratio(value, n_stripe=4, n_subunit=16):
     return cube
 
 
-@pytest.fixture
-def ranked(tmp_path):
-    def rank(*cubes):
-        return ranked_options(
-            [(tmp_path / f"{k}.nc", cube) for k, cube in enumerate(cubes)], read_claims()
-        )
-
-    return rank
+def ranked(*cubes):
+    return ranked_options(cubes, read_claims())
 
 
 @pytest.mark.slow
-def test_the_options_under_which_more_claims_hold_come_first(ranked):
+def test_the_options_under_which_more_claims_hold_come_first():
     best, other = ranked(along_fold_phase(with_ratio(0.1), good_checkerboards()))
     assert best.options["fold_phase"] == "stripe_centre"
     assert best.count(Grade.holds) > other.count(Grade.holds)
-    assert best.results["design_4_16_is_the_lowest"].verdict is Verdict.holds
-    assert other.results["design_4_16_is_the_lowest"].verdict is Verdict.fails
-    assert best.results["stripes_are_j_shaped"].verdict is Verdict.not_measured
+    assert best.results["design_4_16_is_the_lowest"].verdict is Grade.holds
+    assert other.results["design_4_16_is_the_lowest"].verdict is Grade.fails
+    assert best.results["stripes_are_j_shaped"].verdict is Grade.not_measured
     assert differing([best, other]) == ["fold_phase"]
 
 
 @pytest.mark.slow
-def test_of_equally_many_claims_the_nearer_miss_comes_first(ranked):
+def test_of_equally_many_claims_the_nearer_miss_comes_first():
     far, near = with_ratio(0.5, 4, 24), with_ratio(0.2, 4, 24)
     for order in ((far, near), (near, far)):
         best, other = ranked(along_fold_phase(*order))
@@ -68,7 +62,7 @@ def stated(cube, **options):
 
 
 @pytest.mark.slow
-def test_pure_stripes_serve_all_options_of_their_cells(ranked):
+def test_pure_stripes_serve_all_options_of_their_cells():
     flat, relaxed = (
         stated(good_checkerboards(), cell_size=size, fold_phase="stripe_border")
         for size in ("flat", "relaxed")
@@ -77,23 +71,23 @@ def test_pure_stripes_serve_all_options_of_their_cells(ranked):
     stripes = stated(good_stripes(), cell_size="flat", fold_phase="stripe_centre")
     best, other = ranked(relaxed, flat, stripes)
     assert best.options["cell_size"] == "flat"
-    assert best.results["stripes_are_j_shaped"].verdict is Verdict.holds
-    assert other.results["stripes_are_j_shaped"].verdict is Verdict.not_measured
+    assert best.results["stripes_are_j_shaped"].verdict is Grade.holds
+    assert other.results["stripes_are_j_shaped"].verdict is Grade.not_measured
     assert best.decided - other.decided >= 5
 
 
 @pytest.mark.slow
-def test_cubes_of_the_same_options_are_judged_together(ranked):
+def test_cubes_of_the_same_options_are_judged_together():
     wide, narrow = good_checkerboards(), good_checkerboards()
     wide = wide.sel(n_stripe=[6, 8])
     narrow = narrow.sel(n_stripe=[2, 4])
     (one,) = ranked(stated(wide, z_max=1.0), stated(narrow, z_max=1.0))
     assert one.designs == 20
-    assert one.results["n_stripe_4_is_auxetic_up_to_40"].verdict is Verdict.holds
+    assert one.results["n_stripe_4_is_auxetic_up_to_40"].verdict is Grade.holds
     assert one.results["longer_cells_are_less_auxetic"].judged == 10
 
 
-def test_options_of_stripes_alone_are_ranked_by_their_claims(ranked):
+def test_options_of_stripes_alone_are_ranked_by_their_claims():
     bent = good_stripes()
     bent["row_force"].loc[{"knit": "rib", "n": 4}] = np.linspace(0, 1, 41)
     best, other = ranked(
@@ -118,7 +112,7 @@ def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     assert open_cube(tmp_path).sizes["fold_phase"] == 2
     assert draw_figure("options", [tmp_path], tmp_path / "options.svg").stat().st_size > 0
     text = (tmp_path / "options.svg").read_text()
-    best, other = ranked_options([(tmp_path, open_cube(tmp_path))], read_claims())
+    best, other = ranked(open_cube(tmp_path))
     counts = [f"{each.count(Grade.holds)}/{each.decided}" for each in (best, other)]
     assert [found for found in re.findall(r"\d+/\d+", text) if found in counts] == counts
     files, faults = draw_figures(["options", "auxetic"], tmp_path)

@@ -5,7 +5,7 @@ from pathlib import Path
 from generated_reference.markdown import first_paragraph
 from knitlab import plot
 from knitlab.figures.drawing import FIGURES
-from knitlab.sweep.figure_names import FIGURE_NAMES, suffixes
+from knitlab.sweep.figure_names import FIGURE_NAMES
 
 ROOT = Path(__file__).parents[3]
 
@@ -18,7 +18,6 @@ def page() -> str:
 def _section(name: str) -> list[str]:
     kind = FIGURES[name]
     facts = [f"In Python: {{py:func}}`knitlab.plot.{name}`; drawn by `{kind.draw.__module__}`."]
-    facts.append(f"Formats: {', '.join(f'`{suffix}`' for suffix in suffixes(name))}.")
     if kind.dims:
         facts.append(f"Designs along {' and '.join(f'`{dim}`' for dim in kind.dims)}.")
     if kind.needs:

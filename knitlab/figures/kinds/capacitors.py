@@ -1,10 +1,9 @@
 """Capacitors side by side: their curves and slopes (paper, Fig. "capacitor testing").
 
-It takes several cubes because pure stripes and checkerboards are in different ones.
+Pure stripes and checkerboards are in different cubes.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -14,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from knitlab.cube.cube_file import base_dims, is_measured, source_of
 from knitlab.cube.schema import RUN
-from knitlab.figures.curves import break_note, broken, line_style, snapped_before
 from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds.curves import break_note, broken, line_style, snapped_before
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
@@ -33,11 +32,8 @@ PAPER_SAMPLES: dict[tuple[str | int, ...], str] = {
 }
 
 
-class Sample(NamedTuple):
-    """One fabric with electrodes: its name in the figure, and its cell of a cube."""
-
-    name: str
-    cell: xr.Dataset
+Sample = tuple[str, xr.Dataset]
+"""The name of a fabric with electrodes in the figure, and its cell of a cube."""
 
 
 def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
@@ -56,13 +52,13 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
         )
     figure = Figure(figsize=(TWO_COLUMNS, 3.1), layout="constrained")
     ratios, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
-    cells = [sample.cell for sample in samples]
+    names, cells = zip(*samples, strict=True)
     any_measured = any(map(is_measured, cells))
-    for sample, colour, dashes in zip(samples, CATEGORY_COLOURS, DASHES * 2, strict=False):
+    for (label, cell), colour, dashes in zip(samples, CATEGORY_COLOURS, DASHES * 2, strict=False):
         # Dashes mark measured samples, if there are any.
-        line = line_style(sample.cell) if any_measured else dashes
-        _draw_curve(ratios, sample, "capacitance_ratio", colour, line)
-        _draw_curve(absolute, sample, "capacitance", colour, line)
+        look: Look = {"ls": line_style(cell) if any_measured else dashes, "label": label}
+        _draw_curve(ratios, cell, "capacitance_ratio", colour, look)
+        _draw_curve(absolute, cell, "capacitance", colour, look)
     lengths = [float(cell["electrode_length"]) for cell in cells if "electrode_length" in cell]
     simulated = "simulated " if any_measured else ""
     note = f"\n{simulated}electrodes of {max(lengths):.0f} mm" if lengths else ""
@@ -72,7 +68,6 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     colours = CATEGORY_COLOURS[: len(cells)]
     bars = slopes.bar(range(len(cells)), np.nan_to_num(values), color=colours)
     slopes.bar_label(bars, [f"{value:.2f}" if np.isfinite(value) else "none" for value in values])
-    names = [sample.name for sample in samples]
     slopes.set_xticks(range(len(cells)), names, rotation=40, ha="right")
     slopes.margins(y=0.1)
     slopes.set_ylabel("mean slope |d$C$/dε| [pF]")
@@ -89,19 +84,18 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def _draw_curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> None:
-    cell = sample.cell
+def _draw_curve(axes: Axes, cell: xr.Dataset, name: str, colour: str, look: Look) -> None:
     strain, values = cell["applied_strain"].values, cell[name].values
     curve = broken(snapped_before(cell), strain, values)
-    axes.plot(*curve, color=colour, ls=line, lw=1.0, label=sample.name)
+    axes.plot(*curve, color=colour, lw=1.0, **look)
     start, end = float(cell["applied_strain_opened"]), float(cell["sensing_end"])
     finite = np.isfinite(values)
     if np.isfinite(start) and finite.any():
         middle, half = (start + end) / 2, CENTRAL_PART / 2 * (end - start)
         within = np.linspace(middle - half, middle + half, 20)
-        for strains, look in ((within, SLOPE), (np.array([end]), END)):
+        for strains, mark in ((within, SLOPE), (np.array([end]), END)):
             at = np.interp(strains, strain[finite], values[finite])
-            axes.plot(strains, at, color=colour, **look)
+            axes.plot(strains, at, color=colour, **mark)
     axes.plot(strain, _unloading(cell, name), color=colour, **BACK)
 
 
@@ -128,7 +122,7 @@ def _samples(cube: xr.Dataset) -> list[Sample]:
         name = PAPER_SAMPLES.get(design, f"({design[0]}, {design[1]})")
         read = (cell["capacitor_status"] == CapacitorStatus.measured).any()
         if (measured or design in PAPER_SAMPLES) and int(cell["status"]) in RUN and read:
-            samples.append(Sample(f"{name} {source_of(cube)}" if measured else name, cell))
+            samples.append((f"{name} {source_of(cube)}" if measured else name, cell))
     return samples
 
 

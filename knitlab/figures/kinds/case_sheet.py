@@ -9,34 +9,32 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
-
-from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.sheets import design_text, draw_faces, faces_of, state_text
-from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
-from knitlab.meshes.fabric import closed_nodes, is_periodic
-
-if TYPE_CHECKING:
-    from knitlab.fabric.pattern import PatchGrid
-
-from typing import TYPE_CHECKING
-
 from matplotlib.patches import Patch, Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import RegularGridInterpolator
 
-from knitlab.figures.sheets import FABRIC, draw_sheet, frame_sheet
-from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures import sheets
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
+from knitlab.meshes.fabric import closed_nodes, is_periodic
 
 if TYPE_CHECKING:
+    from knitlab.fabric.pattern import PatchGrid
     from knitlab.simulation.case import Case
-
 
 MOST_NAMES = 4
 """Patches along a side that are named; where there are more they have a letter each."""
 LETTERS = "R rib, G garter, P plain"
+COLOURS = ("#D55E00", "#0072B2")
+"""Colours of the electrodes."""
+SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}
+"""Grey of every knit, by its letter."""
+CELLS_PER_TICK, MOST_TICKS = 4, 12
+FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
+"""Subdivisions of a grid cell along each direction: fine up to this many cells, else coarse."""
 
 
 def fabric_shape(case: xr.Dataset) -> Figure:
@@ -44,7 +42,6 @@ def fabric_shape(case: xr.Dataset) -> Figure:
 
     Colour is height, white lines are patch borders.
     """
-    # JAX is imported only when this figure is drawn.
     from knitlab.fabric.pattern import recorded_pattern
 
     parameters = json.loads(case.attrs["parameters"])
@@ -55,14 +52,14 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
     sample = recorded_pattern(parameters, (repeats * along_y, repeats * along_x))
 
-    faces = faces_of(nodes)
+    faces = sheets.faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
     norm = mpl.colors.Normalize(heights.min(), heights.max())
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
-    draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)))
+    sheets.draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)))
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
     lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=0.6)
     axes.add_collection(lines)
@@ -71,8 +68,9 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     crossing = int(case["self_intersections"][0]) if "self_intersections" in case else 0
     if crossing:
         notes.insert(0, f"passes through itself: {crossing} pairs of cells")
-    state = ("periodic, " if periodic else "") + state_text(float(case["applied_strain"][0]))
-    axes.set_title("\n".join([design_text(case), state, "; ".join(notes)]), fontsize=7)
+    state = sheets.state_text(float(case["applied_strain"][0]))
+    state = f"periodic, {state}" if periodic else state
+    axes.set_title("\n".join([sheets.design_text(case), state, "; ".join(notes)]), fontsize=7)
     colours = mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS)
     figure.colorbar(colours, ax=axes, label="height z [mm]", shrink=0.8)
     return figure
@@ -85,6 +83,8 @@ def _name_patches(
     from knitlab.fabric.pattern import KNIT_OF_LETTER
 
     large = max(repeat) <= MOST_NAMES
+    look: Look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8 if large else 6}
+    look["path_effects"] = [withStroke(linewidth=2, foreground="black")]
     first_row, first_column = (
         size * ((whole // size - 1) // 2)
         for size, whole in zip(repeat, sample.knit.shape, strict=True)
@@ -95,30 +95,12 @@ def _name_patches(
     for y, x in np.ndindex(repeat):
         row, column = first_row + y, first_column + x
         letter = str(sample.knit[row, column])
-        across, along = nodes[rows[row], columns[column], :2]
-        axes.text(
-            across,
-            along,
-            KNIT_OF_LETTER[letter] if large else letter,
-            ha="center",
-            va="center",
-            fontsize=8 if large else 6,
-            color="white",
-            path_effects=[withStroke(linewidth=2, foreground="black")],
-        )
-
-
-COLOURS = ("#D55E00", "#0072B2")
-SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}
-"""Grey of every knit, by its letter."""
-CELLS_PER_TICK, MOST_TICKS = 4, 12
-FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
-"""Subdivisions of a grid cell along each direction: fine up to this many cells, else coarse."""
+        middle = nodes[rows[row], columns[column], :2]
+        axes.text(*middle, KNIT_OF_LETTER[letter] if large else letter, **look)
 
 
 def electrodes_figure(case_file: xr.Dataset) -> Figure:
     """Where electrodes run, on the chart and on the fabric, relaxed or at ``applied_strain``."""
-    # JAX is imported only when this figure is drawn.
     from knitlab.fabric.pattern import KNIT_OF_LETTER
     from knitlab.simulation.case import case_of
 
@@ -133,7 +115,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     chart.set_title(f"as knitted, {design}")
     scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
     _draw_fabric(scene, case, case_file)
-    scene.set_title(state_text(float(case_file["applied_strain"][0])), y=0.96)
+    scene.set_title(sheets.state_text(float(case_file["applied_strain"][0])), y=0.96)
     handles = [
         Patch(color=colour, label=f"electrode {letter}")
         for letter, colour in zip("AB", COLOURS, strict=True)
@@ -159,13 +141,8 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
             size = strip.right - strip.left, strip.top - strip.bottom
             axes.add_patch(Rectangle((strip.left, strip.bottom), *size, color=colour, lw=0))
     height, width = sample.grid
-    axes.set(
-        xlim=(0, width),
-        ylim=(0, height),
-        xlabel="x, weft [grid cells]",
-        ylabel="y, warp [grid cells]",
-        aspect="equal",
-    )
+    axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
+    axes.set(xlabel="x, weft [grid cells]", ylabel="y, warp [grid cells]")
     step = CELLS_PER_TICK * int(np.ceil(max(width, height) / CELLS_PER_TICK / MOST_TICKS))
     axes.xaxis.set_major_locator(MultipleLocator(step))
     axes.yaxis.set_major_locator(MultipleLocator(step))
@@ -176,7 +153,7 @@ def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     cells = sheet.shape[0] - 1, sheet.shape[1] - 1
     parts = FINE_PARTS if max(cells) <= FEW_CELLS else COARSE_PARTS
     y, x = ((np.arange(count * parts) + 0.5) / parts for count in cells)
-    colours = np.full((len(y), len(x)), FABRIC, dtype=object)
+    colours = np.full((len(y), len(x)), sheets.FABRIC, dtype=object)
     for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
         for strip in strips:
             (left, right), (low, high) = strip.extents
@@ -186,8 +163,8 @@ def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
             colours[np.ix_((low < y) & (y < high), across)] = colour
     fine = np.meshgrid(*(np.arange(n * parts + 1) / parts for n in cells), indexing="ij")
     refined = RegularGridInterpolator([np.arange(n + 1) for n in cells], sheet)
-    draw_sheet(scene, refined(np.stack(fine, axis=-1)), colours.ravel().tolist())
-    frame_sheet(scene, sheet)
+    sheets.draw_sheet(scene, refined(np.stack(fine, axis=-1)), colours.ravel().tolist())
+    sheets.frame_sheet(scene, sheet)
 
 
 FIGURES = {

@@ -9,7 +9,7 @@ from matplotlib.ticker import PercentFormatter
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows
 from knitlab.io.errors import fault
 
 CONTACT = ("none", "barrier")
@@ -30,7 +30,7 @@ def contact_effect(cube: xr.Dataset) -> Figure:
 
     Each line and row is a design, with contact compared to without. Rows of designs that pass
     through themselves without contact, when relaxed, are shaded. Designs that are not ok in both
-    are left out, and named below.
+    are named below.
     """
     if "contact" not in cube.dims or {*CONTACT} - {*map(str, cube["contact"].values)}:
         raise fault(
@@ -65,13 +65,9 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     handles = [Line2D([], [], color=colour[n], label=f"n_stripe = {n}") for n in stripes]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     if len(left_out):
-        names = ", ".join(_name(design) for design in left_out)
+        names = ", ".join(map(str, left_out))
         figure.supxlabel(f"not ok without contact or with it: {names}", fontsize=7)
     return figure
-
-
-def _name(design: tuple[int, int]) -> str:
-    return f"({design[0]}, {design[1]})"
 
 
 def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None:
@@ -84,7 +80,7 @@ def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None
         look: Look = {}
         if k in leading:
             marker = MARKERS[leading.index(k)]
-            look = {"label": _name(curve["design"].item()), "marker": marker, "ms": 3}
+            look = {"label": str(changes["design"].values[k]), "marker": marker, "ms": 3}
         axes.plot(curve["applied_strain"], curve, color=colour, lw=0.9, **look)
     axes.axhline(0, color="0.7", lw=0.6, zorder=0)
     axes.legend(title="largest", title_fontsize=6, fontsize=6)
@@ -92,22 +88,17 @@ def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None
 
 def _draw_sizes(axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: list[str]) -> None:
     """Change of the relaxed unit cell along both axes, a row for each design."""
-    rows = range(len(colours))
     through = without["self_intersections"].sel(applied_strain=0).values > 0
     for row in np.flatnonzero(through).tolist():
         axes.axhspan(row - 0.5, row + 0.5, color=THROUGH, lw=0, zorder=0)
     for name, look in SIZES.items():
         change = (touching[name] / without[name] - 1).values
-        for row, value, colour in zip(rows, change, colours, strict=True):
+        for row, (value, colour) in enumerate(zip(change, colours, strict=True)):
             axes.plot(value, row, color=colour, **look)
     axes.axvline(0, color="0.7", lw=0.6, zorder=0)
-    axes.set(
-        yticks=rows,
-        yticklabels=[_name(design) for design in without["design"].values],
-        ylim=(len(colours) - 0.5, -0.5),
-        xlabel="change of the relaxed unit cell",
-    )
-    axes.tick_params(axis="y", length=0, labelsize=6.5)
+    name_rows(axes, list(map(str, without["design"].values)), fontsize=6.5)
+    axes.set_xlabel("change of the relaxed unit cell")
+    axes.tick_params(axis="y", length=0)
     axes.xaxis.set_major_formatter(PercentFormatter(1.0))
     handles = [Line2D([], [], color="0.3", **look) for look in SIZES.values()]
     if through.any():

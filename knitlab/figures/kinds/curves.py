@@ -1,9 +1,13 @@
-"""Tension curves: ε_xx, ε_yy and ν against applied strain, a column for each n_stripe."""
+"""Tension curves: ε_xx, ε_yy and ν against applied strain, a column for each n_stripe.
+
+Curves are dashed if they were measured, and break where the fabric snaps.
+"""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool, Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,13 +16,14 @@ from matplotlib.patches import Patch
 
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import RUN, Status
-from knitlab.figures.curves import break_note, broken, line_style, snapped_before
+from knitlab.figures.cells import designs_of
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Colour, Look, shades
 from knitlab.io.errors import fault
 
 BAND = 0.25
 """Opacity of a band."""
+BREAK = "break: the fabric snaps there"
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
@@ -35,7 +40,7 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """
     if not any(name in cube for cube in cubes for name in ROWS):
         raise fault("curves", "shows strains, and no cube has any; import markers")
-    designs = [design for cube in cubes for design in _run_designs(cube)]
+    designs = [one for cube in cubes for one in designs_of(cube) if int(one["status"]) in RUN]
     if not designs:
         raise fault("curves", "no design of this selection has been simulated; run it first")
     stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})
@@ -50,15 +55,9 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
         column[0].set_title(f"n_stripe = {n_stripe}")
         # Axial strain follows the diagonal, so that this corner is free.
         if column[1].lines:
-            column[1].legend(
-                title="n_subunit",
-                loc="lower right",
-                handlelength=1.6 if any(map(is_measured, cubes)) else 1,
-                borderpad=0,
-                fontsize=6,
-                title_fontsize=6,
-                labelspacing=0.15,
-            )
+            small: Look = {"fontsize": 6, "title_fontsize": 6, "borderpad": 0, "labelspacing": 0.15}
+            small["handlelength"] = 1.6 if any(map(is_measured, cubes)) else 1
+            column[1].legend(title="n_subunit", loc="lower right", **small)
         column[-1].set_xlabel("applied strain [1]")
     for axes, label in zip(grid[:, 0], ROWS.values(), strict=True):
         axes.set_ylabel(label)
@@ -68,12 +67,6 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     if notes := _notes(designs):
         figure.legend(handles=notes, loc="outside lower center", ncols=2)
     return figure
-
-
-def _run_designs(cube: xr.Dataset) -> list[xr.Dataset]:
-    """The designs of a cube that were simulated or measured."""
-    run = cube["status"].transpose("n_stripe", "n_subunit").isin(RUN).values
-    return [cube.isel(n_stripe=row, n_subunit=column) for row, column in np.argwhere(run).tolist()]
 
 
 def _notes(designs: Sequence[xr.Dataset]) -> list[Artist]:
@@ -122,6 +115,35 @@ def _edges(design: xr.Dataset, name: str) -> list[np.ndarray]:
     if f"{name}_low" in design:
         return [design[f"{name}_{end}"].values for end in ("low", "high")]
     return []
+
+
+def line_style(cube: xr.Dataset) -> str:
+    """Line style of a cube: dashed if it is measured, as in the paper."""
+    return "--" if is_measured(cube) else "-"
+
+
+def snapped_before(design: xr.Dataset) -> Bool[np.ndarray, " strain"]:
+    """Whether a design snapped on the way to each applied strain; nowhere if it is not recorded."""
+    if "snapped" not in design:
+        return np.zeros(design.sizes["applied_strain"], bool)
+    return np.asarray(design["snapped"].values == 1)
+
+
+def broken(
+    snapped: Bool[np.ndarray, " strain"], *curves: Float[np.ndarray, " strain"]
+) -> list[Float[np.ndarray, " point"]]:
+    """Curves that break as lines, by a missing value, on the way to every strain that snapped."""
+    before = np.flatnonzero(snapped)
+    before = before[before > 0]
+    return [np.insert(np.asarray(curve, float), before, np.nan) for curve in curves]
+
+
+def break_note(designs: Iterable[xr.Dataset]) -> list[Line2D]:
+    """Legend entry of the breaks, if there are any."""
+    if not any(snapped_before(design)[1:].any() for design in designs):
+        return []
+    # A piece of line, a gap and a piece of line in the width of a handle.
+    return [Line2D([], [], color="0.3", ls=(0, (4.2, 3.3)), label=BREAK)]
 
 
 FIGURES = {

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import is_measured
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import Status
+from knitlab.cube.strain_window import with_columns
 from knitlab.figures.cells import EMPTY, PERIODS_LABEL, draw_map, marks_legend, row_count
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.found_designs import non_dominated
@@ -76,7 +76,7 @@ NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow 
 
 
 class Merit(NamedTuple):
-    """A figure of merit of a sensor, which is better the larger it is: a variable of the cubes."""
+    """A variable of the cubes that is better the larger it is, and its format."""
 
     name: str
     label: str
@@ -99,8 +99,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
 
     With a ``window`` of applied strain, such as ``0.1:0.3``, mean slope and linearity of the
     capacitance within it take their place. The Pareto front is joined, named and listed. Designs
-    without a value are marked by status, so that a failure never looks like a value; measured ones
-    have a dashed frame.
+    without a value are marked by status; measured ones have a dashed frame.
     """
     if any(CAPACITANCE not in cube for cube in cubes):
         raise fault("sensor", NEEDED)
@@ -123,7 +122,6 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
 
 
 def _within(window: str, cubes: Sequence[xr.Dataset]) -> tuple[Merits, list[xr.Dataset]]:
-    """Slope and linearity within a window as merits, and the cubes with both."""
     slope, straight = (f"{name}({CAPACITANCE}, {window})" for name in ("slope", "linearity"))
     reduced = []
     for cube in cubes:
@@ -137,7 +135,6 @@ def _within(window: str, cubes: Sequence[xr.Dataset]) -> tuple[Merits, list[xr.D
 
 
 def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> None:
-    """Draw the second value of every design across and the first up, and name the Pareto front."""
     up, across = (merit.name for merit in merits)
     table = values_of_designs(cubes, merits)
     measured = table["measured"]
@@ -189,6 +186,6 @@ def values_of_designs(cubes: Sequence[xr.Dataset], merits: Merits) -> pd.DataFra
 
 
 FIGURES = {
-    "auxetic": FigureKind(auxetic_map, several="designs", coordinates=("applied_strain",)),
-    "sensor": FigureKind(sensor_map, options=("window",), several="designs"),
+    "auxetic": FigureKind(auxetic_map, several="experiments", coordinates=("applied_strain",)),
+    "sensor": FigureKind(sensor_map, options=("window",), several="experiments"),
 }

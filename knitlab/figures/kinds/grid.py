@@ -9,18 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, design_dims
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
-from knitlab.figures.cells import (
-    EMPTY,
-    MARKS,
-    PERIODS_LABEL,
-    cell,
-    marks_legend,
-    remove_frame,
-    value_cell,
-)
+from knitlab.cube.strain_window import with_columns
+from knitlab.figures import cells
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, ValueColours, number
 from knitlab.io.errors import fault, unknown
@@ -28,8 +20,6 @@ from knitlab.io.errors import fault, unknown
 PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24
 """Largest numbers of columns and rows whose cells still have room for a number."""
-MOST_NAMED = 16
-"""Largest number of values of an axis that have a tick each."""
 NO_VALUE = "no value there"
 
 
@@ -39,14 +29,9 @@ def value_grid(
     """Any variable over any two dimensions of a cube, swept settings included.
 
     A place where no design can be, or none was planned, stays empty; a design without a value is
-    marked by status. Every other dimension needs one selected value. Without ``x`` and ``y`` the
-    dimensions are those with more than one value, with P in place of n_subunit.
-
-    Args:
-        cube: the cube.
-        x: dimension across, or ``periods`` for P = n_subunit / (2 n_stripe).
-        y: dimension up, or ``periods``.
-        of: the variable, or a reduction of one, as in queries: ``slope(capacitance, 0.1:0.3)``.
+    marked by status. Every other dimension needs one selected value. Either dimension may be
+    ``periods`` for P = n_subunit / (2 n_stripe); without ``x`` and ``y`` they are those with more
+    than one value, with P in place of n_subunit. ``of`` may be a reduction, as in queries.
     """
     (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
@@ -70,23 +55,17 @@ def value_grid(
         raise fault("grid", "no design of this selection was planned; choose others")
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
-    rows, columns = values.shape
-    height = min(max(2.4, 1.3 + 0.3 * rows), 6.5)
+    height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
     marked, gaps = _draw(axes, values, status, colours)
-    axes.set(xlim=(-0.5, columns - 0.5), ylim=(-0.5, rows - 0.5))
+    cells.name_places(axes, *([_text(each, "g") for each in values[dim].values] for dim in (x, y)))
     axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
-    for axis, dim in ((axes.xaxis, x), (axes.yaxis, y)):
-        named = slice(None, None, 1 + (values.sizes[dim] - 1) // MOST_NAMED)
-        labels = [_text(value, "g") for value in values[dim].values]
-        axis.set_ticks(range(len(labels))[named], labels[named])
-    remove_frame(axes)
     unit = values.attrs.get("units", "1")
     label = _upright(f"{values.attrs.get('long_name', of)} [{unit}]")
     colours.bar(figure, axes, pad=0.01, label=label)
-    marks_legend(figure, marked, NO_VALUE, [EMPTY] if gaps else [])
+    cells.marks_legend(figure, marked, NO_VALUE, [cells.EMPTY] if gaps else [])
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
 
@@ -162,21 +141,21 @@ def _draw(
         code, value = Status(int(status[row, column])), float(values[row, column])
         if code in RUN and np.isfinite(value):
             text = _text(value) if large else ""
-            value_cell(axes, row, column, colours(value), text, large=large, fontsize=6)
+            cells.value_cell(axes, row, column, colours(value), text, large=large, fontsize=6)
         elif code is not Status.excluded:
-            cell(axes, row, column, linewidth=1.0 if large else 0.2, **MARKS[code])
+            look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
+            cells.cell(axes, row, column, **look)
             marked.add(code)
     return marked, bool((status == Status.excluded).any())
 
 
 def _upright(label: str) -> str:
-    """A label in short lines."""
     return fill(label, 26, break_long_words=False)
 
 
 def _axis_label(cube: xr.Dataset, dim: str) -> str:
     if dim == PERIODS:
-        return PERIODS_LABEL
+        return cells.PERIODS_LABEL
     if dim in COORDINATES:
         known = COORDINATES[dim]
         unit = "" if known.units == "1" else f" [{known.units}]"

@@ -1,7 +1,6 @@
 """The paper's claims under each set of model options, the best set first."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import xarray as xr
 from matplotlib.figure import Figure
@@ -9,7 +8,7 @@ from matplotlib.patches import Patch
 
 from knitlab.figures.cells import cell, remove_frame
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import MINUS, TWO_COLUMNS
+from knitlab.figures.style import MINUS, TWO_COLUMNS, name_rows
 from knitlab.io.errors import fault
 from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.margin import Grade, signed
@@ -29,12 +28,11 @@ UNSTATED = {"drag": 0}
 """Labels of options that are stated only if they have an effect."""
 
 
-def options_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
+def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     """Which of the paper's claims each set of model options meets, the best set first.
 
     Claims are rows, sets of options are columns, and each cell gives the margin of a claim. Sets
-    are ranked by :func:`.ranked_options`; the best :data:`MOST` are
-    shown.
+    are ranked by :func:`.ranked_options`; the best :data:`MOST` are shown.
     """
     claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.topic))
     ranked = ranked_options(cubes, claims)
@@ -59,10 +57,10 @@ def options_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
             cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
             margin = signed(result.margin).replace("-", MINUS)
             axes.text(column, row, margin, ha="center", va="center", color=ink, fontsize=5.5)
-    axes.set(xlim=(-0.5, len(shown) - 0.5), ylim=(len(names) - 0.5, -0.5))
+    axes.set_xlim(-0.5, len(shown) - 0.5)
     heads = ["\n".join(_head(options, varied)) for options in shown]
     axes.set_xticks(range(len(shown)), heads, fontsize=5.5, linespacing=1.1)
-    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names], fontsize=6.5)
+    name_rows(axes, [name.replace("_", " ") for name in names], fontsize=6.5)
     axes.xaxis.tick_top()
     remove_frame(axes)
     axes.set_xlabel(NOTE, fontsize=6)

@@ -1,15 +1,12 @@
-"""Pure stripes: tension of the zigzag and of the sheet, and how far they depart."""
+"""Pure stripes: tension of the zigzag and of the sheet."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
 import xarray as xr
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from knitlab.cube.schema import RUN, STRIPE_DIMS
 from knitlab.figures.figure_kind import FigureKind
@@ -64,56 +61,4 @@ def coloured_stripes(cube: xr.Dataset, knit: str) -> Iterator[tuple[Any, xr.Data
         yield colour, family.sel(n=n)
 
 
-LINES = {"periodic": "-", "clamped": "--"}
-AGREEMENT = 0.05
-"""Relative difference within which the two models count as equal."""
-
-
-def stripe_departure(cube: xr.Dataset) -> Figure:
-    """How far the sheet of a pure stripe departs from its zigzag.
-
-    Shows the difference in force relative to that of the zigzag; the legend states up to which
-    applied strain every sheet stays within 5 %.
-    """
-    figure, panels = stripe_panels(cube)
-    lines = {boundary: LINES[boundary] for boundary in cube["boundary"].values}
-    for axes, knit in zip(panels, cube["knit"].values, strict=True):
-        axes.axhspan(-100 * AGREEMENT, 100 * AGREEMENT, color="0.93", lw=0)
-        axes.axhline(0, color="0.7", lw=0.6)
-        for colour, stripe in coloured_stripes(cube, knit):
-            departure = (stripe["row_force"] / stripe["zigzag_force"] - 1)[:, 1:]
-            for boundary, line in lines.items():
-                curve = 100 * departure.sel(boundary=boundary)
-                axes.plot(curve["applied_strain"], curve, ls=line, color=colour)
-            label = f"{int(stripe['n'])}: {_agreed_strain(departure):.0%}"
-            axes.plot([], [], color=colour, label=label)
-        axes.set(ylabel="force beyond the zigzag's [%]", ylim=(-7, 30))
-        # The curves fill the panel.
-        axes.legend(
-            title=f"stripe $n$,\nwithin {AGREEMENT:.0%}\nto a strain of",
-            loc="center left",
-            bbox_to_anchor=(1.0, 0.5),
-            handlelength=1.5,
-            title_fontsize="small",
-        )
-    handles: list[Artist] = [
-        Line2D([], [], color="0.3", ls=line, label=f"3D sheet, {boundary}")
-        for boundary, line in lines.items()
-    ]
-    handles.append(Patch(color="0.93", label=f"within {AGREEMENT:.0%}"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
-    return figure
-
-
-def _agreed_strain(departure: xr.DataArray) -> float:
-    """Largest applied strain up to which no sheet departs by more than :data:`AGREEMENT`."""
-    beyond = abs(departure).max("boundary").values > AGREEMENT
-    strains = departure["applied_strain"].values
-    within = int(np.argmax(beyond)) if beyond.any() else len(strains)
-    return float(strains[within - 1]) if within else 0.0
-
-
-FIGURES = {
-    "stripes": FigureKind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "departure": FigureKind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
-}
+FIGURES = {"stripes": FigureKind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",))}

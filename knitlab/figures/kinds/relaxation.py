@@ -1,16 +1,13 @@
-"""The relaxation by dynamics: kinetic energy and snapshots, and a film of the fabric folding."""
+"""The relaxation by dynamics: kinetic energy and snapshots."""
 
 import numpy as np
 import xarray as xr
-from matplotlib.animation import FuncAnimation
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.figures.figure_files import FRAMES_PER_SECOND
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import design_text, draw_sheet, frame_sheet
-from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.meshes.fabric import closed_nodes
 
 CONTRACTED = (0.0, 0.15, 0.5)
@@ -70,29 +67,4 @@ def _chosen_snapshots(nodes: np.ndarray) -> list[int]:
     return [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
 
 
-def folding_animation(case: xr.Dataset) -> FuncAnimation:
-    """Film of a fabric that folds as it relaxes.
-
-    Frames are evenly spaced in the logarithm of time.
-    """
-    nodes = snapshot_nodes(case)
-    figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)
-    scene = figure.add_axes((0, 0, 1, 0.92), projection="3d")
-
-    def frame(number: int) -> list[Artist]:
-        snapshot = min(number, len(nodes) - 1)
-        scene.clear()
-        draw_sheet(scene, nodes[snapshot])
-        frame_sheet(scene, nodes)
-        time = float(case["snapshot"][snapshot])
-        figure.suptitle(f"{design_text(case)}, {time:.2g} ms", fontsize=8)
-        return []
-
-    frames = len(nodes) + 20
-    return FuncAnimation(figure, frame, frames, interval=1000 / FRAMES_PER_SECOND)
-
-
-FIGURES = {
-    "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
-    "folding": FigureKind(folding_animation, needs="snapshot_position"),
-}
+FIGURES = {"relaxation": FigureKind(relaxation_figure, needs="snapshot_position")}

@@ -30,9 +30,8 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain over samples between clamps (paper, Fig. "tension images").
 
     Shows every unit cell of the paper's three samples, and of measured samples of any design, at
-    ``applied_strain`` or the recorded strain nearest 0.23. Cells have the size of the relaxed unit
-    cell, and are white if they lost a marker; the central ones, over which strains are averaged,
-    have a dark frame.
+    ``applied_strain`` or the recorded strain nearest 0.23. Cells that lost a marker are white; the
+    central ones, over which strains are averaged, have a dark frame.
     """
     shown = _samples(cubes)
     if not shown:
@@ -62,7 +61,7 @@ def shown_strain(cube: xr.Dataset) -> float:
 
 
 def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """The samples that are shown, at the shown strain: the paper's three, then measured ones."""
+    """The samples at the shown strain: the paper's three, then measured ones."""
     samples = [
         design.sel(applied_strain=shown_strain(design))
         for cube in cubes
@@ -77,7 +76,6 @@ def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
 
 
 def _draw_cells(axes: Axes, sample: xr.Dataset, field: xr.DataArray, colours: ValueColours) -> None:
-    # JAX is imported only when this figure is drawn.
     from knitlab.measure.unit_cells import central
 
     observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
@@ -96,8 +94,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
 
     Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
-    of ``applied_strain``, all at one scale. Shading is
-    slope; colour is the local transverse strain of the unit cell.
+    of ``applied_strain``. Shading is slope; colour is the local transverse strain of the unit cell.
     """
     if any("length_x" in case for case in cases):
         raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
@@ -127,7 +124,6 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
 
 def _by_face(state: xr.Dataset) -> np.ndarray:
     """The strain of its unit cell for every grid cell, face after face."""
-    # JAX is imported only when this figure is drawn.
     from knitlab.fabric.pattern import recorded_pattern
 
     record = json.loads(state.attrs["parameters"])

@@ -6,15 +6,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.schema import Status
-from knitlab.figures.cells import (
-    MARKS,
-    cell,
-    design_name,
-    designs_of,
-    marks_legend,
-    remove_frame,
-    value_cell,
-)
+from knitlab.figures import cells
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
@@ -41,7 +33,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     """
     if QUANTITY not in cube:
         raise fault("sensitivity", "needs sensitivities; run with sensitivities = true")
-    designs = designs_of(cube)
+    designs = cells.designs_of(cube)
     if len(designs) > MOST_DESIGNS:
         problem = f"shows {MOST_DESIGNS} designs at most, not {len(designs)}; select some"
         raise fault("sensitivity", problem)
@@ -60,36 +52,30 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             if valid:
                 text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
                 weight = "bold" if k == leading else "normal"
-                value_cell(axes, row, column, colours(norm(value)), text, weight=weight)
+                cells.value_cell(axes, row, column, colours(norm(value)), text, weight=weight)
             else:
-                cell(axes, row, column, **MARKS[status])
+                cells.cell(axes, row, column, **cells.MARKS[status])
         if valid:
-            cell(axes, row, columns[leading], facecolor="none", edgecolor="black", zorder=3)
+            frame: Look = {"facecolor": "none", "edgecolor": "black", "zorder": 3}
+            cells.cell(axes, row, columns[leading], **frame)
         else:
             marked.add(status)
-    axes.set(
-        xlim=(-0.55, columns[-1] + 0.55),
-        ylim=(len(designs) - 0.45, -0.55),
-        xticks=columns,
-        yticks=range(len(designs)),
-        xticklabels=[_symbol(name) for name in parameters],
-        yticklabels=[_name(design) for design in designs],
-        ylabel="design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$",
-    )
+    of_stripes = [name.partition("_") for name in parameters]
+    axes.set_xticks(columns, [SYMBOLS.get(name, PERIODS[knit]) for knit, _, name in of_stripes])
+    axes.set_yticks(range(len(designs)), [_name(design) for design in designs])
+    axes.set(xlim=(-0.55, columns[-1] + 0.55), ylim=(len(designs) - 0.45, -0.55))
+    axes.set_ylabel("design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$")
     for knit in PERIODS:
         of_knit = [c for c, name in zip(columns, parameters, strict=True) if name.startswith(knit)]
         above: Look = {"xytext": (0, 4), "textcoords": "offset points", "ha": "center"}
         axes.annotate(f"{knit} stripe", ((of_knit[0] + of_knit[-1]) / 2, -0.5), **above)
-    remove_frame(axes)
-    figure.colorbar(
-        mpl.cm.ScalarMappable(norm, colours),
-        ax=axes,
-        pad=0.01,
-        extend="both" if np.nanmax(np.abs(values), initial=0) > norm.vmax else "neither",
-        label="$p\\,\\partial\\nu/\\partial p$ [1]",
-    )
+    cells.remove_frame(axes)
+    beyond = np.nanmax(np.abs(values), initial=0) > norm.vmax
+    bar: Look = {"pad": 0.01, "extend": "both" if beyond else "neither"}
+    label = "$p\\,\\partial\\nu/\\partial p$ [1]"
+    figure.colorbar(mpl.cm.ScalarMappable(norm, colours), ax=axes, label=label, **bar)
     figure.supxlabel(NOTE, fontsize="medium")
-    marks_legend(figure, marked, "no derivative, or no lowest ratio")
+    cells.marks_legend(figure, marked, "no derivative, or no lowest ratio")
     return figure
 
 
@@ -109,15 +95,10 @@ def _norm(values: np.ndarray) -> mpl.colors.Normalize:
     return mpl.colors.Normalize(-bound, bound)
 
 
-def _symbol(parameter: str) -> str:
-    knit, _, name = parameter.partition("_")
-    return PERIODS[knit] if name == "period" else SYMBOLS[name]
-
-
 def _name(design: xr.Dataset) -> str:
     strain = float(design["applied_strain_at_min"])
     where = f"at {strain:.0%}" if np.isfinite(strain) else ""
-    return f"{design_name(design)}  {where}"
+    return f"{cells.design_name(design)}  {where}"
 
 
 FIGURES = {"sensitivity": FigureKind(sensitivity_map)}

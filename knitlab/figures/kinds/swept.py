@@ -5,10 +5,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, swept_dims
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, Status
+from knitlab.cube.strain_window import with_columns
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows, number
 from knitlab.io.errors import fault, unknown
 
 
@@ -16,11 +16,8 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     """Any variable of every design, at each value of a swept setting.
 
     A row is a design, and a mark is a value of the setting, such as a layout of electrodes. The
-    legend counts the designs that have no value there.
-
-    Args:
-        cube: a cube with one swept setting; select one value of every other.
-        of: the variable, or a reduction of one, as in queries: ``slope(capacitance, 0.1:0.3)``.
+    legend counts the designs that have no value there. Every other setting needs one value, and
+    ``of`` may be a reduction, as in queries: ``slope(capacitance, 0.1:0.3)``.
     """
     (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
@@ -30,12 +27,12 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     if of in FLAGS or cube[of].dtype.kind not in "iuf" or {*cube[of].dims} - {*swept, *designs}:
         raise fault("of", f"{of} is not a single number of a design; choose another, or reduce it")
     if not swept:
-        remedy = "give several values of one to a workflow"
-        raise fault("swept", f"the cube has no swept setting; {remedy}")
-    if len(swept) > 1:
-        remedy = "select one value of all but one"
-        raise fault("swept", f"the cube sweeps {', '.join(swept)}; {remedy}")
-    (setting,) = swept
+        problem = "the cube has no swept setting; give several values of one to a workflow"
+        raise fault("swept", problem)
+    setting, *others = swept
+    if others:
+        problem = f"the cube sweeps {', '.join(swept)}; select one value of all but one"
+        raise fault("swept", problem)
     if cube.sizes[setting] > len(MARKERS):
         # More could not be told apart.
         raise fault("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
@@ -54,16 +51,11 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         look: Look = {"ms": 4.5, "mfc": "none", "color": CATEGORY_COLOURS[k], "label": label}
         axes.plot(values, np.arange(len(names)), MARKERS[k], **look)
     unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
-    axes.set(
-        yticks=range(len(names)),
-        yticklabels=names,
-        ylim=(len(names) - 0.5, -0.5),
-        xlabel=f"{name or of} [{unit or '1'}]",
-        ylabel=f"({', '.join(designs)})",
-    )
+    name_rows(axes, names, fontsize=6.5)
+    axes.set(xlabel=f"{name or of} [{unit or '1'}]", ylabel=f"({', '.join(designs)})")
     axes.grid(axis="y", color="0.9", lw=0.5)
     axes.set_axisbelow(True)
-    axes.tick_params(axis="y", length=0, labelsize=6.5)
+    axes.tick_params(axis="y", length=0)
     figure.legend(title=setting, loc="outside right upper")
     return figure
 

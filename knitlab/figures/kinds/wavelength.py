@@ -54,7 +54,6 @@ def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
 
 
 def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
-    # JAX is imported only when this figure is drawn.
     from knitlab.measure.wavelength import spectrum
 
     length = float(shown[f"boundary_length_{direction}"])
@@ -71,7 +70,6 @@ def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
 
 
 def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
-    """Wavelengths against n_subunit, with a fitted line for each n_stripe."""
     in_cloth = f"knit_wavelength_{direction}" in cube
     name = f"knit_wavelength_{direction}" if in_cloth else f"wavelength_{direction}"
     unit = "mm of cloth" if in_cloth else "mm"

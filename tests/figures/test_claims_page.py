@@ -9,8 +9,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.cube.cube_file import write_cube
-from knitlab.figures.report.content import introduction, reliance
-from knitlab.figures.report.page import write_page
+from knitlab.figures.claims_page import introduction, reliance, write_page
 from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.judgement import judged
 from tests.validation.test_claims import good_checkerboards, good_stripes
