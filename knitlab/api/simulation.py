@@ -18,7 +18,7 @@ from tqdm.auto import tqdm
 from knitlab.cube.case_file import configurations
 from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
@@ -29,9 +29,8 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
-from knitlab.sweep.cases import cases, electrode_problems
+from knitlab.sweep.cases import cases, design_space, electrode_problems
 from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
-from knitlab.sweep.design_space import design_space
 from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
@@ -243,7 +242,7 @@ def case_of_design(
         electrodes=ElectrodesSection() if electrodes else None,
     )
     space = design_space(section, parameters, str)
-    (case,) = cases(workflow, (), space, parameters, str)
+    (case,) = cases(workflow, {}, space, parameters, str)
     if problems := electrode_problems(case):
         raise fault("layout", "; ".join(problems))
     return replace(case, applied_strain=strains)

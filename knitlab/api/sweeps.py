@@ -13,8 +13,8 @@ from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.reproduce import reproduce as run_alone
+from knitlab.sweep.results_folder import FolderStatus, workflow_status
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.status import FolderStatus, workflow_status
 
 RESULTS = Path("results")
 """Default folder for the results folders of all workflows."""

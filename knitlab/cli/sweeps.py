@@ -32,8 +32,7 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.results_folder import PLAN
-    from knitlab.sweep.status import folder_status
+    from knitlab.sweep.results_folder import PLAN, folder_status
 
     made = make_plan(workflow, settings + scale)
     _echo_warnings(made)
@@ -170,7 +169,7 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
     from knitlab.figures.figure_files import requested_figures
-    from knitlab.sweep.status import finished_plan
+    from knitlab.sweep.results_folder import finished_plan
 
     record = finished_plan(workflow, settings, results)
     if record is None:
@@ -227,7 +226,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.sweep.status import workflow_status
+    from knitlab.sweep.results_folder import workflow_status
 
     state = workflow_status(workflow, results, check)
     if as_json:
