@@ -230,7 +230,7 @@ def cases(
                     **common,
                 )
                 case.sample.grid_folds()
-                case.check_cells()
+                _check_cells(rows, entry.cell)
                 _check_thickness(case, source)
             except BadPattern as error:
                 place = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
@@ -252,6 +252,13 @@ def cases(
             )
             _check_thickness(case, source)
             yield case.without_unused()
+
+
+def _check_cells(rows: tuple[str, ...], cell: tuple[int, int] | None) -> None:
+    height, width = len(rows), len(rows[0])
+    if cell and (height % cell[0] or width % cell[1]):
+        problem = f"cell = {list(cell)} does not fill the pattern of {height} by {width} patches"
+        raise BadPattern([f"{problem}; give numbers that divide them"])
 
 
 def _pattern(
