@@ -15,7 +15,7 @@ from knitlab.io.atomic_write import write_atomically
 from knitlab.io.fingerprint import file_digest
 
 if TYPE_CHECKING:  # imports JAX
-    from knitlab.fabric.configuration import Configuration
+    from knitlab.fabric.fabric import Configuration
 
 
 class StoredCase(Enum):
@@ -96,7 +96,7 @@ def read_case(results: Path, case_id: str) -> xr.Dataset:
 
 def configurations(case: xr.Dataset) -> "Configuration":
     """Configurations of a case along a leading axis of strain; lengths of open samples are 0."""
-    from knitlab.fabric.configuration import Configuration
+    from knitlab.fabric.fabric import Configuration
 
     positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
     none = np.zeros(len(positions))

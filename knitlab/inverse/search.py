@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pydantic import TypeAdapter
 from scipy.optimize import least_squares, minimize
 
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.inverse.objective import Objective, all_met
 from knitlab.inverse.search_space import DesignLabels, Point, SearchSpace
 from knitlab.inverse.trial import Trial, run_trial

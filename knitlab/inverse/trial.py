@@ -15,8 +15,7 @@ from knitlab.cube import case_file
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import STRAIN, without_gap_at_zero
 from knitlab.equilibrium.adjoint import Adjoint, Measure
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.inverse.request import PARAMETERS
 from knitlab.io.fingerprint import code_fingerprint

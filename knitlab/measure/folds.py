@@ -3,9 +3,8 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import element_vectors
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.fold_angle import fold_and_slope
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.pattern import KNIT_OF_LETTER, PatchGrid

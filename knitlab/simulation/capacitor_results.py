@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from knitlab.equilibrium.state import State
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.measure.capacitance import capacitor as model
 from knitlab.measure.capacitance import sensor

@@ -8,7 +8,7 @@ import xarray as xr
 
 from knitlab.cube.schema import VARIABLES, Status, Variable, described
 from knitlab.equilibrium.state import History, State, TensileTest
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure import strain
 from knitlab.measure.folds import hinges_past_pi, widths_across_folds

@@ -8,13 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.equilibrium.adjoint import Adjoint
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import Adjoint, NoDerivative
 from knitlab.equilibrium.loading import drive_along, reaction_force
 from knitlab.equilibrium.state import State
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
 from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio

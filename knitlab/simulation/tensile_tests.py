@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.equilibrium.relaxation import imperfect_sheet, relax_near, starts_from_periodic
+from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.state import TensileTest
-from knitlab.equilibrium.system import run_each
-from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.configuration import Configuration
+from knitlab.equilibrium.tensile_test import (
+    imperfect_sheet,
+    relax_near,
+    starts_from_periodic,
+    stretch,
+)
+from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
 from knitlab.simulation.siblings import SiblingTest, sibling

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.folds import widths_across_folds
 from knitlab.measure.unit_cells import CellGrid, nodes_at

@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import ElectrodeLayout, Electrodes
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.settings import Fraction, Unit
 from knitlab.measure.capacitance import boundary_elements as bem

@@ -6,8 +6,8 @@ from itertools import pairwise, product
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import Electrodes, Strip, split_by_cells
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.unit_cells import nodes_at
 
