@@ -3,8 +3,8 @@
 Colours of values are about zero if some are negative, and by decades if they span several.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,25 @@ DECADES = 30.0
 
 To the smallest it would depend on a single value, such as a force of 1e-10 N at zero strain.
 """
+PRINT = {
+    "backend": "Agg",
+    "font.family": "sans-serif",
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "hatch.linewidth": 0.5,
+    "savefig.dpi": DOTS_PER_INCH,
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+}
 
 Colour = tuple[float, float, float, float]
 Look = dict[str, Any]
@@ -64,31 +83,9 @@ def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
     axes.set_ylim(len(names) - 0.5, -0.5)
 
 
-@contextmanager
-def print_style() -> Iterator[None]:
+def print_style() -> AbstractContextManager[None]:
     """Matplotlib settings for print, restored afterwards."""
-    with mpl.rc_context(
-        {
-            "backend": "Agg",
-            "font.family": "sans-serif",
-            "font.size": 8,
-            "axes.titlesize": 8,
-            "axes.labelsize": 8,
-            "legend.fontsize": 7,
-            "legend.frameon": False,
-            "xtick.labelsize": 7,
-            "ytick.labelsize": 7,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.linewidth": 0.6,
-            "lines.linewidth": 1.2,
-            "hatch.linewidth": 0.5,
-            "savefig.dpi": DOTS_PER_INCH,
-            "pdf.fonttype": 42,
-            "svg.fonttype": "none",
-        }
-    ):
-        yield
+    return mpl.rc_context(PRINT)
 
 
 @dataclass(frozen=True)
