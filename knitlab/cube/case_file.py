@@ -1,5 +1,6 @@
 """Case files: for each case a netCDF file and its checksum. Needs no JAX."""
 
+import hashlib
 from collections.abc import Collection
 from enum import Enum
 from pathlib import Path
@@ -7,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import netCDF4
 import numpy as np
+import xarray as xr
 
 from knitlab.cube.schema import INTEGERS, MISSING, encoding
 from knitlab.io.atomic_write import write_atomically
-from knitlab.io.fingerprint import bytes_digest, file_digest
+from knitlab.io.fingerprint import file_digest
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from knitlab.fabric.configuration import Configuration
+if TYPE_CHECKING:  # imports JAX
+    from knitlab.fabric.fabric import Configuration
 
 
 class StoredCase(Enum):
@@ -36,15 +36,11 @@ def checksum_path(results: Path, case_id: str) -> Path:
     return results / "cases" / f"{case_id}.sha256"
 
 
-def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
-    """Write a case file and its checksum, each atomically.
+def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
+    """Write a case file and its checksum, each atomically; CannotWrite if that fails.
 
     The format is netCDF's classic one: of some fifty small variables each costs more than its
-    numbers in that of HDF5. The checksum is written first, so that a case file without one is
-    damaged.
-
-    Raises:
-        CannotWrite: if they cannot be written.
+    numbers in that of HDF5. The checksum is first, so that a case file without one is damaged.
     """
     contents = bytes(
         dataset.to_netcdf(
@@ -52,7 +48,7 @@ def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
         )
     )
     path = case_path(results, case_id)
-    checksum = f"{bytes_digest(contents)}  {path.name}\n"
+    checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n"
     write_atomically(checksum_path(results, case_id), checksum.encode())
     write_atomically(path, contents)
 
@@ -92,20 +88,15 @@ def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
     return stored
 
 
-def read_case(results: Path, case_id: str) -> "xr.Dataset":
+def read_case(results: Path, case_id: str) -> xr.Dataset:
     """Read a case file into memory."""
-    import xarray as xr
-
     with xr.open_dataset(case_path(results, case_id), engine="netcdf4") as dataset:
         return dataset.load()
 
 
-def configurations(case: "xr.Dataset") -> "Configuration":
-    """Configurations of a case at every strain, along a leading axis.
-
-    The lengths of open samples, which have none, are 0.
-    """
-    from knitlab.fabric.configuration import Configuration
+def configurations(case: xr.Dataset) -> "Configuration":
+    """Configurations of a case along a leading axis of strain; lengths of open samples are 0."""
+    from knitlab.fabric.fabric import Configuration
 
     positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
     none = np.zeros(len(positions))

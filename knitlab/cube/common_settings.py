@@ -3,15 +3,12 @@
 import json
 from collections.abc import Collection, Iterable
 from functools import reduce
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-if TYPE_CHECKING:
-    import xarray as xr  # slow to import
+import xarray as xr
 
-ATTRIBUTE = "parameters"
-"""Attribute of a cube that contains the common settings."""
-OF_DESIGNS = ("design", "weft", "warp", "periods")
-"""Entries of a record that follow from a design and its stripes."""
+ATTRIBUTE = "parameters"  # of a cube, with the common settings
+OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
 
 
 class SettingDifference(NamedTuple):
@@ -30,15 +27,7 @@ class SettingDifference(NamedTuple):
 def common_settings(
     records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
 ) -> dict[str, Any]:
-    """The settings that the records of all cases of a plan share, without those that are swept.
-
-    All other settings are in ``plan.json`` and in each case file.
-
-    Args:
-        records: the records of the cases.
-        swept: settings that are dimensions, or quantities that have a factor as a dimension.
-        stripes: fingerprint of the stripes.
-    """
+    """Settings that all records share, but for swept ones, with the fingerprint of the stripes."""
     # Converted to JSON, so that they can be compared with those of a cube.
     common: dict[str, Any] = reduce(shared, json.loads(json.dumps(list(records))))
     kept = {
@@ -51,7 +40,7 @@ def common_settings(
     return kept | {"stripes": stripes}
 
 
-def parameters_of(cube: "xr.Dataset") -> dict[str, Any]:
+def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
     """The common settings in the attributes of a cube."""
     stated: dict[str, Any] = json.loads(cube.attrs.get(ATTRIBUTE, "{}"))
     return stated
@@ -71,10 +60,7 @@ def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
 def differences(
     one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
 ) -> tuple[SettingDifference, ...]:
-    """Where two records have different values under the same key, in the order of the sentences.
-
-    ``within`` has the keys of the tables that contain the records.
-    """
+    """Where records, within tables of some keys, differ under the same key, sorted as sentences."""
     found: list[SettingDifference] = []
     for key in one.keys() & other.keys():
         before, after = one[key], other[key]

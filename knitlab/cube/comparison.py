@@ -24,26 +24,19 @@ COMPARED = (
 
 
 class CurveDifference(NamedTuple):
-    """The difference between two curves at some number of strains.
+    """Root mean square difference of two curves, with its standard error."""
 
-    It is the root mean square, with its standard error by the errors of the measured curve. These
-    would make a noise, likewise a root mean square, between equal curves.
-    """
-
-    strains: int
+    strains: int  # their number
     rms_difference: float
     uncertainty: float
-    noise: float
+    noise: float  # root mean square that the errors would make between equal curves
 
 
 def difference(
     simulated: np.ndarray, measured: np.ndarray, errors: np.ndarray
 ) -> CurveDifference | None:
-    """The difference of two curves at the same strains; ``None`` if they have no strain in common.
-
-    Standard errors are assumed independent between strains, and 0 where unknown; if all are
-    unknown, so is the uncertainty. Values are NaN where missing.
-    """
+    """The difference of curves at the same strains, NaN where missing; None if none is common."""
+    # Errors are independent between strains, and 0 where unknown, unless all are.
     both = np.isfinite(simulated) & np.isfinite(measured)
     count = int(both.sum())
     if not count:
@@ -60,15 +53,11 @@ def difference(
 
 
 def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.DataFrame:
-    """Differences of every curve of every design that a simulation and an experiment both have.
+    """One row for each curve of a design that a simulation and an experiment both have.
 
     The simulation is interpolated linearly to the measured strains, and its force is scaled to the
     number of unit cells across the measured sample. Capacitances, which depend on the length of the
     electrodes, are normalised at the first common strain.
-
-    Returns:
-        One row for each curve: source, number of strains, RMS difference, its uncertainty, the
-        noise, and the largest measured value, in the unit of the variable.
 
     Raises:
         BadInput: if the cubes are not one simulation and experiments, have swept settings, or have
@@ -92,7 +81,6 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
 
 
 def _rows(simulation: xr.Dataset, experiment: xr.Dataset) -> Iterator[dict[str, Any]]:
-    """The rows of every design of an experiment, in every cycle."""
     across = parameters_of(experiment)["unit_cells"][1]
     stacked = experiment.stack(design=experiment["status"].dims)
     for number in np.flatnonzero(stacked["status"] == Status.ok):

@@ -14,8 +14,8 @@ from typing import Any
 
 import pandas as pd
 
-from knitlab.cube.reduced_columns import reduced_columns
 from knitlab.cube.schema import VARIABLES
+from knitlab.cube.strain_window import reduced_columns
 from knitlab.io.errors import fault, unknown
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
@@ -51,16 +51,11 @@ def no_column(name: str, table: pd.DataFrame) -> str:
 
 
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
-    """Whether an expression over the columns of a table is true, for each row.
+    """Whether an expression over the columns of a table, each a variable, is true for each row.
 
-    Args:
-        expression: for example ``poisson_ratio_min < -0.3 and status == "ok"``.
-        table: one column for each variable; ``attrs["words"]`` has the words that columns may have.
-
-    Raises:
-        BadInput: if it cannot be parsed, contains anything but :data:`ALLOWED`, names an unknown
-            column or a word that the column cannot have, compares a word with a number, or is not
-            a condition.
+    The attribute ``words`` of the table has the words that columns may have. BadInput if it is not
+    a condition, contains anything but :data:`ALLOWED`, names an unknown column or word, or compares
+    a word with a number.
     """
     where = f"where {expression!r}"
     plain = expression.strip()

@@ -9,30 +9,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from knitlab.cube import schema
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
-from knitlab.cube.schema import (
-    DESIGN_DIMS,
-    SIMULATION,
-    SOURCE,
-    STRIPE_DIMS,
-    VARIABLES,
-    Status,
-    encoding,
-)
+from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 
 CUBE = "cube.nc"
-OPTION = "model_"
-"""Prefix of the attributes of a cube that state its model options."""
-PRECEDENCE = {
-    Status.excluded: 0,
-    Status.pending: 1,
-    Status.failed: 2,
-    Status.not_converged: 3,
-    Status.ok: 3,
-}
-"""Of several cubes, a design is taken from the one with the highest; the first of equals."""
+OPTION = "model_"  # prefix of the attributes of a cube that are model options
+WITHOUT_RESULTS = {Status.excluded: 0, Status.pending: 1, Status.failed: 2}
+"""Of several cubes, a design is taken from the one with the highest, at 3 one with results."""
 
 
 def cube_path(path: str | Path) -> Path:
@@ -86,13 +72,9 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:
-    """Write the file of a cube atomically.
-
-    Raises:
-        CannotWrite: if it cannot be written.
-    """
+    """Write the file of a cube atomically; CannotWrite if that fails."""
     with atomic_write(path) as temporary:
-        cube.to_netcdf(temporary, encoding=encoding(cube))
+        cube.to_netcdf(temporary, encoding=schema.encoding(cube))
 
 
 def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
@@ -103,7 +85,7 @@ def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
 def base_dims(cube: xr.Dataset) -> tuple[str, ...]:
     """The design dimensions without swept settings; empty if it is no cube of fabrics."""
     dims = design_dims(cube)
-    known = (base for base in (DESIGN_DIMS, STRIPE_DIMS) if dims[: len(base)] == base)
+    known = (base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if dims[: len(base)] == base)
     return next(known, ())
 
 
@@ -165,7 +147,8 @@ def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
         fill_value=empty | {"status": int(Status.excluded)},
         combine_attrs="override",
     )
-    rank = xr.apply_ufunc(np.vectorize(PRECEDENCE.get, otypes=[int]), both["status"])
+    rank_of = np.vectorize(lambda status: WITHOUT_RESULTS.get(status, 3), otypes=[int])
+    rank = xr.apply_ufunc(rank_of, both["status"])
     joined = both.isel(cube=rank.argmax("cube"))
     joined = joined.reindex({dim: _labels(one[dim], other[dim]) for dim in design_dims(one)})
     joined = xr.Dataset(

@@ -20,30 +20,16 @@ Numbers = Float[np.ndarray, " design"]
 
 @dataclass(frozen=True)
 class Reached:
-    """Distances of the candidates from one target.
-
-    Attributes:
-        target: the target.
-        at: strains at which the variable was evaluated; empty for a single number [1].
-        values: values of the candidates at these, (design, strain), or (design, 1) for a number.
-        obtained: one number for each candidate: the value, or the mean over the window.
-        off_by: distance from the target, in the unit of the variable; for a curve the root mean
-            square over the window.
-        worst: the same for the worst fabric within the spread over a design's siblings; equal to
-            ``off_by`` if the spread is unknown.
-        in_spread: whether the spread over a design's siblings overlaps the target at every
-            strain: ``yes``, ``no``, or ``unknown`` as the spread is.
-        band: lowest and highest values of the siblings, like ``values``; empty for a number.
-    """
+    """Distances of the candidates from one target."""
 
     target: Target
-    at: np.ndarray
-    values: Float[np.ndarray, "design strain"]
-    obtained: Numbers
-    off_by: Numbers
-    worst: Numbers
-    in_spread: np.ndarray
-    band: tuple[np.ndarray, ...] = ()
+    at: np.ndarray  # strains of the values; empty for a variable that is one number
+    values: Float[np.ndarray, "design strain"]  # (design, 1) if it is one number
+    obtained: Numbers  # the value, or the mean over the window
+    off_by: Numbers  # distance in the unit of the variable; of a curve the root mean square
+    worst: Numbers  # the same of the worst of a design's siblings, if these are known
+    in_spread: np.ndarray  # whether these overlap the target at every strain: yes, no, or unknown
+    band: tuple[np.ndarray, ...] = ()  # their lowest and highest values; empty for one number
 
     def __repr__(self) -> str:
         return f"<Reached {self.target.text}: {len(self.obtained)} designs, {len(self.at)} strains>"
@@ -68,18 +54,15 @@ class Reached:
 class Found:
     """Designs by their distance from the targets, the nearest first.
 
-    Attributes:
-        table: one row for each design: labels, distance, and for the first target ``value_1``,
-            the value or the mean over its window, ``off_by_1``, the distance in the unit of the
-            variable, and ``in_spread_1``, whether the spread covers the target; and so on for the
-            others. Then the values of the constraints.
-        reached: distances from each target, in the order of the table.
-        passed_over: designs that were not considered, by reason.
+    ``table`` has one row for each design: labels, distance, and for the first target ``value_1``,
+    the value or the mean over its window, ``off_by_1``, the distance in the unit of the variable,
+    and ``in_spread_1``, whether the spread covers the target; and so on for the others. Then the
+    values of the constraints.
     """
 
     table: pd.DataFrame
-    reached: tuple[Reached, ...]
-    passed_over: dict[str, int]
+    reached: tuple[Reached, ...]  # for each target, in the order of the table
+    passed_over: dict[str, int]  # designs that were not considered, by reason
 
     def __repr__(self) -> str:
         return f"<Found: {len(self.table)} designs, {len(self.reached)} targets>"
@@ -94,11 +77,9 @@ def find_designs(
     """Rank the designs of cubes along the same dimensions by their distance from targets.
 
     The distance is the root mean square of the distances from each target, each over its
-    tolerance or, without one, over the scatter of that variable among the designs. Designs that do
-    not meet the targets of ``subject_to`` are left out, and so are those after the first ``most``.
-
-    Raises:
-        BadInput: if there is no target or no design that is ok, or if the cubes lack a variable.
+    tolerance or, without one, over the scatter of that variable among the designs. At most ``most``
+    are kept, of those that meet the targets of ``subject_to``. BadInput if there is no target or no
+    design that is ok, or if the cubes lack a variable.
     """
     if not targets:
         raise fault("targets", "none is given; give a target")
@@ -111,9 +92,7 @@ def find_designs(
     designs = designs[ok].reset_index(drop=True)
     required = [_reached(cubes, designs, target) for target in subject_to]
     reached = [_reached(cubes, designs, target) for target in targets]
-    allowed = np.ones(len(designs), bool)
-    for constraint in required:
-        allowed &= constraint.off_by == 0
+    allowed = np.all([constraint.off_by == 0 for constraint in required], axis=0)
     distances = np.stack([each.off_by / each.scale for each in reached])
     distance = np.sqrt(np.mean(distances**2, axis=0))
     known = np.isfinite(distance)
@@ -175,7 +154,6 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
 def _lies_along_strain(
     cubes: Sequence[xr.Dataset], designs: pd.DataFrame, name: str, source: str
 ) -> bool:
-    """Whether a variable is a curve along the applied strain, rather than one number."""
     dims = [set(cube[name].dims) - set(design_dims(cube)) for cube in cubes if name in cube]
     if not dims and name not in designs:
         known = {str(variable) for cube in cubes for variable in cube.data_vars}
@@ -200,8 +178,5 @@ def _curves(
         read.append(window.read(strains, values))
     at = np.unique(np.concatenate([strains for strains, _ in read]))
     # Curves are linear between the strains at which they were read, so interpolation is exact.
-    combined = [
-        np.array([np.interp(at, strains, row) for row in rows]).reshape(len(rows), len(at))
-        for strains, rows in read
-    ]
-    return at, np.concatenate(combined)
+    curves = [np.interp(at, strains, row) for strains, rows in read for row in rows]
+    return at, np.array(curves)

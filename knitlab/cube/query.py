@@ -11,9 +11,9 @@ import xarray as xr
 
 from knitlab.cube.condition import holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.cube.selection import refuse_others, selected, selections_along
+from knitlab.cube.strain_window import with_columns
 from knitlab.io.errors import BadInput, Fault
 
 STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
@@ -95,9 +95,7 @@ def query_cubes(
     """The designs of cubes along the same dimensions as one table, filtered and sorted.
 
     Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``.
-
-    Raises:
-        BadInput: with every fault of the arguments.
+    BadInput has every fault of the arguments.
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
     known = with_columns(cubes, [where or "", *keys, *(columns or ())])
@@ -105,14 +103,7 @@ def query_cubes(
 
 
 def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
-    """One row for each design, one column for each variable, without excluded combinations.
-
-    Variables with further dimensions appear once all of these are selected, with a row for each
-    selected value.
-
-    Raises:
-        BadInput: if a selection is wrong.
-    """
+    """One row for each design and each selected value of further dimensions; none if excluded."""
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
     shown = [name for name, each in cube.data_vars.items() if set(each.dims) <= set(rows)]
     chosen = selected(cube, selections)[shown]
@@ -129,13 +120,7 @@ def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.Da
 
 
 def designs_of_all(cubes: Sequence[xr.Dataset], selections: Mapping[str, Any] = {}) -> pd.DataFrame:
-    """The concatenated tables of cubes along the same dimensions, with the source of each row.
-
-    A cube without a selected dimension, such as a simulation without cycles, is not sliced by it.
-
-    Raises:
-        BadInput: if a selection is wrong.
-    """
+    """The concatenated tables of cubes, each sliced along its own dimensions, with their source."""
     if len(cubes) == 1:
         return designs_table(cubes[0], selections)
     known = {str(name): None for cube in cubes for name in cube.indexes}
@@ -189,11 +174,7 @@ def queried(
     sort: Sequence[str] = (),
     columns: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """The rows for which a condition holds, sorted, with some columns, by default most.
-
-    Raises:
-        BadInput: if the condition is at fault or a column does not exist.
-    """
+    """The rows for which a condition holds, sorted, with some columns, by default most."""
     names = [key.removeprefix("-") for key in sort]
     asked = [(f"columns {name}", name) for name in columns or ()]
     asked += [(f"sort {key}", name) for key, name in zip(sort, names, strict=True)]

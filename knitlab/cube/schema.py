@@ -2,13 +2,10 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
-from typing import TYPE_CHECKING, Literal
+
+import xarray as xr
 
 from knitlab.measure.capacitance.sensor import CapacitorStatus
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class Status(IntEnum):
@@ -21,41 +18,27 @@ class Status(IntEnum):
     excluded = 4
 
 
-RUN = (Status.ok, Status.not_converged)
-"""Statuses of designs that have results."""
+RUN = (Status.ok, Status.not_converged)  # statuses of designs that have results
 FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
 """Variables whose values are flags, and their flags."""
-
-
-Kind = Literal[
-    "all", "dynamics", "stripe", "patches", "sensitivities", "capacitor", "unloading",
-    "robustness", "contact", "laboratory", "design", "stripes", "cloth", "candidate",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Variable:
     """One variable, as a case holds it; a cube adds the dimensions of its designs.
 
-    Attributes:
-        dims: its dimensions within a case.
-        units: unit in UDUNITS notation.
-        long_name: label for the axis of a figure.
-        description: further explanation, if the name needs one.
-        in_cube: whether cubes have it, rather than case files only.
-        of: which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
-            patches, with sensitivities, electrodes, unloading, siblings or contact, experiments,
-            candidates of a design. Variables of a ``design``, of its ``stripes`` or of ``cloth``
-            are in the cube only: case files state the first two among their parameters, and the
-            last follow from the gauge of the cube.
+    ``of`` says which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
+    patches, with sensitivities, electrodes, unloading, siblings or contact, experiments, candidates
+    of a design. Variables of a ``design``, of its ``stripes`` or of ``cloth`` are in the cube only:
+    case files state the first two among their parameters, and the last follow from its gauge.
     """
 
     dims: tuple[str, ...]
-    units: str
-    long_name: str
+    units: str  # in UDUNITS notation
+    long_name: str  # label for the axis of a figure
     description: str = ""
-    in_cube: bool = True
-    of: Kind = "all"
+    in_cube: bool = True  # rather than in case files only
+    of: str = "all"
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -64,10 +47,9 @@ class Variable:
         return {"units": self.units, "long_name": self.long_name, **described}
 
 
-def _variable(
-    dims: tuple[str, ...], label: str, description: str = "", in_cube: bool = True, of: Kind = "all"
-) -> Variable:
-    """A variable from its long name and unit, ``reaction force [N]``; without one the unit is 1."""
+def _variable(dims: tuple[str, ...], text: str, of: str = "all", in_cube: bool = True) -> Variable:
+    """A variable from ``long name [unit]; description``; without a unit it is 1."""
+    label, _, description = text.partition("; ")
     long_name, _, units = label.removesuffix("]").partition(" [")
     return Variable(dims, units or "1", long_name, description, in_cube, of)
 
@@ -75,60 +57,46 @@ def _variable(
 DESIGN_DIMS = ("n_stripe", "n_subunit")
 """Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
 STRIPE_DIMS = ("knit", "n", "boundary")
-CYCLE = "cycle"
-"""Dimension of an experiment with several cycles."""
-SOURCE = "source"
-"""Coordinate that states the source of a cube."""
-SIMULATION = "simulation"
-"""Source of a simulated cube; that of an experiment is its name."""
+CYCLE = "cycle"  # dimension of an experiment with several cycles
+SOURCE = "source"  # coordinate that states the source of a cube
+SIMULATION = "simulation"  # source of a simulated cube; that of an experiment is its name
 
 COORDINATES = {
-    "n_stripe": _variable(("n_stripe",), "stitches across a rib stripe"),
-    "n_subunit": _variable(("n_subunit",), "stitches along a garter stripe"),
-    "knit": _variable(("knit",), "knit of a pure stripe"),
-    "n": _variable(("n",), "stitches across a stripe"),
-    "boundary": _variable(("boundary",), "clamped sample, or periodic fabric"),
-    "source": _variable((), "simulation, or the name of an experiment"),
-    "cycle": _variable(("cycle",), "cycle of a tensile test"),
-    "applied_strain": _variable(
-        ("applied_strain",),
-        "applied strain",
-        "displacement of the driven end over the relaxed length",
-    ),
-    "cell_y": _variable(("cell_y",), "unit cell along the warp"),
-    "cell_x": _variable(("cell_x",), "unit cell along the weft"),
-    "stripe_parameter": _variable(
-        ("stripe_parameter",),
-        "parameter of the rib or of the garter stripe",
-        "rib_period is the paper's w, garter_period its h; k_s of springs, k_t, theta_0 of folds",
-    ),
-    "boundary_point": _variable(
-        ("boundary_point",), "position along a boundary, over its length from end to end"
-    ),
-    "node_y": _variable(("node_y",), "node row along the warp"),
-    "node_x": _variable(("node_x",), "node column along the weft"),
-    "component": _variable(("component",), "component of a position"),
-    "candidate": _variable(("candidate",), "candidate of a design"),
-    "time": _variable(("time",), "time since the flat sheet was released [ms]"),
-    "snapshot": _variable(("snapshot",), "time since the flat sheet was released [ms]"),
+    name: _variable((name,) if name != SOURCE else (), text)
+    for name, text in {
+        "n_stripe": "stitches across a rib stripe",
+        "n_subunit": "stitches along a garter stripe",
+        "knit": "knit of a pure stripe",
+        "n": "stitches across a stripe",
+        "boundary": "clamped sample, or periodic fabric",
+        "source": "simulation, or the name of an experiment",
+        "cycle": "cycle of a tensile test",
+        "applied_strain": "applied strain; displacement of the driven end over the relaxed length",
+        "cell_y": "unit cell along the warp",
+        "cell_x": "unit cell along the weft",
+        "stripe_parameter": (
+            "parameter of the rib or of the garter stripe; rib_period is the paper's w,"
+            " garter_period its h; k_s of springs, k_t, theta_0 of folds"
+        ),
+        "boundary_point": "position along a boundary, over its length from end to end",
+        "node_y": "node row along the warp",
+        "node_x": "node column along the weft",
+        "component": "component of a position",
+        "candidate": "candidate of a design",
+        "time": "time since the flat sheet was released [ms]",
+        "snapshot": "time since the flat sheet was released [ms]",
+    }.items()
 }
 
-_STATE = ("applied_strain",)
-_PARAMETERS = ("applied_strain", "stripe_parameter")
 _LOGARITHMIC = (
     "for a parameter p, p times the derivative with respect to p at fixed applied strain: the"
     " change for a relative change of p, comparable between parameters; divide by p for the"
-    " derivative."
-    " Missing at zero strain, and where the state is not a stable equilibrium"
+    " derivative. Missing at zero strain, and where the state is not a stable equilibrium"
 )
-_CELLS = ("applied_strain", "cell_y", "cell_x")
 _SAMPLE = "of the simulated sample, or of the period of periodic fabric"
-_POINTS = ("boundary_point",)
 _TRACED = "between unit cells, nearest the middle of the relaxed fabric"
 _WAVE = f"{_TRACED}; missing where it crosses a single unit cell"
 _ACROSS = "across its folds, relaxed, in the unit cell nearest the middle"
-
-
 _BY_GAUGE = (
     "by the cube's gauge (gauge_stitch_width and gauge_stitch_height, in mm), which changes no"
     " other variable. The default gauge is that of the paper's finished samples, about"
@@ -154,257 +122,192 @@ _SENSING = (
     " unfolding not yet complete"
 )
 
-_number = partial(_variable, ())
-_curve = partial(_variable, _STATE)
-_derivative = partial(_variable, _PARAMETERS, description=_LOGARITHMIC, of="sensitivities")
-_of_stripes = partial(_variable, (), of="stripes")
-_of_cloth = partial(_variable, (), of="cloth")
-_of_patches = partial(_variable, (), of="patches")
-_of_siblings = partial(_variable, _STATE, description=_SIBLINGS, of="robustness")
-_of_laboratory = partial(_variable, _STATE, of="laboratory")
-_of_motion = partial(_variable, in_cube=False, of="dynamics")
-_sensor_number = partial(_variable, (), of="capacitor")
-_sensor_curve = partial(_variable, _STATE, of="capacitor")
-
-VARIABLES = {
-    "status": _number("status of the design"),
-    "case_id": _number("identifier of the case", "names its file under cases/"),
-    "code": _number("fingerprint of the code that computed the design"),
-    "periods": _number("stripe periods along a patch"),
-    "unit_cells_y": _number("unit cells along the warp", _SAMPLE, of="design"),
-    "unit_cells_x": _number("unit cells along the weft", _SAMPLE, of="design"),
-    "rib_period": _of_stripes("period of the rib stripe [mm]", "the paper's w"),
-    "rib_k_s": _of_stripes("extensional stiffness of the rib stripe [N/mm]"),
-    "rib_theta_0": _of_stripes("rest angle of the rib stripe [rad]"),
-    "rib_k_t": _of_stripes("torsional stiffness of the rib stripe [N]"),
-    "garter_period": _of_stripes("period of the garter stripe [mm]", "the paper's h"),
-    "garter_k_s": _of_stripes("extensional stiffness of the garter stripe [N/mm]"),
-    "garter_theta_0": _of_stripes("rest angle of the garter stripe [rad]"),
-    "garter_k_t": _of_stripes("torsional stiffness of the garter stripe [N]"),
-    "strain_xx": _variable(_CELLS, "local transverse strain"),
-    "strain_yy": _variable(_CELLS, "local axial strain"),
-    "mean_strain_xx": _curve("mean transverse strain", "mean over the central unit cells"),
-    "mean_strain_yy": _curve("mean axial strain", "mean over the central unit cells"),
-    "poisson_ratio": _curve(
-        "Poisson's ratio",
-        "-mean_strain_xx / mean_strain_yy; undefined at zero strain, and where the central cells"
-        " have taken less than a fifth of the applied strain",
-    ),
-    "poisson_ratio_min": _number(
-        "lowest Poisson's ratio", "over all strains; missing unless all of them converged"
-    ),
-    "applied_strain_at_min": _number("applied strain at the lowest Poisson's ratio"),
-    "knit_cell_x": _of_cloth("finished unit cell in cloth along the weft [mm]", _KNIT_CELL),
-    "knit_cell_y": _of_cloth("finished unit cell in cloth along the warp [mm]", _KNIT_CELL),
-    "knit_wavelength_x": _of_cloth("wavelength in cloth along the weft [mm]", _KNIT_WAVE),
-    "knit_wavelength_y": _of_cloth("wavelength in cloth along the warp [mm]", _KNIT_WAVE),
-    "knit_width": _of_cloth("finished width of the sample in cloth [mm]", _KNIT_SAMPLE),
-    "knit_length": _of_cloth("finished length of the sample in cloth [mm]", _KNIT_SAMPLE),
-    "reaction_force": _curve(
-        "reaction force [N]", "over the whole width of the sample or periodic cell"
-    ),
-    "poisson_ratio_sensitivity": _derivative(
-        "logarithmic sensitivity of Poisson's ratio to a stripe parameter"
-    ),
-    "reaction_force_sensitivity": _derivative(
-        "logarithmic sensitivity of the reaction force to a stripe parameter [N]"
-    ),
-    "energy_stretch": _curve("energy of the extensional springs [N mm]"),
-    "energy_fold": _curve("energy of the torsional springs [N mm]"),
-    "energy_wall": _curve("energy of the wall penalty [N mm]"),
-    "energy_contact": _curve(
-        "energy of the contact [N mm]", "of the barrier between plies", of="contact"
-    ),
-    "residual_force": _curve("largest residual force on a free unknown [N]"),
-    "iterations": _curve(
-        "steps of the solver, or time steps by dynamics", "retried strain steps included"
-    ),
-    "factorisations": _curve(
-        "factorisations", "of the stiffness, for all of the steps", in_cube=False
-    ),
-    "kinetic_energy_peak": _curve(
-        "largest kinetic energy on the way to a strain [N mm]", of="dynamics"
-    ),
-    "kinetic_energy_left": _number(
-        "kinetic energy left when relaxed",
-        "at the end of the motion, over the largest while relaxing from the flat sheet",
-        of="dynamics",
-    ),
-    "relaxation_force_left": _number(
-        "force left when relaxed",
-        "largest on a node at the end of the motion, over that on the flat sheet",
-        of="dynamics",
-    ),
-    "relaxation_time": _number("duration of the relaxation [ms]", of="dynamics"),
-    "snapped": _curve(
-        "whether the fabric snapped on the way to a strain",
-        "1 where the fabric left its branch of equilibria: even in the smallest strain step, more"
-        " than branch_limit of the work was lost; not looked for by dynamics",
-    ),
-    "hinges_past_pi": _curve(
-        "hinges folded past half a turn",
-        "there the fabric passes through itself, which the model does not prevent",
-    ),
-    "self_intersections": _curve(
-        "pairs of grid cells that pass through each other",
-        "each cell as two triangles; in periodic fabric, each pair once per period. The model does"
-        " not prevent it",
-    ),
-    "row_force": _curve(
-        "force for one row of the sheet [N]", "a row is one grid cell wide", of="stripe"
-    ),
-    "zigzag_force": _curve(
-        "force of the two-dimensional zigzag [N]", "at its energy minimum", of="stripe"
-    ),
-    "zigzag_residual": _curve(
-        "largest residual force on a free node of the zigzag [N]", of="stripe"
-    ),
-    "zigzag_iterations": _curve("minimiser steps of the zigzag", of="stripe"),
-    "capacitor_status": _sensor_curve(
-        "whether the capacitance can be measured",
-        "the capacitance is missing unless this is measured",
-    ),
-    "capacitance": _sensor_curve(
-        "capacitance [pF]", "between the electrodes; on periodic fabric, of electrode_length"
-    ),
-    "capacitance_ratio": _sensor_curve(
-        "capacitance over that at applied_strain_opened", "C over C0"
-    ),
-    "mutual_capacitance": _sensor_curve(
-        "mutual capacitance [pF]",
-        "minus C12 of Maxwell's matrix, as a guarded meter measures it, without leads; missing on"
-        " periodic fabric without a grounded plane, where it is the capacitance",
-    ),
-    "capacitance_error": _sensor_curve(
-        "estimated error of the capacitance over itself",
-        "from two panel sizes; standard error of a measured one",
-    ),
-    "capacitance_wedge": _sensor_curve(
-        "capacitance by the wedge integral [pF]", "a fast estimate, also for closed folds"
-    ),
-    "electrode_gap": _sensor_curve(
-        "shortest distance between the electrodes [mm]",
-        "0 where they pass through each other; searched up to the size of a grid cell",
-    ),
-    "electrode_length": _sensor_number(
-        "relaxed length of the electrodes [mm]", "to which the capacitance applies"
-    ),
-    "fold_between": _sensor_curve(
-        "mean fold angle at and between the electrodes [rad]", "of the folds parallel to them"
-    ),
-    "applied_strain_opened": _sensor_number(
-        "applied strain at which sensing begins",
-        "the first strain of the longest interval in which the capacitance is measured",
-    ),
-    "applied_strain_unfolded": _sensor_number(
-        "applied strain at which unfolding is complete",
-        "fold_between has fallen to the fraction of its relaxed value given in electrodes.toml, or"
-        " to its minimum; missing if neither happens within the test",
-    ),
-    "sensing_end": _sensor_number("applied strain at which sensing ends", _SENSING),
-    "sensitivity": _sensor_number(
-        "sensitivity [pF]", f"mean |dC/de| over the central 20 % of the strain range, {_SENSING}"
-    ),
-    "gauge_factor": _sensor_number(
-        "gauge factor", f"change of capacitance over itself and over strain, {_SENSING}"
-    ),
-    "humidity_strain": _sensor_number(
-        "strain that reads like a change of the permittivity by 5 %",
-        f"at the mean slope of the capacitance, {_SENSING}",
-    ),
-    "linearity": _sensor_number("R² of a straight line", _SENSING),
-    "working_range": _sensor_number(
-        "working range",
-        f"width of the widest strain window in which a line has the required R², {_SENSING}",
-    ),
-    "working_start": _sensor_number("applied strain at which the working range begins"),
-    "working_slope": _sensor_number("slope of the line over the working range [pF]"),
-    "capacitance_unloading": _curve("capacitance during unloading [pF]", of="unloading"),
-    "hysteresis": _number(
-        "hysteresis of the capacitance",
-        "largest difference between loading and unloading, over the range of the capacitance",
-        of="unloading",
-    ),
-    "poisson_ratio_low": _of_siblings("lowest Poisson's ratio of the siblings"),
-    "poisson_ratio_high": _of_siblings("highest Poisson's ratio of the siblings"),
-    "reaction_force_low": _of_siblings("lowest reaction force of the siblings [N]"),
-    "reaction_force_high": _of_siblings("highest reaction force of the siblings [N]"),
-    "siblings": _curve(
-        "siblings that reached a strain", "without the case itself", of="robustness"
-    ),
-    "relaxed_branches": _number(
-        "distinct relaxed energies",
-        "of the unperturbed fabric, relaxed from its start and from the shapes of its siblings",
-        of="robustness",
-    ),
-    "mean_strain_xx_error": _of_laboratory(
-        "standard error of the mean transverse strain", _SCATTER
-    ),
-    "mean_strain_yy_error": _of_laboratory("standard error of the mean axial strain", _SCATTER),
-    "poisson_ratio_error": _of_laboratory("standard error of Poisson's ratio", _SCATTER),
-    "reaction_force_error": _of_laboratory("standard error of the reaction force [N]", _SCATTER),
-    "force_per_width": _of_laboratory(
-        "reaction force per width [N/mm]", "of the relaxed sample between the clamps"
-    ),
-    "markers_lost": _of_laboratory("markers lost", "corners of unit cells that are not seen"),
-    "cells_lost": _of_laboratory(
-        "unit cells lost", "cells with a corner that is not seen; no mean includes them"
-    ),
-    "distance": _number(
-        "distance from the targets of a design",
-        "root mean square over the targets, each over its tolerance",
-        of="candidate",
-    ),
-    "distance_worst": _number(
-        "distance from the targets within the spread",
-        "the largest distance within the spread",
-        of="candidate",
-    ),
-    "relaxed_cell_x": _number("relaxed unit cell along the weft [mm]"),
-    "relaxed_cell_y": _number("relaxed unit cell along the warp [mm]"),
-    "flat_cell_x": _number("flat unit cell along the weft [mm]"),
-    "flat_cell_y": _number("flat unit cell along the warp [mm]"),
-    "wavelength_x": _of_patches("wavelength of the boundary along the weft [mm]", _WAVE),
-    "wavelength_y": _of_patches("wavelength of the boundary along the warp [mm]", _WAVE),
-    "wave_amplitude_x": _of_patches("amplitude of the boundary along the weft [mm]", _WAVE),
-    "wave_amplitude_y": _of_patches("amplitude of the boundary along the warp [mm]", _WAVE),
-    "boundary_x": _variable(
-        _POINTS, "offset of the boundary along the weft [mm]", _TRACED, of="patches"
-    ),
-    "boundary_y": _variable(
-        _POINTS, "offset of the boundary along the warp [mm]", _TRACED, of="patches"
-    ),
-    "boundary_length_x": _of_patches("length of the boundary along the weft [mm]", _TRACED),
-    "boundary_length_y": _of_patches("length of the boundary along the warp [mm]", _TRACED),
-    "rib_width_centre": _of_patches("width of a rib patch at its centre [mm]", _ACROSS),
-    "rib_width_edge": _of_patches("width of a rib patch at its edges [mm]", _ACROSS),
-    "garter_height_centre": _of_patches("height of a garter patch at its centre [mm]", _ACROSS),
-    "garter_height_edge": _of_patches("height of a garter patch at its edges [mm]", _ACROSS),
-    "position": _variable(
-        ("applied_strain", "node_y", "node_x", "component"), "node position [mm]", in_cube=False
-    ),
-    "length_x": _curve("length of the fabric along the weft [mm]", in_cube=False),
-    "length_y": _curve("length of the fabric along the warp [mm]", in_cube=False),
-    "kinetic_energy": _of_motion(("time",), "kinetic energy [N mm]"),
-    "potential_energy": _of_motion(("time",), "elastic energy [N mm]"),
-    "dissipated_work": _of_motion(("time",), "work done against the drag [N mm]"),
-    "snapshot_position": _of_motion(
-        ("snapshot", "node_y", "node_x", "component"), "node position while relaxing [mm]"
-    ),
-    "snapshot_length_x": _of_motion(("snapshot",), "length of periodic fabric along the weft [mm]"),
-    "snapshot_length_y": _of_motion(("snapshot",), "length of periodic fabric along the warp [mm]"),
+_DIMS = {
+    "number": (),
+    "curve": ("applied_strain",),
+    "derivative": ("applied_strain", "stripe_parameter"),
+    "field": ("applied_strain", "cell_y", "cell_x"),
+    "boundary": ("boundary_point",),
+    "nodes": ("applied_strain", "node_y", "node_x", "component"),
+    "motion": ("time",),
+    "snapshots": ("snapshot",),
+    "snapshots of nodes": ("snapshot", "node_y", "node_x", "component"),
 }
+_IN_CASE_FILES_ONLY = ("factorisations", "position", "length_x", "length_y")
+
+
+def _in_table(name: str, text: str) -> Variable:
+    """A variable from ``shape, of: long name [unit]; description``; without ``of`` of all cases."""
+    head, _, rest = text.partition(": ")
+    shape, _, of = head.partition(", ")
+    in_cube = name not in _IN_CASE_FILES_ONLY and not shape.startswith(("motion", "snapshots"))
+    return _variable(_DIMS[shape], rest, of or "all", in_cube)
+
+
+_TABLE = {
+    "status": "number: status of the design",
+    "case_id": "number: identifier of the case; names its file under cases/",
+    "code": "number: fingerprint of the code that computed the design",
+    "periods": "number: stripe periods along a patch",
+    "unit_cells_y": f"number, design: unit cells along the warp; {_SAMPLE}",
+    "unit_cells_x": f"number, design: unit cells along the weft; {_SAMPLE}",
+    "rib_period": "number, stripes: period of the rib stripe [mm]; the paper's w",
+    "rib_k_s": "number, stripes: extensional stiffness of the rib stripe [N/mm]",
+    "rib_theta_0": "number, stripes: rest angle of the rib stripe [rad]",
+    "rib_k_t": "number, stripes: torsional stiffness of the rib stripe [N]",
+    "garter_period": "number, stripes: period of the garter stripe [mm]; the paper's h",
+    "garter_k_s": "number, stripes: extensional stiffness of the garter stripe [N/mm]",
+    "garter_theta_0": "number, stripes: rest angle of the garter stripe [rad]",
+    "garter_k_t": "number, stripes: torsional stiffness of the garter stripe [N]",
+    "strain_xx": "field: local transverse strain",
+    "strain_yy": "field: local axial strain",
+    "mean_strain_xx": "curve: mean transverse strain; mean over the central unit cells",
+    "mean_strain_yy": "curve: mean axial strain; mean over the central unit cells",
+    "poisson_ratio": "curve: Poisson's ratio; -mean_strain_xx / mean_strain_yy; undefined at zero"
+    " strain, and where the central cells have taken less than a fifth of the applied strain",
+    "poisson_ratio_min": "number: lowest Poisson's ratio; over all strains; missing unless all of"
+    " them converged",
+    "applied_strain_at_min": "number: applied strain at the lowest Poisson's ratio",
+    "knit_cell_x": f"number, cloth: finished unit cell in cloth along the weft [mm]; {_KNIT_CELL}",
+    "knit_cell_y": f"number, cloth: finished unit cell in cloth along the warp [mm]; {_KNIT_CELL}",
+    "knit_wavelength_x": f"number, cloth: wavelength in cloth along the weft [mm]; {_KNIT_WAVE}",
+    "knit_wavelength_y": f"number, cloth: wavelength in cloth along the warp [mm]; {_KNIT_WAVE}",
+    "knit_width": f"number, cloth: finished width of the sample in cloth [mm]; {_KNIT_SAMPLE}",
+    "knit_length": f"number, cloth: finished length of the sample in cloth [mm]; {_KNIT_SAMPLE}",
+    "reaction_force": "curve: reaction force [N]; over the whole width of the sample or periodic"
+    " cell",
+    "poisson_ratio_sensitivity": "derivative, sensitivities: logarithmic sensitivity of Poisson's"
+    f" ratio to a stripe parameter; {_LOGARITHMIC}",
+    "reaction_force_sensitivity": "derivative, sensitivities: logarithmic sensitivity of the"
+    f" reaction force to a stripe parameter [N]; {_LOGARITHMIC}",
+    "energy_stretch": "curve: energy of the extensional springs [N mm]",
+    "energy_fold": "curve: energy of the torsional springs [N mm]",
+    "energy_wall": "curve: energy of the wall penalty [N mm]",
+    "energy_contact": "curve, contact: energy of the contact [N mm]; of the barrier between plies",
+    "residual_force": "curve: largest residual force on a free unknown [N]",
+    "iterations": "curve: steps of the solver, or time steps by dynamics; retried strain steps"
+    " included",
+    "factorisations": "curve: factorisations; of the stiffness, for all of the steps",
+    "kinetic_energy_peak": "curve, dynamics: largest kinetic energy on the way to a strain [N mm]",
+    "kinetic_energy_left": "number, dynamics: kinetic energy left when relaxed; at the end of the"
+    " motion, over the largest while relaxing from the flat sheet",
+    "relaxation_force_left": "number, dynamics: force left when relaxed; largest on a node at the"
+    " end of the motion, over that on the flat sheet",
+    "relaxation_time": "number, dynamics: duration of the relaxation [ms]",
+    "snapped": "curve: whether the fabric snapped on the way to a strain; 1 where the fabric left"
+    " its branch of equilibria: even in the smallest strain step, more than branch_limit of the"
+    " work was lost; not looked for by dynamics",
+    "hinges_past_pi": "curve: hinges folded past half a turn; there the fabric passes through"
+    " itself, which the model does not prevent",
+    "self_intersections": "curve: pairs of grid cells that pass through each other; each cell as"
+    " two triangles; in periodic fabric, each pair once per period. The model does not prevent it",
+    "row_force": "curve, stripe: force for one row of the sheet [N]; a row is one grid cell wide",
+    "zigzag_force": "curve, stripe: force of the two-dimensional zigzag [N]; at its energy minimum",
+    "zigzag_residual": "curve, stripe: largest residual force on a free node of the zigzag [N]",
+    "zigzag_iterations": "curve, stripe: minimiser steps of the zigzag",
+    "capacitor_status": "curve, capacitor: whether the capacitance can be measured; the"
+    " capacitance is missing unless this is measured",
+    "capacitance": "curve, capacitor: capacitance [pF]; between the electrodes; on periodic"
+    " fabric, of electrode_length",
+    "capacitance_ratio": "curve, capacitor: capacitance over that at applied_strain_opened; C over"
+    " C0",
+    "mutual_capacitance": "curve, capacitor: mutual capacitance [pF]; minus C12 of Maxwell's"
+    " matrix, as a guarded meter measures it, without leads; missing on periodic fabric without a"
+    " grounded plane, where it is the capacitance",
+    "capacitance_error": "curve, capacitor: estimated error of the capacitance over itself; from"
+    " two panel sizes; standard error of a measured one",
+    "capacitance_wedge": "curve, capacitor: capacitance by the wedge integral [pF]; a fast"
+    " estimate, also for closed folds",
+    "electrode_gap": "curve, capacitor: shortest distance between the electrodes [mm]; 0 where"
+    " they pass through each other; searched up to the size of a grid cell",
+    "electrode_length": "number, capacitor: relaxed length of the electrodes [mm]; to which the"
+    " capacitance applies",
+    "fold_between": "curve, capacitor: mean fold angle at and between the electrodes [rad]; of the"
+    " folds parallel to them",
+    "applied_strain_opened": "number, capacitor: applied strain at which sensing begins; the first"
+    " strain of the longest interval in which the capacitance is measured",
+    "applied_strain_unfolded": "number, capacitor: applied strain at which unfolding is complete;"
+    " fold_between has fallen to the fraction of its relaxed value given in electrodes.toml, or"
+    " to its minimum; missing if neither happens within the test",
+    "sensing_end": f"number, capacitor: applied strain at which sensing ends; {_SENSING}",
+    "sensitivity": "number, capacitor: sensitivity [pF]; mean |dC/de| over the central 20 % of the"
+    f" strain range, {_SENSING}",
+    "gauge_factor": "number, capacitor: gauge factor; change of capacitance over itself and over"
+    f" strain, {_SENSING}",
+    "humidity_strain": "number, capacitor: strain that reads like a change of the permittivity by"
+    f" 5 %; at the mean slope of the capacitance, {_SENSING}",
+    "linearity": f"number, capacitor: R² of a straight line; {_SENSING}",
+    "working_range": "number, capacitor: working range; width of the widest strain window in which"
+    f" a line has the required R², {_SENSING}",
+    "working_start": "number, capacitor: applied strain at which the working range begins",
+    "working_slope": "number, capacitor: slope of the line over the working range [pF]",
+    "capacitance_unloading": "curve, unloading: capacitance during unloading [pF]",
+    "hysteresis": "number, unloading: hysteresis of the capacitance; largest difference between"
+    " loading and unloading, over the range of the capacitance",
+    "poisson_ratio_low": f"curve, robustness: lowest Poisson's ratio of the siblings; {_SIBLINGS}",
+    "poisson_ratio_high": "curve, robustness: highest Poisson's ratio of the siblings;"
+    f" {_SIBLINGS}",
+    "reaction_force_low": "curve, robustness: lowest reaction force of the siblings [N];"
+    f" {_SIBLINGS}",
+    "reaction_force_high": "curve, robustness: highest reaction force of the siblings [N];"
+    f" {_SIBLINGS}",
+    "siblings": "curve, robustness: siblings that reached a strain; without the case itself",
+    "relaxed_branches": "number, robustness: distinct relaxed energies; of the unperturbed fabric,"
+    " relaxed from its start and from the shapes of its siblings",
+    "mean_strain_xx_error": "curve, laboratory: standard error of the mean transverse strain;"
+    f" {_SCATTER}",
+    "mean_strain_yy_error": "curve, laboratory: standard error of the mean axial strain;"
+    f" {_SCATTER}",
+    "poisson_ratio_error": f"curve, laboratory: standard error of Poisson's ratio; {_SCATTER}",
+    "reaction_force_error": "curve, laboratory: standard error of the reaction force [N];"
+    f" {_SCATTER}",
+    "force_per_width": "curve, laboratory: reaction force per width [N/mm]; of the relaxed sample"
+    " between the clamps",
+    "markers_lost": "curve, laboratory: markers lost; corners of unit cells that are not seen",
+    "cells_lost": "curve, laboratory: unit cells lost; cells with a corner that is not seen; no"
+    " mean includes them",
+    "distance": "number, candidate: distance from the targets of a design; root mean square over"
+    " the targets, each over its tolerance",
+    "distance_worst": "number, candidate: distance from the targets within the spread; the largest"
+    " distance within the spread",
+    "relaxed_cell_x": "number: relaxed unit cell along the weft [mm]",
+    "relaxed_cell_y": "number: relaxed unit cell along the warp [mm]",
+    "flat_cell_x": "number: flat unit cell along the weft [mm]",
+    "flat_cell_y": "number: flat unit cell along the warp [mm]",
+    "wavelength_x": f"number, patches: wavelength of the boundary along the weft [mm]; {_WAVE}",
+    "wavelength_y": f"number, patches: wavelength of the boundary along the warp [mm]; {_WAVE}",
+    "wave_amplitude_x": f"number, patches: amplitude of the boundary along the weft [mm]; {_WAVE}",
+    "wave_amplitude_y": f"number, patches: amplitude of the boundary along the warp [mm]; {_WAVE}",
+    "boundary_x": f"boundary, patches: offset of the boundary along the weft [mm]; {_TRACED}",
+    "boundary_y": f"boundary, patches: offset of the boundary along the warp [mm]; {_TRACED}",
+    "boundary_length_x": f"number, patches: length of the boundary along the weft [mm]; {_TRACED}",
+    "boundary_length_y": f"number, patches: length of the boundary along the warp [mm]; {_TRACED}",
+    "rib_width_centre": f"number, patches: width of a rib patch at its centre [mm]; {_ACROSS}",
+    "rib_width_edge": f"number, patches: width of a rib patch at its edges [mm]; {_ACROSS}",
+    "garter_height_centre": "number, patches: height of a garter patch at its centre [mm];"
+    f" {_ACROSS}",
+    "garter_height_edge": f"number, patches: height of a garter patch at its edges [mm]; {_ACROSS}",
+    "position": "nodes: node position [mm]",
+    "length_x": "curve: length of the fabric along the weft [mm]",
+    "length_y": "curve: length of the fabric along the warp [mm]",
+    "kinetic_energy": "motion, dynamics: kinetic energy [N mm]",
+    "potential_energy": "motion, dynamics: elastic energy [N mm]",
+    "dissipated_work": "motion, dynamics: work done against the drag [N mm]",
+    "snapshot_position": "snapshots of nodes, dynamics: node position while relaxing [mm]",
+    "snapshot_length_x": "snapshots, dynamics: length of periodic fabric along the weft [mm]",
+    "snapshot_length_y": "snapshots, dynamics: length of periodic fabric along the warp [mm]",
+}
+VARIABLES = {name: _in_table(name, text) for name, text in _TABLE.items()}
 INTEGERS = (
     *("iterations", "factorisations", "hinges_past_pi", "self_intersections"),
     *("siblings", "relaxed_branches", "periods", "unit_cells_y", "unit_cells_x"),
     *("capacitor_status", "markers_lost", "cells_lost"),
 )
 """Variables that are stored as integers."""
-MISSING = -1
-"""Their missing value."""
+MISSING = -1  # value of a missing integer
 
 
-def described(dataset: "xr.Dataset") -> "xr.Dataset":
+def described(dataset: xr.Dataset) -> xr.Dataset:
     """The dataset with the CF attributes of every variable and coordinate of the schema."""
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
@@ -418,7 +321,7 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     return dataset
 
 
-def encoding(dataset: "xr.Dataset", compressed: bool = True) -> dict[str, dict[str, object]]:
+def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
     """NetCDF encoding of a case or cube: integers stored as such, arrays compressed."""
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
     for name, its in chosen.items():

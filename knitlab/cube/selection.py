@@ -1,7 +1,4 @@
-"""Selections: values of a cube's coordinates that slice it along them.
-
-A selection is a value, or a sequence of values, by coordinate.
-"""
+"""Selections: a value or a sequence of values by coordinate, along which a cube is sliced."""
 
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
@@ -11,16 +8,11 @@ import xarray as xr
 
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
 
-MOST_CHOICES = 30
-"""Largest number of values of a coordinate that a message lists."""
+MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 
 
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Keep the selected values of coordinates; all dimensions are kept.
-
-    Raises:
-        BadInput: with every selection that does not exist.
-    """
+    """Keep the selected values of coordinates and all dimensions; BadInput if one is not there."""
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
     return cube.isel(chosen_places(coordinates, selections))
 
@@ -37,11 +29,7 @@ def as_given(selections: Mapping[str, Any]) -> list[str]:
 
 
 def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: str) -> None:
-    """Check that selections are along known coordinates.
-
-    Raises:
-        BadInput: with every selection along another one, and the problem with it.
-    """
+    """BadInput with a problem, for every selection that is not along a known coordinate."""
     names = set(known)
     others = {name: value for name, value in selections.items() if name not in names}
     if others:
@@ -56,11 +44,7 @@ def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
 def chosen_places(
     coordinates: Mapping[str, np.ndarray], selections: Mapping[str, Any]
 ) -> dict[str, list[int]]:
-    """Indices of the selected values among the values along every coordinate.
-
-    Raises:
-        BadInput: with every selection that does not exist.
-    """
+    """Indices of the selected values along coordinates; BadInput with every one not there."""
     chosen: dict[str, list[int]] = {}
     faults = ErrorCollector()
     for name, value in selections.items():

@@ -1,17 +1,18 @@
-"""Windows of applied strain: interpolation and reduction of curves."""
+"""Windows of applied strain: interpolation and reduction of curves, also as columns of tables."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 
-from knitlab.io.errors import fault
+from knitlab.cube.cube_file import design_dims
+from knitlab.io.errors import fault, unknown
 
-STRAIN = "applied_strain"
-"""Dimension of windows."""
-PARTS = 64
-"""Number of equal intervals of a window at whose ends a curve is interpolated."""
+STRAIN = "applied_strain"  # dimension of windows
+PARTS = 64  # equal intervals of a window at whose ends a curve is interpolated
 
 Curves = Float[np.ndarray, "design strain"]
 Numbers = Float[np.ndarray, " design"]
@@ -34,11 +35,7 @@ class StrainWindow:
 
     @classmethod
     def of(cls, text: str, source: str) -> "StrainWindow":
-        """The window of a text ``STRAIN`` or ``STRAIN:STRAIN``; messages name its source.
-
-        Raises:
-            BadInput: if it is not a window, or does not ascend from at least 0.
-        """
+        """The window ``STRAIN`` or ``STRAIN:STRAIN`` of a text; BadInput names its source."""
         try:
             start, *rest = (float(part) for part in text.split(":"))
             (stop,) = rest or (start,)
@@ -115,6 +112,8 @@ REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
 }
 """Reductions of a curve over a window: its mean, the slope and R² of its least-squares line, its
 range, and its extremes. NaN if any value is missing."""
+# mean(poisson_ratio, 0.05:0.25)
+_COLUMN = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*(\w+)\s*,\s*([^()]*?)\s*\)")
 
 
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
@@ -136,3 +135,43 @@ def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"])
 def root_mean_square(at: np.ndarray, curves: Curves) -> Numbers:
     """Root mean square of curves over a window."""
     return np.sqrt(_mean(at, curves**2))
+
+
+def reduced_columns(text: str) -> list[str]:
+    """The parts of a condition, or of another text, that name a reduced column."""
+    return list(dict.fromkeys(match[0] for match in _COLUMN.finditer(text)))
+
+
+def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.Dataset]:
+    """Cubes with the reduced columns in some texts as variables; BadInput if these cannot be."""
+    curves = {
+        str(name)
+        for cube in cubes
+        for name in cube.data_vars
+        if set(cube[name].dims) - set(design_dims(cube)) == {STRAIN}
+    }
+    extended = list(cubes)
+    for match in (match for text in texts for match in _COLUMN.finditer(text)):
+        column, reduction, name, window = match[0], match[1], match[2], match[3]
+        strains = StrainWindow.of(window, column)
+        if name not in curves:
+            raise fault(column, f"reduces a curve along {STRAIN}, and {unknown(name, curves)}")
+        extended = [
+            cube.assign({column: _reduced(cube, reduction, name, strains, column)})
+            if name in cube
+            else cube
+            for cube in extended
+        ]
+    return extended
+
+
+def _reduced(
+    cube: xr.Dataset, reduction: str, name: str, window: StrainWindow, label: str
+) -> xr.DataArray:
+    dims = design_dims(cube)
+    curve = cube[name].transpose(*dims, STRAIN)
+    curves = np.asarray(curve.values, float).reshape(-1, curve.sizes[STRAIN])
+    values = REDUCTIONS[reduction](*window.read(np.asarray(cube[STRAIN].values, float), curves))
+    unit = "1" if reduction == "linearity" else curve.attrs.get("units", "1")
+    described = {"units": unit, "long_name": label}
+    return xr.DataArray(values.reshape(curve.shape[:-1]), dims=dims, attrs=described)

@@ -11,7 +11,7 @@ from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
 from knitlab.io.errors import BadInput, fault, faults_of
-from knitlab.io.table_file import numbers_of, read_table
+from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -35,28 +35,16 @@ Numbers = Annotated[tuple[float, ...], Field(strict=False, min_length=1)]
 
 @dataclass(frozen=True)
 class Target:
-    """A wanted value or range of one variable.
-
-    Attributes:
-        text: as it was given.
-        name: variable of the cube.
-        low: lowest value that meets it, or minus infinity, in the variable's unit.
-        high: highest value that meets it, or infinity; the same as ``low`` for one value.
-        tolerance: unit of distance; ``None`` for the scatter among the designs.
-        window: applied strains that the target applies to, for a variable along the strain.
-        reduction: reduction of the curve over the window; ``None`` for every strain of it.
-        curve: strains and wanted values, linear in between, instead of one value; ``low`` and
-            ``high`` are then their range.
-    """
+    """A wanted value or range of one variable, in its unit."""
 
     text: str
     name: str
-    low: float
+    low: float  # equal to high for one value, or infinite; of a curve its range
     high: float
-    tolerance: float | None = None
-    window: StrainWindow | None = None
-    reduction: str | None = None
-    curve: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    tolerance: float | None = None  # unit of distance; None for the scatter among the designs
+    window: StrainWindow | None = None  # of a variable along the strain
+    reduction: str | None = None  # over the window; None for every strain of it
+    curve: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # strains and wanted values
 
     def __repr__(self) -> str:
         return f"<Target {self.text}>"
@@ -128,11 +116,7 @@ class CurveTable(StrictModel):
 
 
 def check_window(target: Target, along_strain: bool, source: str) -> None:
-    """Check that a target has a window of strain if and only if its variable needs one.
-
-    Raises:
-        BadInput: if not.
-    """
+    """BadInput unless a target has a window of strain if and only if its variable needs one."""
     if along_strain and target.window is None:
         raise fault(source, f"{target.name} varies with {STRAIN}; add @ STRAIN or @ FROM:TO")
     if not along_strain and (target.window is not None or target.reduction is not None):
@@ -142,16 +126,10 @@ def check_window(target: Target, along_strain: bool, source: str) -> None:
 def read_target(
     given: str | Mapping[str, Any] | Target, source: str = "target", folder: Path = Path()
 ) -> Target:
-    """A target from its text, or from a table of a wanted curve.
+    """A target from its text, one of the :data:`FORMS`, or from a table of a wanted curve.
 
-    Args:
-        given: the text, one of the :data:`FORMS` with ``± TOLERANCE``, ``{"name": …,
-            "applied_strain": […], "value": […], "tolerance": …}``, or a target.
-        source: name of the argument that gives it, for the message.
-        folder: folder that the path of a curve's file is relative to.
-
-    Raises:
-        BadInput: with every fault of it.
+    ``source`` names the argument in messages; ``folder`` is what the path of a curve's file is
+    relative to. BadInput has every fault.
     """
     if isinstance(given, Target):
         return given
@@ -194,14 +172,8 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
 
 def _curve_of_file(name: str, path: Path) -> Target:
     """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
-    headers, table = read_table(path, CURVE_EXAMPLE)
-    names = [header.partition("[")[0].strip() for header in headers]
-    columns = {}
-    for key, column in (("applied_strain", "strain"), ("value", name)):
-        if names.count(column) != 1:
-            raise fault(f"{path}: column {column}", f"must occur exactly once; {CURVE_EXAMPLE}")
-        numbers, faults = numbers_of(path, column, table[names.index(column)])
-        if faults:
-            raise BadInput(faults)
-        columns[key] = numbers.tolist()
-    return read_target({"name": name, **columns}, str(path))
+    columns = read_columns(
+        path, ("strain", name), CURVE_EXAMPLE, lambda header: header.partition("[")[0].strip()
+    )
+    strains, values = (columns[column].tolist() for column in ("strain", name))
+    return read_target({"name": name, "applied_strain": strains, "value": values}, str(path))

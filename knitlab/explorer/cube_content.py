@@ -16,14 +16,10 @@ from knitlab.explorer.shapes import shape_of
 from knitlab.sweep.results_folder import earlier_failures
 
 STRAIN = "applied_strain"
-EXPANDED = ("stripe_parameter",)
-"""Dimensions along which a variable becomes one for each label."""
-DIGITS = 6
-"""Significant digits of the numbers on the page."""
-NEGLIGIBLE = 1e-7
-"""Fraction of the largest value of a variable below which another is zero but for round-off."""
-BAND = ("low", "high", "error")
-"""Endings of the variables that give the band of another."""
+EXPANDED = ("stripe_parameter",)  # dimensions along which a variable becomes one for each label
+DIGITS = 6  # significant digits of the numbers on the page
+NEGLIGIBLE = 1e-7  # fraction of the largest value, below which one is zero but for round-off
+BAND = ("low", "high", "error")  # endings of the variables that give the band of another
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
 WHY_NOT = {
@@ -33,11 +29,7 @@ WHY_NOT = {
 
 
 def cube_content(cube: xr.Dataset) -> dict[str, Any]:
-    """What the page holds of a cube.
-
-    Shapes, reasons of failures, and figures come from the results folder that the cube was opened
-    from, as far as they are there.
-    """
+    """What the page holds of a cube, with what is in the results folder that it was opened from."""
     source = cube.encoding.get("source")
     folder = Path(source).parent if source else None
     places = list(map(tuple, np.argwhere(cube["status"].values != Status.excluded).tolist()))
@@ -82,7 +74,6 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
 
 
 def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | str:
-    """Contents of the file of a case, or a sentence that says why there is no shape."""
     if is_measured(cube):
         return MEASURED
     if folder is None:
@@ -92,10 +83,7 @@ def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | s
 
 
 def variables_of(cube: xr.Dataset, places: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
-    """Every variable of a cube that a map or a curve can show, with its values at some designs.
-
-    Those along unit cells or along a boundary are left out, and so are those without any value.
-    """
+    """Variables of designs, of their strains or stripe parameters, with values at some designs."""
     found = [
         content
         for name in map(str, cube.data_vars)

@@ -28,8 +28,7 @@ from knitlab.io.errors import fault
 
 SUFFIX = ".html"
 PAGE = files("knitlab.explorer").joinpath("page")
-PREFIX = "explorer/"
-"""What the names of modules begin with in their imports."""
+PREFIX = "explorer/"  # what the names of modules begin with in their imports
 STYLES = ("theme.css", "layout.css", "views.css", "tables.css", "narrow.css")
 """In the order in which they apply."""
 COLOUR_MAPS = {
@@ -42,16 +41,9 @@ SHADES = 33
 
 
 def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
-    """Write the explorer of cubes: one file that opens in a browser without a network.
-
-    Returns:
-        The file, as it was given.
-
-    Raises:
-        BadInput: if there is no cube, or the suffix is not ``.html``.
-        CannotWrite: if the file cannot be written.
-    """
-    check_suffix(output)
+    """Write the explorer of cubes, an ``.html`` file that opens in a browser without a network."""
+    if output.suffix.lower() != SUFFIX:
+        raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
     if not cubes:
         raise fault("cubes", "are missing; give one or several")
     described = [cube_content(cube) for cube in cubes]
@@ -65,16 +57,6 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
     with atomic_write(output) as temporary:
         temporary.write_text(page_of(f"knitlab explorer: {names}", content), encoding="utf-8")
     return output
-
-
-def check_suffix(output: Path) -> None:
-    """Check the format of an explorer.
-
-    Raises:
-        BadInput: if its suffix is not ``.html``.
-    """
-    if output.suffix.lower() != SUFFIX:
-        raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
 
 
 def colour_maps() -> dict[str, list[str]]:
@@ -114,10 +96,7 @@ def page_of(title: str, content: dict[str, Any]) -> str:
 
 
 def as_script_data(content: Any) -> str:
-    """JSON that can stand within ``<script>``: no text of it can end the element.
-
-    NaN is refused.
-    """
+    """JSON that can stand within ``<script>``: no text of it can end the element. No NaN."""
     text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

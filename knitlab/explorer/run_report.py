@@ -24,19 +24,14 @@ PROVENANCE = {
     "random_seeds": "random seeds",
     "references": "reference",
 }
-WIDEST = 1400
-"""Width to which figures are reduced [pixels]."""
+WIDEST = 1400  # width to which figures are reduced [pixels]
 MOST_FIGURES = 10
 
 
 def run_of(
     cube: xr.Dataset, designs: Sequence[Mapping[str, Any]], folder: Path | None
 ) -> dict[str, Any]:
-    """What ran, how long it took, what failed, and the code and settings behind it.
-
-    Designs have a ``status`` and ``seconds``, the wall time of their batch; the folder is that of
-    the results, if the cube was opened from a file.
-    """
+    """What ran, how long its batches took, what failed, and the code and settings behind it."""
     strains = cube["applied_strain"].values
     return {
         "facts": [
@@ -109,7 +104,6 @@ def _planned(folder: Path | None) -> Iterator[list[str]]:
 
 
 def _flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
-    """Names and values of a table and of the tables within it."""
     for name, value in table.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{within}{name}.")

@@ -1,6 +1,7 @@
 """Tables of numbers: CSV files of a laboratory, the units of their columns, and tension curves."""
 
 import re
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -19,12 +20,10 @@ LEAST_POINTS = 4
 
 
 def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
-    """Headers, which may contain duplicates, and the rows below them, as text.
-
-    Lines that start with # are ignored. A message shows the example of a table.
+    """Headers, which may contain duplicates, and the rows below them, as text, without # lines.
 
     Raises:
-        BadInput: if it cannot be read, or is not a table.
+        BadInput: if it cannot be read, or is not a table; the message shows the example.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -63,6 +62,38 @@ def numbers_of(
     return values, faults
 
 
+def read_columns(
+    path: Path,
+    names: Sequence[str],
+    example: str,
+    name_of: Callable[[str], str] = str.strip,
+    with_gaps: Collection[str] = (),
+) -> dict[str, Float[np.ndarray, " point"]]:
+    """The numbers of columns with some names, which follow from their headers.
+
+    Entries of those ``with_gaps`` may be empty, which is NaN. BadInput has every fault.
+    """
+    headers, rows = read_table(path, example)
+    present = list(map(name_of, headers))
+    columns, faults = {}, list[Fault]()
+    for name in names:
+        if present.count(name) != 1:
+            problem = f"is missing; the file has {', '.join(present)}; {example}"
+            problem = "occurs twice; keep one" if name in present else problem
+            faults.append(Fault(f"{path}: column {name}", problem))
+            continue
+        text = rows[present.index(name)]
+        gap = text.str.strip().str.lower().isin(["", "nan"]) & (name in with_gaps)
+        columns[name] = np.full(len(text), np.nan)
+        columns[name][~gap], wrong = numbers_of(path, name, text[~gap])
+        faults += wrong
+    if not faults and rows.empty:
+        faults = [Fault(str(path), f"has no rows; {example}")]
+    if faults:
+        raise BadInput(faults)
+    return columns
+
+
 def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
     """Factor from one unit to another, and faults of the first; ``remedy`` names accepted units."""
     try:
@@ -86,12 +117,7 @@ def _in_unit(value: float, unit: str, target: str) -> float:
 
 @dataclass(frozen=True)
 class TensionCurve:
-    """Tension of one row of the network against strain.
-
-    Attributes:
-        strain: of the period, ascending from 0 or more [1].
-        force: on one row [N].
-    """
+    """Tension of one row of the network [N] against strain, ascending from 0 or more [1]."""
 
     strain: Float[np.ndarray, " point"]
     force: Float[np.ndarray, " point"]
@@ -100,30 +126,28 @@ class TensionCurve:
 def read_tension_curve(
     path: Path, width: float | None = None, thickness: float | None = None
 ) -> TensionCurve:
-    """Read a tension curve: a column of strain, and one of force or of stress.
+    """Read a tension curve: a column of strain, and one of force or of stress, in any unit.
 
-    Force is for one row of the network. Stress is force over the width [mm] of a row [N/mm] or,
-    with the thickness [mm] of the fabric, over its cross-section [MPa]; any unit of these
-    dimensions is accepted. Other columns are ignored.
+    Force is for one row of the network. Stress is force over the width [mm] of a row or, with the
+    thickness [mm] of the fabric, over its cross-section.
 
     Raises:
         BadInput: with every fault of the file.
     """
     headers, table = read_table(path, EXAMPLE)
-    columns: dict[str, int] = {}
-    units: dict[str, str] = {}
+    columns: dict[str, tuple[pd.Series, str]] = {}
     faults = []
     for place, header in enumerate(headers):
         match = COLUMN.fullmatch(header)
-        name = (match["name"] if match else header).strip().lower()
+        name, unit = (match["name"], match["unit"].strip()) if match else (header, "")
+        name = name.strip().lower()
         if name not in ("strain", "force", "stress"):
             continue
-        unit = match["unit"].strip() if match else ""
         if not unit:
             faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if name in columns:
             faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
-        columns[name], units[name] = place, unit
+        columns[name] = table[place], unit
     loads = [name for name in ("force", "stress") if name in columns]
     if "strain" not in columns:
         faults.append(Fault(f"{path}: column strain", f"is missing; {EXAMPLE}"))
@@ -134,11 +158,12 @@ def read_tension_curve(
         raise BadInput(faults)
 
     (load,) = loads
-    strain, strain_faults = numbers_of(path, "strain", table[columns["strain"]])
-    forces, force_faults = numbers_of(path, load, table[columns[load]])
-    per_row, row_faults = _newton_per_row(path, load, units[load], width, thickness)
+    (strain_text, strain_unit), (load_text, load_unit) = columns["strain"], columns[load]
+    strain, strain_faults = numbers_of(path, "strain", strain_text)
+    forces, force_faults = numbers_of(path, load, load_text)
+    per_row, row_faults = _newton_per_row(path, load, load_unit, width, thickness)
     place_of_strain = f"{path}: column strain"
-    of_one, unit_faults = factor_of(place_of_strain, units["strain"], "1", "such as [1] or [%]")
+    of_one, unit_faults = factor_of(place_of_strain, strain_unit, "1", "such as [1] or [%]")
     faults = [*strain_faults, *force_faults, *row_faults, *unit_faults]
     if not faults and (why := _strain_problem(strain)):
         faults = [Fault(place_of_strain, why)]
@@ -154,11 +179,9 @@ def _strain_problem(strain: Float[np.ndarray, " point"]) -> str | None:
     if strain.min() < 0:
         return f"goes down to {strain.min():g}; give tension alone, from 0 up"
     if len(falls):
-        at = falls[0]
-        return (
-            f"decreases from {strain[at]:g} to {strain[at + 1]:g} at point {at + 2};"
-            " give the loading curve alone"
-        )
+        before, after = strain[falls[0] : falls[0] + 2]
+        problem = f"decreases from {before:g} to {after:g} at point {falls[0] + 2}"
+        return f"{problem}; give the loading curve alone"
     return None
 
 
@@ -167,11 +190,9 @@ def _newton_per_row(
 ) -> tuple[float, list[Fault]]:
     place = f"{path}: column {load}"
     if load == "force":
-        faults = [
-            Fault(f"{option} {value:g}", "is for stress, but the curve holds force; leave it out")
-            for option, value in (("width", width), ("thickness", thickness))
-            if value is not None
-        ]
+        problem = "is for stress, but the curve holds force; leave it out"
+        given = {"width": width, "thickness": thickness}.items()
+        faults = [Fault(f"{name} {its:g}", problem) for name, its in given if its is not None]
         factor, found = factor_of(place, unit, "N", "of force, such as [N]")
         return factor, faults + found
     if width is None:

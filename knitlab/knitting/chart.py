@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Int
 
-Face = Literal["front", "back"]
-"""A face of the fabric."""
+Face = Literal["front", "back"]  # a face of the fabric
 
 
 def electrode_name(number: int) -> str:
@@ -26,29 +25,17 @@ def stitch_in_words(front: bool, electrode: int, face: Face) -> str:
 
 @dataclass(frozen=True, eq=False)
 class StitchChart:
-    """The stitches of a fabric, course 0 knitted first and wale 0 leftmost, seen from the front.
+    """The stitches of a fabric, course 0 knitted first and wale 0 leftmost, seen from the front."""
 
-    Attributes:
-        title: the design in words.
-        front: whether a stitch is knitted on the front bed; one of the back bed shows its reverse,
-            a purl.
-        plated: number of the electrode that a stitch belongs to, 1 for A and 2 for B; 0 where none.
-        plated_face: the face of the fabric that the conductor of each electrode lies on.
-        knit: knit of every patch, lowest row first: rib, garter or plain.
-        row_borders, column_borders: courses and wales at which patches begin and end.
-        repeat: courses and wales of the pattern that repeats.
-        periodic: whether the model has no edges, so that the chart is a part of periodic fabric.
-    """
-
-    title: str
-    front: Bool[np.ndarray, "course wale"]
-    plated: Int[np.ndarray, "course wale"]
-    plated_face: tuple[Face, Face]
-    knit: np.ndarray
-    row_borders: Int[np.ndarray, " border_y"]
-    column_borders: Int[np.ndarray, " border_x"]
-    repeat: tuple[int, int]
-    periodic: bool
+    title: str  # the design in words
+    front: Bool[np.ndarray, "course wale"]  # a stitch of the back bed shows its reverse, a purl
+    plated: Int[np.ndarray, "course wale"]  # number of the electrode: 1 A, 2 B, 0 none
+    plated_face: tuple[Face, Face]  # of the fabric, that the conductor of each lies on
+    knit: np.ndarray  # of every patch, lowest row first: rib, garter or plain
+    row_borders: Int[np.ndarray, " border_y"]  # courses at which patches begin and end
+    column_borders: Int[np.ndarray, " border_x"]  # wales at which they do
+    repeat: tuple[int, int]  # courses and wales of the pattern that repeats
+    periodic: bool  # whether the model has no edges: the chart is a part of the fabric
 
     def __repr__(self) -> str:
         return f"<StitchChart {self.size}>"
@@ -105,8 +92,7 @@ class StitchChart:
     def table(self) -> str:
         """The chart as comma-separated text, the last course first, as the fabric is seen.
 
-        Each wale of a course has ``k`` for a stitch of the front bed (knit) and ``p`` for one of
-        the back bed (purl), with the letter of its electrode if it is plated.
+        ``k`` is a knit of the front bed, ``p`` a purl of the back bed, with the electrode's letter.
         """
         letters = np.where(self.front, "k", "p").astype(object)
         for number in self.electrodes:

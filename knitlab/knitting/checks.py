@@ -15,10 +15,8 @@ from knitlab.knitting.knitout import VERSION
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import OF_CARRIERS, Needle, Operation, headers, operations
 
-MOST_STITCHES_HELD = 2
-"""Stitches that a needle may hold: a loop and a tuck, or two loops that a bind-off joins."""
-MOST_CARRIERS = 2
-"""Carriers of a stitch that every back end takes."""
+MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
+MOST_CARRIERS = 2  # of a stitch, that every back end takes
 
 
 @dataclass(frozen=True)
@@ -35,34 +33,22 @@ class ProgramFault:
 
 @dataclass(frozen=True)
 class FormedStitch:
-    """A stitch of a knit graph, formed on the needle at a position of the front or back bed.
-
-    ``carriers`` are those of its loops, in the order of the operation; ``through`` are the numbers
-    of the stitches that it was pulled through, none of a tuck.
-    """
+    """A stitch of a knit graph, formed on the needle at a position of the front or back bed."""
 
     position: int
     front: bool
-    carriers: tuple[int, ...]
-    through: tuple[int, ...]
+    carriers: tuple[int, ...]  # of its loops, in the order of the operation
+    through: tuple[int, ...]  # numbers of the stitches it was pulled through, none of a tuck
 
 
-@dataclass(frozen=True)
-class Checked:
-    """Faults of a program by their lines, and the stitches that it forms, in order."""
-
-    findings: tuple[ProgramFault, ...]
-    graph: tuple[FormedStitch, ...]
-
-
-def check(text: str, machine: Machine) -> Checked:
-    """Follow a program on a machine."""
+def check(text: str, machine: Machine) -> tuple[list[ProgramFault], list[FormedStitch]]:
+    """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
     state = _State(machine)
     state.findings += _header_faults(text, machine)
     for operation in operations(text):
         state.follow(operation)
     state.finish()
-    return Checked(tuple(sorted(state.findings, key=lambda each: each.line)), tuple(state.graph))
+    return sorted(state.findings, key=lambda each: each.line), state.graph
 
 
 def _header_faults(text: str, machine: Machine) -> Iterator[ProgramFault]:
@@ -70,7 +56,7 @@ def _header_faults(text: str, machine: Machine) -> Iterator[ProgramFault]:
     if lines[0] != f";!knitout-{VERSION}":
         problem = f"a file begins with ;!knitout-{VERSION}; make that its first line"
         yield ProgramFault(1, lines[0], problem)
-    wanted = " ".join(map(str, range(1, machine.carriers.carriers + 1)))
+    wanted = " ".join(map(str, range(1, machine.carriers + 1)))
     if (given := stated.get("Carriers", "missing")) != wanted:
         problem = f"the header Carriers is {given}; back ends want all of them, {wanted}"
         yield ProgramFault(1, ";;Carriers", problem)
@@ -82,8 +68,6 @@ def _header_faults(text: str, machine: Machine) -> Iterator[ProgramFault]:
 
 @dataclass
 class _State:
-    """What the machine holds after an operation."""
-
     machine: Machine
     findings: list[ProgramFault] = field(default_factory=list)
     graph: list[FormedStitch] = field(default_factory=list)
@@ -124,7 +108,7 @@ class _State:
         self.findings.append(ProgramFault(self.now.line, str(self.now), problem))
 
     def _in_range(self, needles: tuple[Needle, ...]) -> bool:
-        last = self.machine.bed.needles
+        last = self.machine.needles
         outside = [needle for needle in needles if not 1 <= needle.number <= last]
         for needle in outside:
             self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
@@ -136,13 +120,13 @@ class _State:
         return Needle(not needle.front, needle.number + shift)
 
     def _are_carriers(self, words: tuple[str, ...]) -> bool:
-        last = self.machine.carriers.carriers
+        last = self.machine.carriers
         return all(word.isdigit() and 1 <= int(word) <= last for word in words)
 
     def _yarns(self, needle: Needle) -> tuple[int, ...]:
         """The carriers of a stitch, after their checks; none if they are not valid."""
         if not self._are_carriers(self.now.carriers):
-            last = self.machine.carriers.carriers
+            last = self.machine.carriers
             self._report(f"names a carrier that is not one of 1 to {last}; correct it")
             return ()
         carriers = tuple(map(int, self.now.carriers))
@@ -194,8 +178,8 @@ class _State:
             self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
 
     def _check_plating(self, carriers: tuple[int, ...]) -> None:
-        body = self.machine.carriers.body_carrier
-        conductors = [each for each in carriers if each in self.machine.carriers.electrode_carriers]
+        body = self.machine.body_carrier
+        conductors = [each for each in carriers if each in self.machine.electrode_carriers]
         if len(conductors) > 1:
             self._report("joins the conductors of two electrodes; knit one of them")
         elif conductors and body not in carriers:
@@ -226,10 +210,9 @@ class _State:
                     )
 
     def _carrier(self) -> int | None:
-        """The one carrier of an operation of the hook; None if it is not valid."""
         if len(self.now.carriers) == 1 and self._are_carriers(self.now.carriers):
             return int(self.now.carriers[0])
-        self._report(f"takes one carrier of 1 to {self.machine.carriers.carriers}; correct it")
+        self._report(f"takes one carrier of 1 to {self.machine.carriers}; correct it")
         return None
 
     def _check_hook_is_free(self) -> None:
@@ -263,7 +246,7 @@ class _State:
         self.hooked = self.hook_from = None
 
     def _rack(self) -> None:
-        largest = self.machine.bed.largest_racking
+        largest = self.machine.largest_racking
         try:
             self.racking = int(self.now.parameters[0])
         except ValueError:

@@ -17,62 +17,52 @@ from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import Needle
 
-VERSION = 2
-"""Version of the language that version 0.6 of its specification describes."""
-LEFTWARD, RIGHTWARD = -1, 1
-"""Directions of the carriage, as steps from needle to needle."""
+VERSION = 2  # version of the language that version 0.6 of its specification describes
+LEFTWARD, RIGHTWARD = -1, 1  # directions of the carriage, as steps from needle to needle
 
 
 def knitout(chart: StitchChart, machine: Machine) -> str:
-    """The text of a knitout file that knits a chart.
-
-    Raises:
-        BadInput: if the chart is wider than the machine.
-    """
-    if chart.wales > machine.bed.needles:
+    """The text of a knitout file that knits a chart; BadInput if it is wider than the machine."""
+    if chart.wales > machine.needles:
         repeat = chart.repeat[1]
         raise fault(
             f"chart of {chart.wales} wales",
-            f"is wider than the {machine.bed.needles} needles of {machine.bed.model}; take"
-            f" {machine.bed.needles // repeat} repeats of {repeat} wales, or another machine",
+            f"is wider than the {machine.needles} needles of {machine.model}; take"
+            f" {machine.needles // repeat} repeats of {repeat} wales, or another machine",
         )
     return "\n".join([*_header(chart, machine), *_Program(chart, machine).whole()]) + "\n"
 
 
 def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
-    carriers, yarns = machine.carriers, machine.yarns
     yield f";!knitout-{VERSION}"
-    yield f";;Machine: {machine.bed.model}"
-    yield f";;Gauge: {machine.bed.needles_per_inch}"
-    if machine.sections.waste_courses:
-        yield f";;Yarn-{carriers.waste_carrier}: {yarns.waste_yarn} yellow"
-        yield f";;Yarn-{carriers.draw_carrier}: draw-thread red"
-    yield f";;Yarn-{carriers.body_carrier}: {yarns.body_yarn} white"
+    yield f";;Machine: {machine.model}"
+    yield f";;Gauge: {machine.needles_per_inch}"
+    if machine.waste_courses:
+        yield f";;Yarn-{machine.waste_carrier}: {machine.waste_yarn} yellow"
+        yield f";;Yarn-{machine.draw_carrier}: draw-thread red"
+    yield f";;Yarn-{machine.body_carrier}: {machine.body_yarn} white"
     for electrode in chart.electrodes:
-        yield f";;Yarn-{machine.carrier_of(electrode)}: {yarns.conductive_yarn} grey"
-    yield f";;Carriers: {' '.join(map(str, range(1, carriers.carriers + 1)))}"
+        yield f";;Yarn-{machine.carrier_of(electrode)}: {machine.conductive_yarn} grey"
+    yield f";;Carriers: {' '.join(map(str, range(1, machine.carriers + 1)))}"
     yield ";;Position: Center"
     yield f";;X-Design: {' '.join(chart.title.split())}"
     yield f";;X-Chart: {chart.courses} courses {chart.wales} wales"
     for use in ("waste", "body", "plated"):
-        number, size = (
-            getattr(machine.stitches, f"{use}_stitch_{what}") for what in ("number", "size")
-        )
+        number, size = (getattr(machine, f"{use}_stitch_{what}") for what in ("number", "size"))
         yield f";;X-Stitch-Number-{number}: {use} {size}"
 
 
 class _Program:
     """The lines of a program, and the state of the machine after them.
 
-    The inserting hook parks to the right of the first stitch of its carrier, and no carrier may
-    pass it. It is released as late as that allows, so that the end of the yarn is held by as many
-    stitches as possible.
+    No carrier may pass the inserting hook, which parks to the right of the first stitch of its
+    carrier. It is released late, so that many stitches hold the end of the yarn.
     """
 
     def __init__(self, chart: StitchChart, machine: Machine) -> None:
         self.chart, self.machine = chart, machine
         self.needles = range(1, chart.wales + 1)
-        self.lines = [f"x-speed-number {machine.stitches.speed_number}"]
+        self.lines = [f"x-speed-number {machine.speed_number}"]
         self.on_front = np.ones(chart.wales, bool)
         self.direction = LEFTWARD
         self.stitch_number: int | None = None
@@ -82,32 +72,32 @@ class _Program:
 
     def whole(self) -> list[str]:
         """The lines of the whole program."""
-        sections, carriers = self.machine.sections, self.machine.carriers
+        machine = self.machine
         all_front = np.ones(self.chart.wales, bool)
-        if sections.waste_courses:
+        if machine.waste_courses:
             # 1 × 1 rib lies flat and gives the rollers something to hold.
             self.on_front = np.arange(self.chart.wales) % 2 == 0
-            self._band("waste", carriers.waste_carrier, sections.waste_courses, casts_on=True)
+            self._band("waste", machine.waste_carrier, machine.waste_courses, casts_on=True)
             self._move_to(all_front)
             # When this is drawn out, the sample parts from its waste.
-            self._band("draw thread", carriers.draw_carrier, 1)
+            self._band("draw thread", machine.draw_carrier, 1)
         self.lines.append(";cast-on")
         self._take_stitch_size("body")
-        self._bring_in(carriers.body_carrier)
-        self._tucks(carriers.body_carrier)
-        self._plain_courses(sections.setup_courses, carriers.body_carrier)
+        self._bring_in(machine.body_carrier)
+        self._tucks(machine.body_carrier)
+        self._plain_courses(machine.setup_courses, machine.body_carrier)
         self._body()
-        if sections.end == "bind_off":
+        if machine.end == "bind_off":
             self._bind_off()
             return self.lines
-        self._bring_out(carriers.body_carrier)
-        if sections.waste_courses:
-            self._band("waste", carriers.waste_carrier, sections.waste_courses)
+        self._bring_out(machine.body_carrier)
+        if machine.waste_courses:
+            self._band("waste", machine.waste_carrier, machine.waste_courses)
         held = map(Needle, self.on_front, self.needles)
         return [*self.lines, ";drop", *(f"drop {needle}" for needle in held)]
 
     def _take_stitch_size(self, use: str) -> None:
-        number = getattr(self.machine.stitches, f"{use}_stitch_number")
+        number = getattr(self.machine, f"{use}_stitch_number")
         if number != self.stitch_number:
             self.lines.append(f"x-stitch-number {number}")
             self.stitch_number = number
@@ -130,7 +120,6 @@ class _Program:
         self.active.remove(carrier)
 
     def _form(self, opcode: str, direction: int, number: int, carriers: Sequence[int]) -> None:
-        """Knit or tuck on the needle that holds a wale."""
         if self.hook_from is not None and number >= self.hook_from:
             self._release_hook()
         elif self.hooked in carriers and self.hook_from is None:
@@ -148,7 +137,6 @@ class _Program:
         self._release_hook()
 
     def _plain_courses(self, count: int, carrier: int) -> None:
-        """Courses over all wales, on the needles that hold them."""
         for _ in range(count):
             for number in self.needles[:: self.direction]:
                 self._form("knit", self.direction, number, [carrier])
@@ -213,21 +201,18 @@ class _Program:
                 self._form("tuck", LEFTWARD, number, [carrier])
 
     def _carriers(self, electrode: int, front: bool) -> list[int]:
-        """Carriers of a stitch.
-
-        The face of a front loop is on the front of the fabric, and that of a back loop on its back.
-        """
-        body = self.machine.carriers.body_carrier
+        """Carriers of a stitch; the face of a front loop is on the front of the fabric."""
+        body = self.machine.body_carrier
         if not electrode:
             return [body]
         conductor = self.machine.carrier_of(electrode)
         on_face = (self.chart.plated_face[electrode - 1] == "front") == front
         pair = [conductor, body] if on_face else [body, conductor]
-        return pair if self.machine.carriers.plating == "face_first" else pair[::-1]
+        return pair if self.machine.plating == "face_first" else pair[::-1]
 
     def _bind_off(self) -> None:
         """A chain: every loop is moved onto its neighbour, and knitted with it."""
-        carrier = self.machine.carriers.body_carrier
+        carrier = self.machine.body_carrier
         self.lines.append(";bind-off")
         self._take_stitch_size("body")
         self._move_to(np.ones(self.chart.wales, bool))
@@ -242,7 +227,7 @@ class _Program:
                 "rack 0",
             ]
             self._form("knit", self.direction, following, [carrier])
-        for _ in range(self.machine.sections.bind_off_tail):
+        for _ in range(self.machine.bind_off_tail):
             self.direction = -self.direction
             self._form("knit", self.direction, order[-1], [carrier])
         self._bring_out(carrier)

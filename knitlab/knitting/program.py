@@ -34,15 +34,12 @@ class Needle(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """An operation on a line of a program, from 1: its first word, and the words after that.
+    """An operation on a line of a program: its first word, the rest, and what these name."""
 
-    ``direction`` of the carriage, ``needles`` and ``carriers`` are those that it names, if any.
-    """
-
-    line: int
+    line: int  # from 1
     opcode: str
     parameters: tuple[str, ...]
-    direction: str | None = None
+    direction: str | None = None  # of the carriage
     needles: tuple[Needle, ...] = ()
     carriers: tuple[str, ...] = ()
 
@@ -85,10 +82,7 @@ def headers(text: str) -> dict[str, str]:
 
 
 class CarriagePass(NamedTuple):
-    """One movement of the carriage, which works from its first to its last needle.
-
-    Its ``direction`` is + rightwards; none where it may go either way.
-    """
+    """One movement of the carriage between two needles; direction + is rightwards, None either."""
 
     kind: str
     direction: str | None
@@ -132,7 +126,6 @@ def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
 
 
 def _goes_on(before: Operation, following: Operation) -> bool:
-    """Whether an operation goes on in the pass of the one before it."""
     if KINDS[before.opcode] != KINDS[following.opcode]:
         return False
     step = following.needles[0].number - before.needles[0].number
@@ -146,7 +139,7 @@ def _goes_on(before: Operation, following: Operation) -> bool:
 def duration(program: Iterable[Operation], machine: Machine) -> Duration:
     """Passes of a program, and its time by the speeds of the machine."""
     listed = list(program)
-    passes, time = carriage_passes(listed), machine.time
+    passes = carriage_passes(listed)
     kinds = Counter(each.kind for each in passes)
     opcodes = Counter(operation.opcode for operation in listed)
     needles: Counter[str] = Counter()
@@ -159,11 +152,11 @@ def duration(program: Iterable[Operation], machine: Machine) -> Duration:
     ]
     metres = machine.pitch / 1000
     seconds = (
-        metres * (sum(returns) + needles["knit"] + needles["drop"]) / time.knitting_speed
-        + metres * needles["transfer"] / time.transfer_speed
-        + time.turn_time * (len(passes) + len(returns))
-        + time.racking_time * opcodes["rack"]
-        + time.carrier_time * sum(opcodes[opcode] for opcode in CARRIER_CHANGES)
+        metres * (sum(returns) + needles["knit"] + needles["drop"]) / machine.knitting_speed
+        + metres * needles["transfer"] / machine.transfer_speed
+        + machine.turn_time * (len(passes) + len(returns))
+        + machine.racking_time * opcodes["rack"]
+        + machine.carrier_time * sum(opcodes[opcode] for opcode in CARRIER_CHANGES)
     )
     kinds["empty"] = len(returns)
     return Duration({kind: kinds[kind] for kind in ("knit", "transfer", "empty", "drop")}, seconds)

@@ -1,8 +1,7 @@
 """The round trip: a program must knit the chart that it was written from.
 
-It is followed by knitlab's own check, and run by ``knitout-interpreter``, an optional extra, whose
-knit graph is read back. The grammar of the interpreter refuses extensions (``x-…``), the headers of
-yarns, and machines but one, so that it is given a copy without these.
+It is followed by knitlab's own check, and run by ``knitout-interpreter``, an optional extra, in a
+copy without what its grammar refuses: extensions, headers of yarns, and machines but one.
 """
 
 import warnings
@@ -19,10 +18,8 @@ from knitlab.knitting.checks import FormedStitch, check
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import headers, operations
 
-MOST_OPERATIONS = 20_000
-"""Operations up to which the interpreter runs by default; it takes about 1 ms for each."""
-KNOWN_MACHINE = "SWG091N2"
-"""The only machine of the interpreter."""
+MOST_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
+KNOWN_MACHINE = "SWG091N2"  # the only machine of the interpreter
 KNOWN_HEADERS = ("Gauge", "Carriers", "Position")
 
 
@@ -50,10 +47,9 @@ def round_trip(
     The interpreter runs it too if ``interpret``; by default if it is installed and the program is
     short enough for that to take less than a minute.
     """
-    checked = check(program, machine)
-    faults = [str(finding) for finding in checked.findings]
-    count = f"{len(checked.graph)} stitches with waste, cast-on and end"
-    faults += _differences(checked.graph, chart, machine)
+    findings, graph = check(program, machine)
+    faults = [*map(str, findings), *_differences(graph, chart, machine)]
+    count = f"{len(graph)} stitches with waste, cast-on and end"
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
     if interpret is False or not is_installed():
@@ -84,20 +80,17 @@ def stitches_of(
     """Read the knit graph of a program as the stitches of a chart, in words, (course, wale).
 
     Every wale must be one chain of stitches of the body's yarn, each pulled through the one before
-    at the same position, and every course must be finished before the next begins.
-
-    Raises:
-        NotAChart: if a wale is not whole, or a stitch is plated with more than one conductor.
+    at the same position, and every course must be finished before the next begins; else NotAChart.
     """
     courses, wales = size
     chains: dict[int, list[int]] = defaultdict(list)
     for number, stitch in enumerate(graph):
-        if machine.carriers.body_carrier in stitch.carriers and stitch.through:
+        if machine.body_carrier in stitch.carriers and stitch.through:
             chains[stitch.position].append(number)
     if sorted(chains) != list(range(1, wales + 1)):
         knitted = f"from {min(chains)} to {max(chains)}" if chains else "nowhere"
         raise NotAChart(f"the body is knitted on needles {knitted}, not from 1 to {wales}")
-    first = machine.sections.setup_courses
+    first = machine.setup_courses
     _check_counts({wale: len(chain) - first for wale, chain in chains.items()}, courses, machine)
     for position, chain in chains.items():
         for course in range(1, courses):
@@ -113,8 +106,8 @@ def stitches_of(
 
 def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> None:
     """Check the stitches of wales; a bind-off knits one more in each, and its tail in the last."""
-    bound_off = machine.sections.end == "bind_off"
-    tail = machine.sections.bind_off_tail if bound_off else 0
+    bound_off = machine.end == "bind_off"
+    tail = machine.bind_off_tail if bound_off else 0
     more = {wale: count - courses - bound_off for wale, count in counts.items()}
     wrong = [wale for wale, its in more.items() if its not in (0, tail)]
     if not wrong and sum(more.values()) != tail:
@@ -125,18 +118,18 @@ def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> Non
 
 
 def _in_words(stitch: FormedStitch, machine: Machine) -> str:
-    conductors = [each for each in stitch.carriers if each != machine.carriers.body_carrier]
+    conductors = [each for each in stitch.carriers if each != machine.body_carrier]
     if not conductors:
         return stitch_in_words(stitch.front, 0, "front")
     carrier, *others = conductors
-    if others or carrier not in machine.carriers.electrode_carriers:
+    if others or carrier not in machine.electrode_carriers:
         raise NotAChart(
             f"needle {stitch.position} knits carriers {' and '.join(map(str, stitch.carriers))},"
             " which are not a yarn of the body and one conductor"
         )
-    electrode = machine.carriers.electrode_carriers.index(carrier) + 1
+    electrode = machine.electrode_carriers.index(carrier) + 1
     named_first = stitch.carriers[0] == carrier
-    on_loop_face = named_first == (machine.carriers.plating == "face_first")
+    on_loop_face = named_first == (machine.plating == "face_first")
     face: Face = "front" if on_loop_face == stitch.front else "back"
     return stitch_in_words(stitch.front, electrode, face)
 
@@ -163,12 +156,7 @@ def stripped(text: str) -> str:
 
 
 def interpreted(text: str) -> list[FormedStitch]:
-    """The stitches of the knit graph that the interpreter builds of a program, in order.
-
-    Raises:
-        Refused: if the interpreter refuses the program, or warns of a stitch on an empty needle, or
-            if loops are left on the needles.
-    """
+    """The stitches that the interpreter forms by a program; Refused also if loops are left over."""
     from knitout_interpreter.knitout_execution import Knitout_Executer
     from knitout_interpreter.knitout_language.Knitout_Parser import parse_knitout
     from virtual_knitting_machine.knitting_machine_warnings.Needle_Warnings import (

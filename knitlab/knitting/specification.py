@@ -16,20 +16,15 @@ from knitlab.measure.knit_size import Gauge
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a cube, named ``source``, says of a design.
+    """What a cube says of a design."""
 
-    ``sample`` is what it simulated, periodic fabric or a sample of some size between clamps;
-    ``contraction`` is the relaxed over the flat length of its unit cells along (x, y); ``low`` and
-    ``high`` are the range of Poisson's ratio over the siblings of the design, NaN if it has none.
-    """
-
-    source: str
-    sample: str
+    source: str  # name of the cube
+    sample: str  # periodic fabric, or a clamped sample of some size
     passes_through_itself: bool
-    contraction: tuple[float, float]
+    contraction: tuple[float, float]  # relaxed over flat length of unit cells along (x, y)
     applied_strain: Float[np.ndarray, " strain"]
     poisson_ratio: Float[np.ndarray, " strain"]
-    low: Float[np.ndarray, " strain"]
+    low: Float[np.ndarray, " strain"]  # over the siblings of the design, NaN if it has none
     high: Float[np.ndarray, " strain"]
 
     def __repr__(self) -> str:
@@ -82,14 +77,14 @@ class Specification:
     @property
     def carriers(self) -> list[tuple[int, str, str]]:
         """The carriers in use: number, yarn and what it knits."""
-        carriers, yarns = self.machine.carriers, self.machine.yarns
-        used = [(carriers.body_carrier, yarns.body_yarn, "body")]
+        machine = self.machine
+        used = [(machine.body_carrier, machine.body_yarn, "body")]
         for number in self.chart.electrodes:
             use = f"electrode {electrode_name(number)}, on the {self.chart.plated_face[number - 1]}"
-            used.append((self.machine.carrier_of(number), yarns.conductive_yarn, use))
-        if self.machine.sections.waste_courses:
-            used.append((carriers.waste_carrier, yarns.waste_yarn, "waste"))
-            used.append((carriers.draw_carrier, "draw-thread", "draw thread"))
+            used.append((machine.carrier_of(number), machine.conductive_yarn, use))
+        if machine.waste_courses:
+            used.append((machine.waste_carrier, machine.waste_yarn, "waste"))
+            used.append((machine.draw_carrier, "draw-thread", "draw thread"))
         return sorted(used)
 
     @property
@@ -98,7 +93,7 @@ class Specification:
         remarks = [
             f"the yarn of carrier {carrier} floats past {passed} needles"
             for carrier, passed in longest_floats(self.operations).items()
-            if passed > self.machine.carriers.longest_float
+            if passed > self.machine.longest_float
         ]
         if self.prediction is not None and self.prediction.passes_through_itself:
             remarks.append("the relaxed shape passes through itself: its size is uncertain")
@@ -106,7 +101,7 @@ class Specification:
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""
-        chart, bed, stitches = self.chart, self.machine.bed, self.machine.stitches
+        chart, machine = self.chart, self.machine
         time, plated = self.duration, int((chart.plated > 0).sum())
         along_y, along_x = chart.repeats
         yield "design", " ".join(chart.title.split())
@@ -115,7 +110,8 @@ class Specification:
         else:
             size = "{} courses and {} wales".format(*chart.repeat)
             yield "repeats", f"{along_y} × {along_x} (warp × weft) of {size}"
-        yield "machine", f"{bed.model}, {bed.needles} needles, {bed.needles_per_inch} an inch"
+        gauge = f"{machine.needles} needles, {machine.needles_per_inch} an inch"
+        yield "machine", f"{machine.model}, {gauge}"
         yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
         yield "courses", str(chart.courses)
         yield "stitches", f"{chart.front.size}, {int((~chart.front).sum())} on the back bed"
@@ -124,11 +120,11 @@ class Specification:
         yield "transfers", f"{chart.transfers} between courses"
         for number, yarn, use in self.carriers:
             yield f"carrier {number}", f"{use}: {yarn}"
-        sizes = f"body {stitches.body_stitch_size}"
+        sizes = f"body {machine.body_stitch_size}"
         if plated:
-            sizes += f", plated {stitches.plated_stitch_size}"
+            sizes += f", plated {machine.plated_stitch_size}"
         yield "stitch size", f"{sizes} (machine units)"
-        yield "end", self.machine.sections.end.replace("_", "-")
+        yield "end", machine.end.replace("_", "-")
         passes = time.total
         kinds = ", ".join(f"{count} {kind}" for kind, count in time.passes.items())
         yield "passes", f"{passes}: {kinds}"

@@ -28,8 +28,7 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.knitting.chart import Face, StitchChart
 from knitlab.simulation.case import Case
 
-ASPECT = 2.0
-"""Length over width of a sample on a number of needles (paper, "Kinematics": 200 by 400 mm)."""
+ASPECT = 2.0  # length over width of a sample on needles (paper, "Kinematics": 200 by 400 mm)
 
 
 def stitch_chart(
@@ -93,7 +92,6 @@ def is_turned(case: Case) -> bool:
 
 
 def _turned(chart: StitchChart) -> StitchChart:
-    """A chart of pure rib with its ridges along the wales."""
     return replace(
         chart,
         front=chart.front.T,
@@ -106,29 +104,22 @@ def _turned(chart: StitchChart) -> StitchChart:
 
 
 def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
-    """Repeats along the courses and the wales that fill some needles."""
     courses, wales = repeat
     along_x = needles // wales
     if not along_x:
-        raise fault(
-            f"needles {needles}", f"one repeat takes {wales} of them; give at least {wales}"
-        )
+        problem = f"one repeat takes {wales} of them; give at least {wales}"
+        raise fault(f"needles {needles}", problem)
     length = ASPECT * along_x * wales * GARTER_STITCHES_PER_RIB_STITCH
     return max(1, round(length / courses)), along_x
 
 
 class _PatchLines(NamedTuple):
-    """The rows of patches of a fabric in courses, or its columns in wales.
-
-    ``borders`` are the courses or wales at which they begin and end, ``patch`` is the row or column
-    that each course or wale lies in, ``first`` is whether it lies in the first, third, … stripe of
-    that, and ``grid_lines`` are courses or wales before each grid line of the model.
-    """
+    """The rows of patches of a fabric in courses, or its columns in wales."""
 
     borders: Int[np.ndarray, " border"]
-    patch: Int[np.ndarray, " stitch"]
-    first: Bool[np.ndarray, " stitch"]
-    grid_lines: Float[np.ndarray, " line"]
+    patch: Int[np.ndarray, " stitch"]  # row or column that a course or wale lies in
+    first: Bool[np.ndarray, " stitch"]  # whether in the first, third, … stripe of that
+    grid_lines: Float[np.ndarray, " line"]  # courses or wales before each grid line of the model
 
     @property
     def size(self) -> int:
@@ -161,8 +152,8 @@ def _lines_of(
 def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
     """The rows and the columns of patches of a case.
 
-    A pure stripe, which the model gives as many grid cells along its ridges as across them, takes
-    a stripe's length of stitches for the same number of cells, by the stitch's shape of 1:2.
+    A pure stripe, with as many grid cells along its ridges as across them, takes a stripe's length
+    of stitches for the same number of cells, by the stitch's shape of 1:2.
     """
     sample, grading = case.sample, case.grading
     warp = (case.warp,) if grading is None else grading.warp
@@ -192,10 +183,10 @@ def _front_stitches(
 def _plated_stitches(
     case: Case, lines: tuple[_PatchLines, _PatchLines]
 ) -> Int[np.ndarray, "course wale"]:
-    """Numbers of the electrodes that stitches are plated for, 0 where they are not.
+    """Electrodes that stitches are plated for, 0 where none.
 
-    Edges of electrodes are rounded to whole stitches; one narrower than a stitch takes one. On
-    periodic fabric, one that crosses the seam goes on at the other edge.
+    Edges are rounded to whole stitches, at least one; over the seam of periodic fabric an electrode
+    goes on at the other edge.
     """
     rows, columns = lines
     plated = np.zeros((rows.size, columns.size), int)
@@ -222,7 +213,6 @@ def _plated_stitches(
 
 
 def _plated_faces(case: Case, face: Face | None) -> tuple[Face, Face]:
-    """The faces of the fabric that the conductors of electrodes A and B lie on."""
     layout = ElectrodeLayout() if case.capacitor is None else case.capacitor.layout
     if face is not None:
         return face, face

@@ -33,17 +33,30 @@ UNITS = {
 """Units that knitlab uses, and for each the units that may be given instead."""
 
 
-class MeasuredQuantity(StrictModel):
+class _InUnit(StrictModel):
+    unit: str = Field(min_length=1)
+
+    def factor(self, target: str) -> float:
+        """Factor that converts its unit to one of :data:`UNITS`; ValueError if there is none."""
+        factor, faults = factor_of("", self.unit, target, UNITS[target])
+        if faults:
+            raise ValueError(faults[0].problem)
+        return factor
+
+
+class MeasuredQuantity(_InUnit):
     """A number and its unit."""
 
-    unit: str = Field(min_length=1)
     value: float
 
+    def to(self, target: str) -> float:
+        """The number in one of :data:`UNITS`."""
+        return self.value * self.factor(target)
 
-class Column(StrictModel):
+
+class Column(_InUnit):
     """A column of a table by its header, and its unit."""
 
-    unit: str = Field(min_length=1)
     column: str = Field(min_length=1)
 
 
@@ -53,22 +66,9 @@ class PlainColumn(StrictModel):
     column: str = Field(min_length=1)
 
 
-def conversion(unit: str, target: str) -> float:
-    """Factor that converts numbers in a unit to one of :data:`UNITS`."""
-    factor, faults = factor_of("", unit, target, UNITS[target])
-    if faults:
-        raise ValueError(faults[0].problem)
-    return factor
-
-
-def number(quantity: MeasuredQuantity, target: str) -> float:
-    """A quantity as a number in one of :data:`UNITS`."""
-    return quantity.value * conversion(quantity.unit, target)
-
-
 def _in(target: str, *, positive: bool = False) -> AfterValidator:
     def checked(stated: Any) -> Any:
-        conversion(stated.unit, target)
+        stated.factor(target)
         if positive and not stated.value > 0:
             raise ValueError(f"is {stated.value:g}; give one above 0")
         return stated
@@ -78,8 +78,7 @@ def _in(target: str, *, positive: bool = False) -> AfterValidator:
 
 Length = Annotated[MeasuredQuantity, _in("mm", positive=True)]
 Time = Annotated[MeasuredQuantity, _in("s")]
-TwoCounts = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
-"""Counts along (y, x)."""
+TwoCounts = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]  # counts along (y, x)
 
 
 class SampleTable(StrictModel):

@@ -16,7 +16,7 @@ from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint, file_digest, text_fingerprint
 from knitlab.io.provenance import provenance
-from knitlab.laboratory.description import Description, RecordKind, number, read_description
+from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import Values, read_capacitance, read_tensile
 from knitlab.laboratory.markers import read_markers
 
@@ -39,11 +39,8 @@ class Imported:
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import the records of one kind that a description names into the experiment's cube.
 
-    The cube is written to a folder with the name of the description, within ``results``. Records of
-    other kinds that it already holds are kept, if they are of the same sample at the same strains.
-
-    Raises:
-        BadInput: with every fault that was found; nothing is written then.
+    The cube is in a folder with the name of the description; its records of other kinds are kept.
+    BadInput has every fault that was found; nothing is written then.
     """
     description = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, description)
@@ -58,18 +55,14 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     if cube_file.exists():
         old = open_cube(cube_file)
         if not is_measured(old):
-            raise fault(
-                str(cube_file),
-                "holds simulations; give the description another name, or another folder",
-            )
+            problem = "holds simulations; give the description another name, or another folder"
+            raise fault(str(cube_file), problem)
         imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
         kept = [name for other in imports if other != kind for name in imports[other]["variables"]]
         if kept and not _is_same_sample(old, cube):
-            raise fault(
-                str(cube_file),
-                "has another sample, length, width, source, cycles or strains than the description;"
-                " remove it, and import all records again",
-            )
+            problem = "has another sample, length, width, source, cycles or strains than the"
+            problem += " description; remove it, and import all records again"
+            raise fault(str(cube_file), problem)
         cube = cube.assign({name: old[name] for name in kept})
     cube.attrs[IMPORTS] = json.dumps(imports)
     write_cube(cube, cube_file)
@@ -77,7 +70,6 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
 
 
 def _files(description: Description, kind: RecordKind) -> list[str]:
-    """Files that an import of one kind reads."""
     table, tensile = getattr(description, kind), description.tensile
     files = [table.file, getattr(table, "places", None)]
     if tensile is not None and getattr(table, "strain_per_frame", None) is None:
@@ -111,8 +103,8 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
     cube = cube.assign_coords(indices | {"applied_strain": strains, SOURCE: source})
     parameters = {
         "unit_cells": list(sample.unit_cells),
-        "length": number(sample.length, "mm"),
-        "width": number(sample.width, "mm"),
+        "length": sample.length.to("mm"),
+        "width": sample.width.to("mm"),
         "options": {"boundary": "clamped"},
     }
     attributes: dict[str, Any] = {
@@ -126,7 +118,6 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
 
 
 def _is_same_sample(old: xr.Dataset, new: xr.Dataset) -> bool:
-    """Whether two cubes of an experiment have the same sample and strains."""
     coordinates = (*design_dims(new), "applied_strain", SOURCE)
     return (
         set(coordinates) <= set(old.coords)

@@ -1,9 +1,7 @@
 """Fit to a whole fabric: stripe parameters with which a simulated test matches a measured one.
 
-The paper fits every stripe to the tension curve of its own pure fabric, and names the fit to whole
-fabrics as the next step. Here the tables are the prior: least squares with a Gaussian prior lets a
-parameter depart from its table value only if the match improves. Derivatives are exact, by one
-adjoint solve for each quantity and strain.
+The tables are a Gaussian prior of least squares, so that a parameter departs from its table value
+only if the match improves. Derivatives are exact, by an adjoint solve for each quantity and strain.
 
 A fabric has many equilibria. Every test of a search starts from the states of the previous one, so
 that it stays on one branch and its curves change smoothly. The result is then tested from the flat
@@ -24,7 +22,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
 from knitlab.cube.schema import VARIABLES
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.laboratory.simulated_test import (
     QUANTITIES,
     SimulatedTest,
@@ -38,66 +36,39 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """Fitted parameters: all but the periods, which can be measured directly."""
-LARGEST_FACTOR = 3.0
-"""Largest ratio between a fitted and a tabulated parameter, or its inverse."""
-LARGEST_REST_ANGLE = 3.0
-"""Upper bound of a rest angle, below π, which is flat [rad]."""
-MOST_TESTS = 25
-"""Largest number of tests in a search on one branch."""
-MOST_SEARCHES = 4
-"""Largest number of branches searched from one start."""
-GOOD_MATCH = 1.0
-"""χ² per measured value up to which no other start is tried."""
-SAME_STATES = 0.5
-"""Difference of two tests, in standard errors, up to which they have the same states."""
-TOLERANCE = 1e-3
-"""Relative change of χ², and of a factor, that ends a search."""
-POOR_FIT = 4.0
-"""χ² per degree of freedom above which the fit is reported as poor."""
+LARGEST_FACTOR = 3.0  # largest ratio of a fitted and a tabulated parameter, or its inverse
+LARGEST_REST_ANGLE = 3.0  # upper bound of a rest angle, below π, which is flat [rad]
+MOST_TESTS = 25  # in a search on one branch
+MOST_SEARCHES = 4  # branches searched from one start
+GOOD_MATCH = 1.0  # χ² per measured value up to which no other start is tried
+SAME_STATES = 0.5  # difference, in standard errors, up to which two tests have the same states
+TOLERANCE = 1e-3  # relative change of χ², and of a factor, that ends a search
+POOR_FIT = 4.0  # χ² per degree of freedom above which the fit is reported as poor
 AT_BOUND = 1e-3
-INSIDE = 0.9
-"""Fraction of the distance to a bound within which starts are placed."""
-ALIKE = 0.9
-"""Correlation above which two parameters are reported as hard to separate."""
+INSIDE = 0.9  # fraction of the distance to a bound within which starts are placed
+ALIKE = 0.9  # correlation above which parameters are reported as hard to separate
 
 Factors = dict[str, float]
-Logarithms = Float[np.ndarray, " name"]
-"""Logarithms of the factors on the parameters."""
+Logarithms = Float[np.ndarray, " name"]  # logarithms of the factors on the parameters
 Step = Callable[[int, float], None]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit to a whole fabric.
+    """A fit to a whole fabric."""
 
-    Attributes:
-        before: the case with the tabulated stripes.
-        after: the case with the fitted stripes.
-        factors: fitted over tabulated value, by parameter.
-        standard_errors: standard errors of the logarithms of the factors, including the prior.
-        learned: fraction of the prior variance that the test has removed, by parameter.
-        correlations: correlations between the fitted parameters.
-        target: the measured test.
-        curves: curves of the tests with the tabulated and with the fitted stripes, each simulated
-            from the flat sheet, as in a sweep.
-        chi_squared: χ² before and after the fit.
-        tests: number of simulated tests.
-        converged: whether the search met its tolerances.
-        warnings: reasons to doubt the fit.
-    """
-
-    before: Case
-    after: Case
-    factors: Factors
-    standard_errors: Factors
-    learned: Factors
-    correlations: Float[np.ndarray, "name name"]
+    before: Case  # with the tabulated stripes
+    after: Case  # with the fitted stripes
+    factors: Factors  # fitted over tabulated value, by parameter
+    standard_errors: Factors  # of the logarithms of the factors, including the prior
+    learned: Factors  # fraction of the prior variance that the test has removed
+    correlations: Float[np.ndarray, "name name"]  # between the fitted parameters
     target: MeasuredTest
-    curves: tuple[Curves, Curves]
-    chi_squared: tuple[float, float]
-    tests: int
-    converged: bool
-    warnings: tuple[str, ...]
+    curves: tuple[Curves, Curves]  # of tests from the flat sheet, before and after the fit
+    chi_squared: tuple[float, float]  # before and after the fit
+    tests: int  # number of simulated tests
+    converged: bool  # whether the search met its tolerances
+    warnings: tuple[str, ...]  # reasons to doubt the fit
 
     def __repr__(self) -> str:
         factors = ", ".join(f"{name} {factor:.4g}" for name, factor in self.factors.items())
@@ -119,10 +90,7 @@ def fit_stripes(
 
     The prior has the relative standard deviation ``looseness``. At most ``starts`` are tried until
     the test is matched; the first is the tables. ``step`` is called after every test with the
-    number of tests and χ² of the last.
-
-    Raises:
-        NoFit: if the test with the tabulated stripes does not converge.
+    number of tests and χ² of the last. NoFit if the test with the tables does not converge.
     """
     search = _Search(case, target, looseness, step)
     tables = np.zeros(len(FITTED))
@@ -143,17 +111,11 @@ def fit_stripes(
 
 
 class _Optimum(NamedTuple):
-    """Result of the last search from one start, and the test there.
-
-    ``confirmed`` is that test repeated from the flat sheet, None if it does not converge;
-    ``chi_squared`` is of that, or infinite, and ``cost`` includes the prior.
-    """
-
     result: OptimizeResult
     fitted: SimulatedTest
-    confirmed: SimulatedTest | None
-    chi_squared: float
-    cost: float
+    confirmed: SimulatedTest | None  # the same from the flat sheet, if it converges
+    chi_squared: float  # of the confirmed test, or infinite
+    cost: float  # χ² and the prior
 
 
 def _by_name(values: Float[np.ndarray, " name"]) -> Factors:
@@ -196,8 +158,7 @@ class _Search:
     def converged(self, logarithms: Logarithms) -> SimulatedTest:
         """The test at a point where a test has already converged."""
         test = self.test(logarithms)
-        if test is None:
-            raise TypeError("the search reached a point where no test converged")
+        assert test is not None
         return test
 
     def from_start(self, point: Logarithms) -> _Optimum:
@@ -208,7 +169,6 @@ class _Search:
                 point,
                 jac=self.jacobian,
                 bounds=self.bounds,
-                method="trf",
                 x_scale=self.looseness,
                 ftol=TOLERANCE,
                 xtol=TOLERANCE,
@@ -329,10 +289,7 @@ def report(fit: Fit) -> list[str]:
 
 
 def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
-    """Write both fitted stripes in the form of ``params/stripes.toml``, for ``stripe_files``.
-
-    The cube of the experiment is named as their source.
-    """
+    """Write both fitted stripes, with the experiment's cube, as a file for ``stripe_files``."""
     stripes = []
     for side in ("weft", "warp"):
         errors = ", ".join(

@@ -7,17 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.table_file import numbers_of, read_table
-from knitlab.laboratory.description import (
-    CapacitanceTable,
-    Column,
-    Description,
-    PlainColumn,
-    TensileTable,
-    conversion,
-    number,
-)
+from knitlab.io.errors import fault
+from knitlab.io.table_file import read_columns
+from knitlab.laboratory.description import CapacitanceTable, Description, TensileTable
 from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
 from knitlab.measure.records import Cycle, cycles, resampled
 from knitlab.sweep.parameters import defaults
@@ -28,25 +20,19 @@ COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF
 """Units of the columns of a log."""
 
 Record = Float[np.ndarray, " record"]
-Values = dict[str, Any]
-"""Values by variable name."""
-Imports = tuple[list[Values], list[str]]
-"""Values of every cycle, and a summary in lines of text."""
+Values = dict[str, Any]  # values by variable name
+Imports = tuple[list[Values], list[str]]  # values of every cycle, and a summary in lines of text
 
 
 @dataclass(frozen=True)
 class Pulls:
-    """A tensile test: its log by the machine's clock, with extension [mm] and force [N].
-
-    ``length`` is the relaxed length between the clamps [mm]; ``triggered`` the time at which the
-    trigger rose, if there is one.
-    """
+    """A tensile test by the machine's clock [s]."""
 
     time: Record
-    extension: Record
-    force: Record
-    triggered: float | None
-    length: float
+    extension: Record  # [mm]
+    force: Record  # [N]
+    triggered: float | None  # time at which the trigger rose, if there is one
+    length: float  # relaxed, between the clamps [mm]
     cycles: list[Cycle]
 
     def strain(self, time: Record) -> Record:
@@ -73,7 +59,7 @@ def read_tensile(folder: Path, description: Description) -> Imports:
         return {
             "reaction_force": force,
             "reaction_force_error": error,
-            "force_per_width": force / number(description.sample.width, "mm"),
+            "force_per_width": force / description.sample.width.to("mm"),
         }
 
     return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary]
@@ -82,9 +68,8 @@ def read_tensile(folder: Path, description: Description) -> Imports:
 def read_pulls(folder: Path, description: Description) -> Pulls:
     """Read a tensile test and check that its first cycle spans the applied strains."""
     table, protocol = description.tensile, description.protocol
-    if table is None:
-        raise TypeError("the description has no tensile test")
-    path, length = folder / table.file, number(description.sample.length, "mm")
+    assert table is not None  # as read_description checks
+    path, length = folder / table.file, description.sample.length.to("mm")
     log, triggered = _read_log(path, table)
     pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
     place = f"{path}: column {table.extension.column}"
@@ -113,32 +98,27 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
             f" {requested[-1]:g}; reduce strain_max, or give skip_cycles",
         )
     if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
-        raise fault(
-            f"{path}: column {table.force.column}",
-            "falls as the sample is pulled; give tension as positive",
-        )
+        problem = "falls as the sample is pulled; give tension as positive"
+        raise fault(f"{path}: column {table.force.column}", problem)
     return Pulls(**log, triggered=triggered, length=length, cycles=pulls)
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
     """Capacitance and its measures as a strain sensor, in every cycle."""
     table, pulls = description.capacitance, read_pulls(folder, description)
-    if table is None:
-        raise TypeError("the description has no capacitance")
+    assert table is not None  # as read_description checks
     path = folder / table.file
     log, triggered = _read_log(path, table)
     lowest = log["capacitance"].min()
     if not lowest > 0:
-        raise fault(
-            f"{path}: column {table.capacitance.column}",
-            f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero",
-        )
+        problem = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
+        raise fault(f"{path}: column {table.capacitance.column}", problem)
     if table.starts is not None:
-        time = log["time"] + number(table.starts, "s")
-    elif triggered is not None and pulls.triggered is not None:
-        time = log["time"] + (pulls.triggered - triggered)
+        time = log["time"] + table.starts.to("s")
     else:
-        raise TypeError("a description without starts has triggers")
+        assert triggered is not None  # as without starts both logs have a trigger
+        assert pulls.triggered is not None
+        time = log["time"] + (pulls.triggered - triggered)
     first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
         raise fault(
@@ -147,71 +127,47 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
             f" {first:g} s to {last:g} s; correct starts or the trigger",
         )
     strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
-    values = [
-        _capacitance_values(strains, strain, time, log["capacitance"], cycle)
-        for cycle in pulls.cycles
-    ]
-    shift = f"the meter's clock is {time[0] - log['time'][0]:+.3g} s from the machine's"
-    return values, [pulls.summary, shift]
+    seen, least = np.isfinite(strain), defaults().capacitor.linearity
 
-
-def _capacitance_values(
-    strains: Float[np.ndarray, " strain"],
-    strain: Record,
-    time: Record,
-    capacitances: Record,
-    cycle: Cycle,
-) -> Values:
-    """Capacitance of one cycle at ``strains``, from a log with strain and time of the machine."""
-    seen = np.isfinite(strain)
-    loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
-    capacitance, error, _ = resampled(strains, strain[loading], capacitances[loading])
-    finite = np.isfinite(capacitance)
-    values: Values = {
-        "capacitance": capacitance,
-        "capacitance_error": error / capacitance,
-        "capacitor_status": np.where(finite, CapacitorStatus.measured, np.nan),
-    }
-    if cycle.end > cycle.turn:
-        back = resampled(strains, strain[unloading], capacitances[unloading]).values
-        values |= {"capacitance_unloading": back, "hysteresis": hysteresis(capacitance, back)}
-    if finite.any():
-        values |= {
-            "capacitance_ratio": capacitance / capacitance[finite][0],
-            "applied_strain_opened": strains[finite][0],
-            "sensing_end": strains[finite][-1],
+    def values_of(cycle: Cycle) -> Values:
+        loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
+        capacitance, error, _ = resampled(strains, strain[loading], log["capacitance"][loading])
+        finite = np.isfinite(capacitance)
+        values: Values = {
+            "capacitance": capacitance,
+            "capacitance_error": error / capacitance,
+            "capacitor_status": np.where(finite, CapacitorStatus.measured, np.nan),
         }
-    least = defaults().capacitor.linearity
-    return values | sensor_values(strains[finite], capacitance[finite], least)
+        if cycle.end > cycle.turn:
+            back = resampled(strains, strain[unloading], log["capacitance"][unloading]).values
+            values |= {"capacitance_unloading": back, "hysteresis": hysteresis(capacitance, back)}
+        if finite.any():
+            values |= {
+                "capacitance_ratio": capacitance / capacitance[finite][0],
+                "applied_strain_opened": strains[finite][0],
+                "sensing_end": strains[finite][-1],
+            }
+        return values | sensor_values(strains[finite], capacitance[finite], least)
+
+    shift = f"the meter's clock is {time[0] - log['time'][0]:+.3g} s from the machine's"
+    return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary, shift]
 
 
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float | None]:
     """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, if any."""
-    headers, rows = read_table(path, EXAMPLE)
-    headers = [header.strip() for header in headers]
-    values, faults = {}, list[Fault]()
-    for name in (*COLUMN_UNITS, "trigger"):
-        column: Column | PlainColumn | None = getattr(table, name, None)
-        if column is None:
-            continue
-        matching = [at for at, header in enumerate(headers) if header == column.column]
-        if len(matching) != 1:
-            problem = "occurs twice; keep one"
-            if not matching:
-                problem = f"is missing; the file has {', '.join(headers)}"
-            faults.append(Fault(f"{path}: column {column.column}", problem))
-            continue
-        numbers, wrong = numbers_of(path, column.column, rows[matching[0]])
-        factor = conversion(column.unit, COLUMN_UNITS[name]) if isinstance(column, Column) else 1.0
-        values[name] = numbers * factor
-        faults += wrong
-    if faults:
-        raise BadInput(faults)
-    if len(rows) < FEWEST_POINTS:
-        raise fault(str(path), f"has {len(rows)} rows; give at least {FEWEST_POINTS}")
+    stated = {name: getattr(table, name, None) for name in (*COLUMN_UNITS, "trigger")}
+    columns = {name: its for name, its in stated.items() if its is not None}
+    numbers = read_columns(path, [its.column for its in columns.values()], EXAMPLE)
+    values = {
+        name: numbers[columns[name].column] * columns[name].factor(unit)
+        for name, unit in COLUMN_UNITS.items()
+        if name in columns
+    }
     time = values["time"]
+    if len(time) < FEWEST_POINTS:
+        raise fault(str(path), f"has {len(time)} rows; give at least {FEWEST_POINTS}")
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
         at = falls[0]
         raise fault(
@@ -221,7 +177,7 @@ def _read_log(
         )
     if table.trigger is None:
         return values, None
-    levels = values.pop("trigger")
+    levels = numbers[table.trigger.column]
     risen = levels > (levels.min() + levels.max()) / 2
     if risen[0] or not risen.any():
         problem = "does not begin low and rise; give starts instead"

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import fault
-from knitlab.laboratory.description import Description, MarkersTable, SampleTable, number
+from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
@@ -22,38 +22,28 @@ from knitlab.measure.strain import (
     poisson_ratio_of_test,
 )
 
-LARGEST_AT_REST = 0.25
-"""Largest strain of the reference shape, as a fraction of the first applied strain."""
-LEAST_FOLLOWED = 0.02
-"""Axial strain at the centre over applied strain, below which a sample counts as unloaded."""
-PULLED_MARGIN = 0.1
-"""Frames within this fraction of the largest strain count as fully pulled."""
+LARGEST_AT_REST = 0.25  # strain of the reference shape over the first applied strain
+LEAST_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
+PULLED_MARGIN = 0.1  # frames within this fraction of the largest strain count as fully pulled
 AGREEING = np.radians(6)
 """Angle between drift and separation up to which the drift gives the direction of the pull."""
 LEAST_DRIFT = 0.1
 """Displacement of the middle over the separation of the first and last rows, above which one clamp
 is taken to move."""
-LARGEST_MISALIGNMENT = 35.0
-"""Angle between the fabric and its stated direction above which it is refused [°]."""
-LARGEST_SIZE_RATIO = 1.6
-"""Ratio of measured to stated size, or its inverse, above which it is refused."""
+LARGEST_MISALIGNMENT = 35.0  # of the fabric from its stated direction [°]
+LARGEST_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
 
 
 @dataclass(frozen=True)
 class MarkedSample:
-    """The corners of a sample's unit cells, along the fabric's axes; NaN if a marker is lost [mm].
+    """The corners of a sample's unit cells, in the fabric's axes; NaN if a marker is lost [mm]."""
 
-    The relaxed shape is the mean of ``relaxed_frames``. ``unit_cells`` of the sample along (y, x)
-    may have no markers. ``turn`` is the rotation of the fabric in the picture, anticlockwise,
-    relative to the description [rad].
-    """
-
-    relaxed: Float[np.ndarray, "corner_y corner_x 2"]
+    relaxed: Float[np.ndarray, "corner_y corner_x 2"]  # mean of the relaxed frames
     corners: Float[np.ndarray, "frame corner_y corner_x 2"]
     grid: MarkerGrid
     relaxed_frames: int
-    unit_cells: tuple[int, int]
-    turn: float = 0.0
+    unit_cells: tuple[int, int]  # of the whole sample along (y, x)
+    turn: float = 0.0  # of the fabric in the picture from the description, anticlockwise [rad]
 
     @property
     def summary(self) -> str:
@@ -74,8 +64,7 @@ class MarkedSample:
 def read_markers(folder: Path, description: Description) -> Imports:
     """Strains and Poisson's ratio in every cycle."""
     table, requested = description.markers, description.protocol.applied_strain
-    if table is None:
-        raise TypeError("the description has no markers")
+    assert table is not None  # as read_description checks
     path = folder / table.file
     marked = read_marked(folder, table, description.sample)
     frames, summary = np.arange(len(marked.corners)), []
@@ -87,9 +76,11 @@ def read_markers(folder: Path, description: Description) -> Imports:
                 f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
                 f" {requested[-1]:g}; reduce strain_max",
             )
-    elif table.frame_rate is not None and table.starts is not None:
+    else:
+        assert table.frame_rate is not None  # as without strain_per_frame it has both
+        assert table.starts is not None
         pulls = read_pulls(folder, description)
-        time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
+        time = table.starts.to("s") + frames / table.frame_rate.to("Hz")
         strain = pulls.strain(time)
         seen = np.isfinite(strain)
         spans = [np.flatnonzero(cycle.loaded(time) & seen) for cycle in pulls.cycles]
@@ -102,8 +93,6 @@ def read_markers(folder: Path, description: Description) -> Imports:
                 " or frame_rate",
             )
         summary.append(pulls.summary)
-    else:
-        raise TypeError("the description has no times for its frames")
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
     if pulled > LARGEST_AT_REST * requested[1]:
         raise fault(
@@ -139,10 +128,8 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     path = folder / table.file
     tracks = in_fabric_axes(read_trajectories(path), table)
     if table.relaxed_frames > len(tracks):
-        raise fault(
-            f"{path}: relaxed_frames {table.relaxed_frames}",
-            f"exceeds the number of frames, {len(tracks)}; give fewer",
-        )
+        problem = f"exceeds the number of frames, {len(tracks)}; give fewer"
+        raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", problem)
     before = tracks[: table.relaxed_frames]
     seen = np.isfinite(before).all(axis=2)
     known = np.where(seen[..., None], before, 0.0).sum(axis=0)
@@ -158,7 +145,6 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
-    """Check direction, number and size of the unit cells against the description."""
     marked_rows, marked_columns = (count - 1 for count in marked.relaxed.shape[:2])
     rows, columns = sample.unit_cells
     if not (1 <= marked_rows <= rows and 1 <= marked_columns <= columns):
@@ -182,8 +168,8 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
             " turned",
         )
     for size, whole, count, side in (
-        (sizes[0], number(sample.width, "mm"), columns, "width"),
-        (sizes[1], number(sample.length, "mm"), rows, "length"),
+        (sizes[0], sample.width.to("mm"), columns, "width"),
+        (sizes[1], sample.length.to("mm"), rows, "length"),
     ):
         if not 1 / LARGEST_SIZE_RATIO < size * count / whole < LARGEST_SIZE_RATIO:
             raise fault(

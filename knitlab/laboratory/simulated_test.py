@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.equilibrium.equilibrium import find_equilibrium
+from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
 from knitlab.equilibrium.loading import tensile
-from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.stiffness import free_stiffness
-from knitlab.equilibrium.system import System, run_each
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_test import relax
 from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
@@ -28,21 +28,14 @@ QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 
 @dataclass(frozen=True)
 class SimulatedTest:
-    """A test of a case all of whose states converged.
-
-    ``values`` are those of :data:`QUANTITIES` at every strain except the relaxed one.
-    """
+    """A converged test of a case; ``values`` are of :data:`QUANTITIES` at strains above 0."""
 
     case: Case
     test: TensileTest
     values: Float[np.ndarray, "quantity strain"]
 
     def slopes(self) -> Float[np.ndarray, "quantity strain parameter"]:
-        """Logarithmic derivatives of the values by :data:`STRIPE_PARAMETERS`.
-
-        Raises:
-            NoDerivative: if a state is not a stable equilibrium.
-        """
+        """Derivatives by logarithms of stripe parameters; NoDerivative if a state is unstable."""
         case, (relaxed, *strained) = self.case, self.test.states
         adjoint = adjoint_of(case, relaxed.configuration)
         measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
@@ -70,8 +63,8 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
     """Test a case; ``None`` if a state does not converge.
 
-    The states of ``near``, a test with almost the same stripes, are the initial guesses for the
-    same strains; without it the test starts from the flat sheet, as in a sweep.
+    The search for each state starts from that of ``near``, a test with almost the same stripes;
+    without it the test starts from the flat sheet, as in a sweep.
     """
     _, fabric = case.assemble()
     if near is None:

@@ -15,8 +15,7 @@ from knitlab.simulation.case import Case
 from knitlab.sweep.plan import Plan
 
 FEWEST_STRAINS = 3
-NO_ERROR = 1.0
-"""Error of a missing value, which does not affect the misfit."""
+NO_ERROR = 1.0  # error of a missing value, which does not affect the misfit
 
 Curves = Float[np.ndarray, "quantity strain"]
 """Values of :data:`~knitlab.laboratory.simulated_test.QUANTITIES`."""
@@ -24,15 +23,11 @@ Curves = Float[np.ndarray, "quantity strain"]
 
 @dataclass(frozen=True)
 class MeasuredTest:
-    """A measured test at positive, ascending strains.
+    """A measured test, scaled to the width of the simulated sample."""
 
-    The values are NaN where not measured, and the force is over the width of the simulated sample;
-    the errors are positive standard errors.
-    """
-
-    applied_strain: tuple[float, ...]
-    values: Curves
-    errors: Curves
+    applied_strain: tuple[float, ...]  # positive, ascending
+    values: Curves  # NaN where not measured
+    errors: Curves  # positive standard errors
 
     def __repr__(self) -> str:
         values, strains = int(self.measured.sum()), len(self.applied_strain)
@@ -60,13 +55,10 @@ class MeasuredTest:
 
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
-    """The measured curves of an experiment, scaled to the sample of a case.
+    """The measured curves of an experiment, scaled to the number of unit cells across a case.
 
-    The force is scaled to its number of unit cells across. ``model_error`` is the fraction of the
-    largest value of a curve that is added in quadrature to its standard errors.
-
-    Raises:
-        BadInput: if it is not a single test with markers or force.
+    ``model_error`` is the fraction of the largest value of a curve that is added in quadrature to
+    its standard errors. BadInput if it is not a single test with markers or force.
     """
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
@@ -83,9 +75,8 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         errors[place] = np.hypot(known, model_error * np.nanmax(np.abs(values[place])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
     if pulled.sum() < FEWEST_STRAINS:
-        raise fault(
-            "fit", f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
-        )
+        problem = f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
+        raise fault("fit", problem)
     values, errors = values[:, pulled], errors[:, pulled]
     if not (errors[np.isfinite(values)] > 0).all():
         raise fault("model_error 0", "leaves values without an error; give one above 0")
@@ -94,11 +85,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
 
 
 def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
-    """The case of a plan with the design of an experiment.
-
-    Raises:
-        BadInput: if there is none, or several, or it cannot be fitted.
-    """
+    """The one case of a plan with the design of an experiment; BadInput if it cannot be fitted."""
     if not is_measured(experiment):
         raise fault("fit", "needs an experiment, and this cube was simulated; import one")
     wanted = {dim: int(experiment[dim].values[0]) for dim in DESIGN_DIMS}

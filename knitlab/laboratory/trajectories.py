@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.format import MAGIC_PREFIX
 
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.table_file import numbers_of, read_table
-from knitlab.laboratory.description import MarkersTable, Towards, number
+from knitlab.io.errors import fault
+from knitlab.io.table_file import read_columns
+from knitlab.laboratory.description import MarkersTable, Towards
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
@@ -65,9 +65,8 @@ def _read_array(path: Path) -> Trajectories:
     if tracks.dtype.kind not in "fiu":
         raise fault(str(path), "holds no array of numbers; save one with numpy.save")
     if tracks.ndim != 3 or tracks.shape[2] != 2:
-        raise fault(
-            str(path), f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
-        )
+        problem = f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
+        raise fault(str(path), problem)
     if not tracks.size:
         raise fault(str(path), f"is empty, of shape {tracks.shape}; track some markers")
     return tracks.astype(float)
@@ -96,28 +95,7 @@ READERS = {".npy": _read_array, ".csv": _read_rows}
 def _columns(
     path: Path, names: tuple[str, ...], example: str
 ) -> dict[str, Float[np.ndarray, " row"]]:
-    """Columns of a table; x and y may be empty, which is NaN."""
-    headers, rows = read_table(path, example)
-    headers = [header.strip().lower() for header in headers]
-    faults = [
-        Fault(f"{path}: column {name}", f"is missing; {example}")
-        for name in names
-        if name not in headers
-    ]
-    if not faults and rows.empty:
-        faults.append(Fault(str(path), f"has no rows; {example}"))
-    if faults:
-        raise BadInput(faults)
-    columns = {}
-    for name in names:
-        text = rows[headers.index(name)]
-        given = ~(text.str.strip().str.lower().isin(["", "nan"]) & (name in ("x", "y")))
-        columns[name] = np.full(len(text), np.nan)
-        columns[name][given], wrong = numbers_of(path, name, text[given])
-        faults += wrong
-    if faults:
-        raise BadInput(faults)
-    return columns
+    return read_columns(path, names, example, lambda header: header.strip().lower(), ("x", "y"))
 
 
 def _whole(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
@@ -135,7 +113,7 @@ def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
     turn = np.radians(table.turned)
     # In pixels y points down, so that an anticlockwise rotation has the opposite sense.
     rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    return number(table.pixel, "mm") * tracks @ (axes @ rotation.T).T
+    return table.pixel.to("mm") * tracks @ (axes @ rotation.T).T
 
 
 def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None) -> MarkerGrid:
@@ -146,10 +124,8 @@ def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | Non
         table = _columns(places, ("marker", "row", "column"), PLACES)
         marker, row, column = (_whole(places, name, table) for name in table)
         if marker.max() >= len(first):
-            raise fault(
-                f"{places}: column marker",
-                f"names marker {marker.max()}, but there are {len(first)}, counted from 0",
-            )
+            problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"
+            raise fault(f"{places}: column marker", problem)
         rows, columns = np.full((2, len(first)), -1)
         rows[marker], columns[marker] = row, column
         return grid_of_places(rows, columns)

@@ -28,10 +28,8 @@ NO_SHAPE = {
 def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
     """Contents of the case file of the one design of a cube that selections leave.
 
-    Selections along the strain are left to :func:`chosen_strains`.
-
-    Raises:
-        BadInput: if they leave no design or several, or the folder has no sound case file of it.
+    Selections along the strain are left to :func:`chosen_strains`. BadInput if they leave no design
+    or several, or the folder has no sound case file of it.
     """
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
@@ -65,13 +63,9 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
 def chosen_strains(
     case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:
-    """Indices of the strains of a case that selections choose, one or several.
+    """Indices of the strains of a case that selections choose, one or several; all reached.
 
-    Without a selection along the strain the relaxed state is chosen, or every strain that was
-    reached if several may be.
-
-    Raises:
-        BadInput: if a strain is not there or was not reached, or several are chosen for one mesh.
+    By default the relaxed state is chosen, or every strain that was reached if several may be.
     """
     along = selections_along(selections, [STRAIN])
     strains = case_file[STRAIN].values

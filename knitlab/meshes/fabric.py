@@ -1,17 +1,14 @@
-"""The surface of a fabric at strains of its test, with what it has at its nodes and grid cells.
-
-Fields are named with their unit, or with the meaning of their numbers.
-"""
+"""The surface of a fabric at strains, with fields named with their unit or meaning."""
 
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
-from pydantic import ValidationError
 
 from knitlab.cube.case_file import configurations
 from knitlab.io.errors import fault
@@ -21,8 +18,7 @@ if TYPE_CHECKING:  # what they are in imports JAX
     from knitlab.fabric.pattern import Knit
     from knitlab.simulation.case import Case
 
-MOST_FACES = 1_000_000
-"""Largest number of grid cells of a mesh."""
+MOST_FACES = 1_000_000  # grid cells of a mesh
 KNITS: tuple["Knit", ...] = ("rib", "garter", "plain")
 HEIGHT = "height [mm]"
 FOLD_ANGLE = "fold_angle [rad]"
@@ -39,17 +35,13 @@ UNIT_CELL_STRAINS = ("strain_xx", "strain_yy")
 def fabric_meshes(
     case_file: xr.Dataset, places: Sequence[int], repeats: tuple[int, int] = (1, 1)
 ) -> list[SurfaceMesh]:
-    """The surface of a fabric at several strains, quad by quad, with its fields.
+    """The surface of a fabric at some reached strains, quad by quad, with its fields.
 
-    Args:
-        case_file: contents of a case file, with node positions.
-        places: indices of the strains, all of them reached.
-        repeats: how often periodic fabric is repeated along (y, x).
-
-    Raises:
-        BadInput: if the repeats do not fit the fabric, or another version recorded the case.
+    Periodic fabric is repeated along (y, x). BadInput if the repeats do not fit the fabric.
     """
-    case = _recorded_case(case_file)
+    from knitlab.simulation.case import case_of
+
+    case = case_of(json.loads(case_file.attrs["parameters"]))
     _check_repeats(case_file, repeats)
     shown = case_file.isel(applied_strain=list(places))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
@@ -82,11 +74,7 @@ def is_periodic(case_file: xr.Dataset) -> bool:
 def closed_nodes(
     case_file: xr.Dataset, repeats: tuple[int, int] = (1, 1)
 ) -> Float[np.ndarray, "strain node_y node_x 3"]:
-    """Nodes of a fabric at every strain [mm].
-
-    Periodic fabric is repeated along (y, x), and closed by images. Neighbouring repeats share their
-    nodes, so that there is no seam.
-    """
+    """Nodes at every strain [mm]; periodic fabric is repeated along (y, x) without seams."""
     from knitlab.fabric.network import MeshShape
     from knitlab.measure.unit_cells import nodes_at
 
@@ -95,17 +83,6 @@ def closed_nodes(
     rows, columns = np.arange(repeats[0] * cells_y + 1), np.arange(repeats[1] * cells_x + 1)
     shape = MeshShape(cells_y, cells_x, periodic)
     return np.asarray(nodes_at(shape, configurations(case_file), rows, columns))
-
-
-def _recorded_case(case_file: xr.Dataset) -> "Case":
-    from knitlab.simulation.case import case_of
-
-    try:
-        return case_of(json.loads(case_file.attrs["parameters"]))
-    except (ValidationError, KeyError, TypeError) as error:
-        title = case_file.attrs.get("title", "test")
-        problem = "was recorded by another version of knitlab; run it again"
-        raise fault(str(title), problem) from error
 
 
 def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
@@ -120,14 +97,9 @@ def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
 
 
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
-    """Fields of grid cells that are the same at every strain.
-
-    Patches are counted from 0 at the bottom left along the courses.
-    """
-    from knitlab.fabric.pattern import recorded_pattern
-
+    """Fields of grid cells that never change; patches count from the bottom left along courses."""
     along_y, along_x = case.unit_cells
-    pattern = recorded_pattern(case.record, (repeats[0] * along_y, repeats[1] * along_x))
+    pattern = replace(case, unit_cells=(repeats[0] * along_y, repeats[1] * along_x)).sample
     across = pattern.knit.shape[1]
     found = {
         KNIT: np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0),
@@ -181,7 +153,6 @@ def _side_lengths(
 def _unit_cell_strain(
     case: "Case", case_file: xr.Dataset, name: str, repeats: tuple[int, int]
 ) -> Float[np.ndarray, "strain cell_y cell_x"]:
-    """A strain of unit cells on the grid cells of each [1]."""
     rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
     values = case_file[name].transpose("applied_strain", "cell_y", "cell_x").values
     return np.tile(values.repeat(rows, axis=1).repeat(columns, axis=2), (1, *repeats))

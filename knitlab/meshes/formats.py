@@ -1,7 +1,4 @@
-"""Formats of mesh files: which library writes each, and what it takes of a mesh.
-
-Formats without fields of faces get colours of nodes, by knit and electrode.
-"""
+"""Formats of mesh files: which library writes each; those without fields of faces get colours."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -18,8 +15,7 @@ from knitlab.meshes.surface import SurfaceMesh
 
 KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
 """Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
-ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))
-"""Colours of electrodes A and B, likewise [sRGB]."""
+ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))  # of electrodes A and B, likewise [sRGB]
 METRES_OF_Z_UP = np.array(
     [[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]], dtype=float
 )
@@ -27,10 +23,7 @@ METRES_OF_Z_UP = np.array(
 
 
 def node_colours(mesh: SurfaceMesh) -> UInt8[np.ndarray, "node 3"]:
-    """Colour of every node in sRGB: the mean over the faces around it.
-
-    A face has the colour of its electrode or, where there is none, of its knit.
-    """
+    """Mean colour of the faces around a node [sRGB], by their electrode or, without one, knit."""
     colours = np.array(KNIT_COLOURS, float)[mesh.face_fields[KNIT]]
     if ELECTRODE in mesh.face_fields:
         electrode = mesh.face_fields[ELECTRODE]
@@ -85,18 +78,12 @@ FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
     ".glb": _write_glb,
 }
 """What writes a mesh into a file, by its suffix."""
-TRIANGLES = (".stl", ".glb")
-"""Suffixes of formats that cannot hold quads."""
-SERIES = ".pvd"
-"""Suffix of a series of meshes."""
+TRIANGLES = (".stl", ".glb")  # suffixes of formats that cannot hold quads
+SERIES = ".pvd"  # suffix of a series of meshes
 
 
 def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
-    """Write a mesh into a file with a suffix of :data:`FORMATS`, atomically.
-
-    Raises:
-        CannotWrite: if it cannot be written.
-    """
+    """Write a mesh atomically in the format of its suffix; CannotWrite if that fails."""
     with atomic_write(path) as temporary:
         FORMATS[path.suffix.lower()](mesh, temporary)
 
@@ -105,14 +92,8 @@ def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: 
     """Write a mesh for each applied strain into a folder, and the collection that lists them.
 
     The collection is a ``.pvd`` file of ParaView, for which the strain is the time; the folder lies
-    beside it and has its name. Every file is written atomically, the collection last, so that it
-    never lists a file that is not there.
-
-    Returns:
-        The collection, then the meshes.
-
-    Raises:
-        CannotWrite: if a file cannot be written.
+    beside it and has its name. The collection is written last, so that it never lists a file that
+    is not there. Returns it, then the meshes; CannotWrite if a file cannot be written.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")

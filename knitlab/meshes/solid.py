@@ -11,21 +11,16 @@ from knitlab.meshes.surface import SurfaceMesh
 MITRE_LIMIT = 4.0
 """Largest distance of a node from the sheet, over that of the faces beside it; a fold whose flanks
 enclose 29° reaches it."""
-LEAST = 1e-12
-"""Length below which a vector points nowhere: of a crushed cell, or of opposite normals."""
+LEAST = 1e-12  # length of a vector that points nowhere: of a crushed cell, or opposite normals
 
 
 def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
-    """The solid of a sheet: half of its thickness lies on either side.
+    """The solid of a sheet: half of its thickness [mm] lies on either side.
 
     Both sides are offset along mitred normals, so that flanks keep their thickness next to a fold,
     and joined by a wall along the rim. Fields are those of the sheet on both sides, and of the face
-    beside it on the wall. The sheet is an oriented surface of quads, and the thickness at right
-    angles to these [mm].
-
-    Raises:
-        BadInput: if the thickness is not above 0, or so large that faces of one side turn over or
-            that the solid is thicker than the sheet is wide.
+    beside it on the wall. The sheet is an oriented surface of quads. BadInput if the thickness is
+    not above 0, or above :func:`largest_thickness`.
     """
     if not thickness > 0:
         raise fault(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")

@@ -12,18 +12,10 @@ TRIANGLES_OF_QUAD = np.array([[0, 1, 2], [2, 3, 0]])
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """A surface of quads or of triangles.
+    """A surface of quads or of triangles, with fields by their name and unit: ``height [mm]``."""
 
-    Attributes:
-        nodes: positions (x, y, z) [mm].
-        faces: node numbers around every face, anticlockwise seen from outside; of a sheet, from
-            the technical face.
-        node_fields: values at the nodes, by their name and unit: ``height [mm]``.
-        face_fields: values of the faces, likewise.
-    """
-
-    nodes: Float[np.ndarray, "node 3"]
-    faces: Int[np.ndarray, "face corner"]
+    nodes: Float[np.ndarray, "node 3"]  # positions (x, y, z) [mm]
+    faces: Int[np.ndarray, "face corner"]  # anticlockwise from outside: a sheet's technical face
     node_fields: Mapping[str, np.ndarray] = field(default_factory=dict)
     face_fields: Mapping[str, np.ndarray] = field(default_factory=dict)
 

@@ -46,15 +46,15 @@ def test_passes_of_a_program():
 
 def test_the_time_of_a_program_is_that_of_its_parts():
     machine = read_machine()
-    found, time, metres = duration(operations(TEXT), machine), machine.time, machine.pitch / 1000
+    found, metres = duration(operations(TEXT), machine), machine.pitch / 1000
     assert found.passes == {"knit": 4, "transfer": 2, "empty": 2, "drop": 0}
     assert found.total == 8
     assert found.seconds == pytest.approx(
-        8 * time.turn_time
-        + metres * (3 + 1 + 1 + 1 + 2 * 1) / time.knitting_speed
-        + metres * (3 + 1) / time.transfer_speed
-        + time.racking_time
-        + 2 * time.carrier_time
+        8 * machine.turn_time
+        + metres * (3 + 1 + 1 + 1 + 2 * 1) / machine.knitting_speed
+        + metres * (3 + 1) / machine.transfer_speed
+        + machine.racking_time
+        + 2 * machine.carrier_time
     )
 
 

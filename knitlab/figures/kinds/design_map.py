@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import is_measured
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import Status
+from knitlab.cube.strain_window import with_columns
 from knitlab.figures.cells import EMPTY, PERIODS_LABEL, draw_map, marks_legend, row_count
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.found_designs import non_dominated

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, design_dims
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
+from knitlab.cube.strain_window import with_columns
 from knitlab.figures import cells
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, ValueColours, number

@@ -5,8 +5,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, swept_dims
-from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, Status
+from knitlab.cube.strain_window import with_columns
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows, number
 from knitlab.io.errors import fault, unknown
