@@ -36,25 +36,6 @@ DECADES = 30.0
 
 To the smallest it would depend on a single value, such as a force of 1e-10 N at zero strain.
 """
-PRINT = {
-    "backend": "Agg",
-    "font.family": "sans-serif",
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "lines.linewidth": 1.2,
-    "hatch.linewidth": 0.5,
-    "savefig.dpi": DOTS_PER_INCH,
-    "pdf.fonttype": 42,
-    "svg.fonttype": "none",
-}
 
 Colour = tuple[float, float, float, float]
 Look = dict[str, Any]
@@ -85,7 +66,27 @@ def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
 
 def print_style() -> AbstractContextManager[None]:
     """Matplotlib settings for print, restored afterwards."""
-    return mpl.rc_context(PRINT)
+    return mpl.rc_context(
+        {
+            "backend": "Agg",
+            "font.family": "sans-serif",
+            "font.size": 8,
+            "axes.titlesize": 8,
+            "axes.labelsize": 8,
+            "legend.fontsize": 7,
+            "legend.frameon": False,
+            "xtick.labelsize": 7,
+            "ytick.labelsize": 7,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.linewidth": 0.6,
+            "lines.linewidth": 1.2,
+            "hatch.linewidth": 0.5,
+            "savefig.dpi": DOTS_PER_INCH,
+            "pdf.fonttype": 42,
+            "svg.fonttype": "none",
+        }
+    )
 
 
 @dataclass(frozen=True)
