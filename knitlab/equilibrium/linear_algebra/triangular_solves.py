@@ -109,9 +109,9 @@ class TriangularSolves:
         for number in range(middle, end):
             boundary = self._boundaries[number]
             self._boundaries[number] = boundary + last.size * (boundary >= last.pivots.start)
+        self._single: dict[int, FrontSolves] = {}
         halves = range(middle), range(middle, end)
         self._halves = [list(self._of_half(numbers)) for numbers in halves]
-        self._single: dict[int, FrontSolves] = {}
         self.restart()
 
     def restart(self) -> None:
