@@ -110,8 +110,8 @@ class TriangularSolves:
             boundary = self._boundaries[number]
             self._boundaries[number] = boundary + last.size * (boundary >= last.pivots.start)
         halves = range(middle), range(middle, end)
-        self._halves = [list(self._of_half(numbers)) for numbers in halves]
         self._single: dict[int, FrontSolves] = {}
+        self._halves = [list(self._of_half(numbers)) for numbers in halves]
         self.restart()
 
     def restart(self) -> None:
