@@ -68,9 +68,7 @@ class Design:
             range. :func:`knitlab.simulate` reports all other errors.
 
     Example:
-        >>> import knitlab as kl
-        >>> design = kl.Design(4, 16, boundary="periodic")
-        >>> design.rib is None
+        >>> kl.Design(4, 16, boundary="periodic").rib is None
         True
     """
 
@@ -145,10 +143,9 @@ def simulate(
         progress: whether to draw a progress bar.
 
     Returns:
-        A dataset of this design: every variable of a cube along ``applied_strain``, and
-        ``position`` (applied_strain, node_y, node_x, component) in mm. Each has its unit in
-        ``attrs["units"]``. ``status``, ``residual_force`` and ``iterations`` describe the
-        convergence.
+        Every variable of a cube along ``applied_strain``, each with its unit in
+        ``attrs["units"]``, and ``position`` (applied_strain, node_y, node_x, component) in mm.
+        ``status``, ``residual_force`` and ``iterations`` describe the convergence.
 
     Raises:
         BadInput: if the design, the strains or a setting is at fault, or if settings contradict.
@@ -157,9 +154,7 @@ def simulate(
         NotConverged: if a strain was not reached; results from there on are NaN.
 
     Example:
-        >>> import knitlab as kl
-        >>> design = kl.Design(4, 8, boundary="periodic")
-        >>> test = kl.simulate(design, [0, 0.03, 0.06])
+        >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03, 0.06])
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
     """
@@ -272,13 +267,9 @@ def evaluate(
 
     Example:
         >>> import jax.numpy as jnp
-        >>> import knitlab as kl
-        >>> design = kl.Design(n_stripe=4, n_subunit=8, boundary="periodic")
-        >>> test = kl.simulate(design, [0, 0.03])
-        >>> def thickness(shape):
-        ...     return jnp.ptp(shape.positions[..., 2])
-        >>> evaluated = kl.evaluate(test, thickness=thickness)
-        >>> evaluated["thickness_sensitivity"].dims
+        >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03])
+        >>> evaluated = kl.evaluate(test, height=lambda shape: jnp.ptp(shape.positions[..., 2]))
+        >>> evaluated["height_sensitivity"].dims
         ('applied_strain', 'stripe_parameter')
     """
     if "position" not in test or "parameters" not in test.attrs:
@@ -301,9 +292,8 @@ def evaluate(
     if not (sensitivities and len(reached)):
         return evaluated
     case = case_of(json.loads(test.attrs["parameters"]))
-    measure = measure_of_strained(
-        case.mesh_shape, case.cell_grid, tuple(measures), tuple(measures.items())
-    )
+    own = tuple(measures.items())
+    measure = measure_of_strained(case.mesh_shape, case.cell_grid, tuple(measures), own)
     with suppress(NoDerivative):
         adjoint = adjoint_of(case, shapes[0])
         for k in reached:

@@ -1,6 +1,5 @@
 """Commands on measurements: ``calibrate``, ``import``, ``fit``."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -104,8 +103,7 @@ def calibrate(
     else:
         options.echo_problem("no stripe is written, as this fit cannot be used")
     options.draw_beside(output, lambda: calibration_figure(fitted, title, linear))
-    if not fitted.usable:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(fitted.usable)
 
 
 @click.group(name="import", cls=options.CommandGroup)
@@ -192,8 +190,7 @@ def fit(
     click.echo(f"stripes  {output}")
     title = f"{fitted.before.label}, fitted to {experiment}"
     options.draw_beside(output, lambda: fit_figure(fitted, title))
-    if not fitted.converged:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(fitted.converged)
 
 
 COMMANDS = (calibrate, import_group, fit)

@@ -1,7 +1,6 @@
 """Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,11 +45,12 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
             f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
             f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
         )
-        for case_id in batch.cases[: options.MOST_LINES]:
-            case = made.cases[case_id]
-            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}")
-        if len(batch.cases) > options.MOST_LINES:
-            click.echo(f"  … and {len(batch.cases) - options.MOST_LINES} more")
+        cases = [(case_id, made.cases[case_id]) for case_id in batch.cases]
+        lines = [
+            f"{case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}"
+            for case_id, case in cases
+        ]
+        options.echo_first(lines, indent="  ")
     if len(made.batches) > options.MOST_LINES:
         click.echo(f"… and {len(made.batches) - options.MOST_LINES} more batches")
     for design, reason in made.excluded.items():
@@ -90,7 +90,7 @@ def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> N
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
 @click.option(
     "--retries",
-    type=click.IntRange(min=0),
+    type=options.COUNT_OR_ZERO,
     default=0,
     help="How often to repeat a batch that raised an error.",
 )
@@ -100,10 +100,7 @@ def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> N
     help="Whether to continue after a case that is not ok.",
 )
 @click.option(
-    "--case-timeout",
-    type=click.FloatRange(min=0, min_open=True),
-    metavar="SECONDS",
-    help="Longest time for one case.",
+    "--case-timeout", type=options.POSITIVE, metavar="SECONDS", help="Longest time for one case."
 )
 @click.option("--refresh", is_flag=True, help="Recompute stale results.")
 @click.option(
@@ -161,8 +158,7 @@ def run(
         options.echo_problem(fault)
     for line in done.remarks(made.dims, folder):
         click.echo(line, err=True)
-    if not done.all_ok:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(done.all_ok)
 
 
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
@@ -212,8 +208,7 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     click.echo(f"{len(done.sources)} folders, {len(done.copied)} case files copied")
     click.echo(f"{sum(done.counts.values())} designs: {_counted(done.counts)}")
     click.echo(f"cube    {done.folder / CUBE}")
-    if done.damaged:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(not done.damaged)
 
 
 @click.command()
@@ -235,13 +230,12 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     click.echo(f"{len(state.designs)} cases: {_counted(state.counts)}")
     for path in state.changed:
         click.echo(f"changed since the plan: {path}")
-    not_ok = [case_id for case_id, word in state.statuses.items() if word != "ok"]
-    for case_id in not_ok[: options.MOST_LINES]:
-        reason = state.failures.get(case_id, "")
-        word = f"{state.statuses[case_id]}: {reason}" if reason else state.statuses[case_id]
-        click.echo(f"  {state.label(case_id)}  {case_id}  {word}")
-    if len(not_ok) > options.MOST_LINES:
-        click.echo(f"  … and {len(not_ok) - options.MOST_LINES} more; --json lists them all")
+    lines = []
+    for case_id, word in state.statuses.items():
+        if word != "ok":
+            reason = f": {state.failures[case_id]}" if state.failures.get(case_id) else ""
+            lines.append(f"{state.label(case_id)}  {case_id}  {word}{reason}")
+    options.echo_first(lines, indent="  ", more="; --json lists them all")
 
 
 @click.command()
@@ -255,8 +249,7 @@ def reproduce(case_id: str, results: Path) -> None:
     """
     from knitlab.api.sweeps import reproduce as reproduce_case
 
-    if not reproduce_case(case_id, results=results, report=click.echo):
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(reproduce_case(case_id, results=results, report=click.echo))
 
 
 COMMANDS = (plan, run, merge, status, reproduce)

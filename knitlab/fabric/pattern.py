@@ -1,13 +1,13 @@
 """Patterns: which patch is rib, garter or plain knit, how large it is, and which stripe it has."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Int
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from knitlab.fabric.settings import RestAngle
 from knitlab.fabric.stripe import Stripe
@@ -234,18 +234,3 @@ def graded_pattern(
             np.array([grading.weft.index(stripe) for stripe in grading.column_stripes]),
         )
     return PatchGrid(knit, *sizes, *stripes, folds, cells_per_period).tiled(repeats)
-
-
-def recorded_pattern(
-    record: Mapping[str, Any], repeats: tuple[int, int] | None = None
-) -> PatchGrid:
-    """The pattern of a whole fabric, from the record of its case; by default with its repeats."""
-    along_y, along_x = repeats or record["unit_cells"]
-    return graded_pattern(
-        tuple(record["pattern"]),
-        record["periods"],
-        (along_y, along_x),
-        TypeAdapter(Grading | None).validate_python(record["grading"]),
-        TypeAdapter(tuple[SingleFold, ...]).validate_python(record["folds"]),
-        record["options"]["cells_per_period"],
-    )

@@ -155,11 +155,9 @@ def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | Non
     memory = float(psutil.virtual_memory().total) if memory is None else memory
     needs = sorted((batch.estimated_bytes for batch in batches), reverse=True)
     if needs and needs[0] > memory:
-        raise fault(
-            f"batch of {max(batch.unknowns for batch in batches):,} unknowns",
-            f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB;"
-            " take fewer unit_cells or a larger machine",
-        )
+        largest = f"batch of {max(batch.unknowns for batch in batches):,} unknowns"
+        sizes = f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB"
+        raise fault(largest, f"{sizes}; take fewer unit_cells or a larger machine")
     while workers > 1 and sum(needs[:workers]) > memory:
         workers -= 1
     return workers

@@ -347,27 +347,22 @@ def unusual_values(
     workflow: Workflow, cases: Iterable[Case], parameters: Parameters
 ) -> tuple[str, ...]:
     """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
-    found: dict[str, None] = {}
+    sentences: list[str] = []
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
-            found[
-                f"strain_max = {strain:g} is {strain:.0%} of the length; usual are 0.2 to 0.6,"
-                " and 0.15 is 15 %"
-            ] = None
+            usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"
+            sentences.append(f"strain_max = {strain:g} is {strain:.0%} of the length; {usual}")
         for stripe in (case.weft, case.warp):
             table = parameters.stripes.table(stripe.knit)
             for name in STRIPE_QUANTITIES:
-                value = getattr(stripe, name)
-                usual = [getattr(row, name) for row in table.n.values()]
-                if not min(usual) / FAR <= value <= max(usual) * FAR:
-                    unit = getattr(table.unit, name)
-                    found[
-                        f"{name} of {stripe.knit} {stripe.n} is {value:.4g} {unit}; usual are"
-                        f" {min(usual):g} to {max(usual):g} {unit}"
-                    ] = None
+                value, unit = getattr(stripe, name), getattr(table.unit, name)
+                known = [getattr(row, name) for row in table.n.values()]
+                if not min(known) / FAR <= value <= max(known) * FAR:
+                    usual = f"usual are {min(known):g} to {max(known):g} {unit}"
+                    its = f"{name} of {stripe.knit} {stripe.n}"
+                    sentences.append(f"{its} is {value:.4g} {unit}; {usual}")
     protocol = workflow.protocol
     if protocol.robustness and protocol.method != "equilibrium":
-        siblings = "siblings are tested in equilibrium only"
-        ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}: {siblings}"
-        found[ignored] = None
-    return tuple(found)
+        ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}"
+        sentences.append(f"{ignored}: siblings are tested in equilibrium only")
+    return tuple(dict.fromkeys(sentences))

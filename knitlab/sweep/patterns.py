@@ -199,10 +199,10 @@ class _Lines:
             whole, rest = divmod(size, period)
             if rest or not whole:
                 near = sorted({max(1, whole) * period, (whole + 1) * period})
+                stripes = f"{2 * size / period:g} stripes of n_stripe {n}"
+                rule = f"a patch holds an even number of them; take {' or '.join(map(str, near))}"
                 problems.append(
-                    f"{self.place} {number}: {size} {self.unit} are {2 * size / period:g} stripes"
-                    f" of n_stripe {n}, and a patch holds an even number of them; take"
-                    f" {' or '.join(map(str, near))}"
+                    f"{self.place} {number}: {size} {self.unit} are {stripes}, and {rule}"
                 )
             yield max(1, whole)
 
@@ -214,11 +214,9 @@ class _Lines:
             try:
                 yield stripe(self.knit, self.stitches * n)
             except KeyError:
-                problems.append(
-                    f"{self.place} {number}: there is no {self.knit} stripe of"
-                    f" {self.stitches * n} {self.unit}; choose another n_stripe, or give its"
-                    " numbers in stripe_files"
-                )
+                missing = f"no {self.knit} stripe of {self.stitches * n} {self.unit}"
+                remedy = "choose another n_stripe, or give its numbers in stripe_files"
+                problems.append(f"{self.place} {number}: there is {missing}; {remedy}")
 
 
 COLUMNS = _Lines("column", "column", "stitches", "rib", 1)

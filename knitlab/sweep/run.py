@@ -124,23 +124,17 @@ class Run:
         ]
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
-        if stale := self.left_in(CaseState.stale_code):
-            lines.append(
-                f"stale: {len(stale)} cases were computed by other code and are kept;"
-                " a refresh recomputes them"
-            )
-        if self.stale_parameters:
-            lines.append(
-                f"stale: {len(self.stale_parameters)} cases are kept as computed with other"
-                f" parameters ({'; '.join(self.changed) or 'of single designs'}); a refresh"
-                " recomputes them, another results folder keeps both"
-            )
+        if stale := len(self.left_in(CaseState.stale_code)):
+            kept = f"stale: {stale} cases were computed by other code and are kept"
+            lines.append(f"{kept}; a refresh recomputes them")
+        if stale := len(self.stale_parameters):
+            listed = "; ".join(self.changed) or "of single designs"
+            kept = f"stale: {stale} cases are kept as computed with other parameters ({listed})"
+            lines.append(f"{kept}; a refresh recomputes them, another results folder keeps both")
         if self.stopped:
             left = len(self.left_in(CaseState.pending, CaseState.damaged))
-            noun = "case is" if left == 1 else "cases are"
-            lines.append(
-                f"stopped: finished cases are kept, {left} {noun} left; run again to continue"
-            )
+            left_over = f"{left} case is left" if left == 1 else f"{left} cases are left"
+            lines.append(f"stopped: finished cases are kept, {left_over}; run again to continue")
         return lines
 
 
@@ -211,11 +205,9 @@ def _others_run(results: Path, shard: Shard) -> bool:
 def _check_same_plan(plan: Plan, results: Path) -> None:
     record = results_folder.read_plan(results)
     if (set(record["cases"]), record.get("code")) != (set(plan.cases), code_fingerprint()):
-        raise fault(
-            str(results / PLAN),
-            "is that of the shards that run in this folder, and has other cases or was made by"
-            " other code; wait for them, or name another results folder",
-        )
+        problem = "is that of the shards that run in this folder, and has other cases or was made"
+        problem += " by other code; wait for them, or name another results folder"
+        raise fault(str(results / PLAN), problem)
 
 
 @dataclass

@@ -109,8 +109,8 @@ class TriangularSolves:
         for number in range(middle, end):
             boundary = self._boundaries[number]
             self._boundaries[number] = boundary + last.size * (boundary >= last.pivots.start)
-        halves = range(middle), range(middle, end)
         self._single: dict[int, FrontSolves] = {}
+        halves = range(middle), range(middle, end)
         self._halves = [list(self._of_half(numbers)) for numbers in halves]
         self.restart()
 

@@ -1,6 +1,7 @@
 """The sheet of one case: its shape coloured by height, and where its electrodes run."""
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
@@ -42,7 +43,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
 
     Colour is height, white lines are patch borders.
     """
-    from knitlab.fabric.pattern import recorded_pattern
+    from knitlab.simulation.case import case_of
 
     parameters = json.loads(case.attrs["parameters"])
     periodic = is_periodic(case)
@@ -50,7 +51,8 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
     along_y, along_x = parameters["unit_cells"]
     repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
-    sample = recorded_pattern(parameters, (repeats * along_y, repeats * along_x))
+    shown = replace(case_of(parameters), unit_cells=(repeats * along_y, repeats * along_x))
+    sample = shown.sample
 
     faces = sheets.faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
