@@ -97,8 +97,8 @@ def _name_patches(
     for y, x in np.ndindex(repeat):
         row, column = first_row + y, first_column + x
         letter = str(sample.knit[row, column])
-        middle = nodes[rows[row], columns[column], :2]
-        axes.text(*middle, KNIT_OF_LETTER[letter] if large else letter, **look)
+        across, along = nodes[rows[row], columns[column], :2]
+        axes.text(across, along, KNIT_OF_LETTER[letter] if large else letter, **look)
 
 
 def electrodes_figure(case_file: xr.Dataset) -> Figure:
