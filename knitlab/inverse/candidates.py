@@ -118,7 +118,7 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     reached, kept = found.reached[: len(targets)], found.reached[len(targets) :]
     worst = distance_of(targets, [each.worst for each in reached])
     off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(found.table))
-    violation = np.array([violation_of(constraints, row) for row in off_by.T])
+    violation = np.array([violation_of(constraints, row) for row in off_by.T.tolist()])
     table = found.table
     table["distance"] = distance_of(targets, [each.off_by for each in reached])
     column = list(table.columns).index("distance") + 1
