@@ -23,9 +23,8 @@ import xarray as xr
 
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.cube.cube_file import CUBE
-from knitlab.dynamics.body import Motion
 from knitlab.dynamics.damped_test import on_grid
-from knitlab.dynamics.motion import leapfrog
+from knitlab.dynamics.motion import Motion, leapfrog
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.provenance import provenance

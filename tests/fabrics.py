@@ -11,21 +11,23 @@ import pytest
 from knitlab.dynamics.damped_test import MovingFabrics
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.element_hessians import (
+from knitlab.equilibrium.tensile_test import relax, stretch
+from knitlab.fabric.energy import (
     LANES,
     ElementHessians,
+    Energy,
+    Evaluation,
+    Stage,
+    element_vectors,
+    energy,
     hinge_stiffness,
     spring_stiffness,
     wall_stiffness,
 )
-from knitlab.fabric.energy import Energy, Evaluation, Stage, element_vectors, energy
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.inertia import inertia
 from knitlab.fabric.layout import assemble_fabric
 from knitlab.fabric.network import Network

@@ -15,7 +15,7 @@ from knitlab.dynamics.damped_test import MovingFabrics, configuration_of, on_gri
 from knitlab.dynamics.motion import Moving, advance
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.loading import all_free
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.inertia import Inertia
 
 PIECE = 1.0

@@ -18,9 +18,8 @@ from jaxtyping import Array, Bool, Float, Int
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.equilibrium.loading import all_free
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape, network
 
 DELAY = 20

@@ -18,16 +18,15 @@ from benchmarks.solver.problem import (
 from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.equilibrium.loading import all_free
-from knitlab.equilibrium.relaxation import relax, tiled
 from knitlab.equilibrium.search import Search as OneSearch
 from knitlab.equilibrium.search import SearchRules, minimise
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import State
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.equilibrium.system import System, one_thread_of_blas
-from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.configuration import Configuration
+from knitlab.equilibrium.tensile_test import relax, stretch, tiled
 from knitlab.fabric.energy import COMPLETE, Evaluation, Point
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.threads import Threads, allowed_threads
 from knitlab.simulation.case import Case
 

@@ -9,10 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from benchmarks.solver.watch import Watch
 from knitlab.equilibrium.loading import all_free, rigidly_aligned, tensile
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, Evaluation
-from knitlab.fabric.fabric import Fabric, flat_sheet
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.inertia import Inertia
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.simulation.case import Case

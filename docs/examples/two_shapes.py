@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 import knitlab as kl
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.equilibrium.state import State
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.measure.surfaces import self_intersections
 from knitlab.simulation.case import Case
 from knitlab.simulation.tensile_tests import tensile_tests

@@ -52,7 +52,6 @@ def query(
         BadInput: with everything that is wrong in these arguments.
 
     Example:
-        >>> import knitlab as kl
         >>> table = kl.query("results/reference/periodic", sort="poisson_ratio_min")
         >>> table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [8, 64]
@@ -70,35 +69,31 @@ def find(
     """Find the designs that come closest to targets; nothing is simulated.
 
     A target is a variable, a relation and a number: ``"knit_cell_x < 20"``. A variable along the
-    applied strain needs a strain or a window, and is interpolated linearly:
-    ``"poisson_ratio = -0.3 @ 0.05:0.25"`` applies to every strain of the window,
-    ``"mean(poisson_ratio) = -0.3 @ 0.05:0.25"`` to the mean over it. Reductions are ``mean``,
-    ``min``, ``max``, ``slope`` and ``spread`` (largest minus smallest). ``± 0.02`` is the
-    tolerance, which is the unit of distance; by default it is the scatter among the designs.
+    applied strain needs a strain or a window: ``"poisson_ratio = -0.3 @ 0.05:0.25"`` applies to
+    every strain of the window, ``"mean(poisson_ratio) = -0.3 @ 0.05:0.25"`` to the mean over it;
+    ``min``, ``max``, ``slope``, ``linearity`` and ``spread`` (largest minus smallest) likewise.
+    ``± 0.02`` is the tolerance, the unit of distance; by default the scatter among the designs.
 
     Args:
         cubes: cubes of designs along the same dimensions.
         targets: targets. A curve is ``"poisson_ratio = wanted.csv"``, with the columns
-            ``strain`` and ``poisson_ratio``, or ``{"name": "poisson_ratio", "applied_strain": […],
-            "value": […], "tolerance": 0.02}``.
+            ``strain`` and ``poisson_ratio``, or a table with the keys ``name``,
+            ``applied_strain``, ``value`` and ``tolerance``.
         subject_to: targets that must be met; designs that do not are left out.
         most: largest number of designs to return, all by default.
 
     Returns:
-        The designs by their distance, the nearest first. For the first target ``table`` has
-        ``value_1``, ``off_by_1`` in the unit of the variable, and ``in_spread_1``: whether the
-        spread over a design's siblings covers the target; and so on for the others.
+        The designs, the nearest first. For target 1 ``table`` has ``value_1``, ``off_by_1`` in the
+        unit of the variable, and ``in_spread_1``: whether the spread over a design's siblings
+        covers it.
 
     Raises:
         BadInput: with every target that cannot be read or is not of a variable of the cubes.
 
     Example:
-        >>> import knitlab as kl
-        >>> found = kl.find(
-        ...     "results/reference/periodic",
-        ...     targets=["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"],
-        ...     subject_to="knit_cell_x < 20",
-        ... )
+        >>> wanted = ["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
+        >>> cube = "results/reference/periodic"
+        >>> found = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
         >>> found.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [4, 16]
     """
@@ -125,8 +120,8 @@ def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.Da
         selections: a value or a list of values for each coordinate.
 
     Returns:
-        One row for each design, experiment and curve, with the RMS difference and its
-        uncertainty, by the scatter of the records, in the unit of the curve.
+        For each design, experiment and curve the RMS difference and its uncertainty, by the
+        scatter of the records, in the unit of the curve.
 
     Raises:
         BadInput: if the cubes have no design in common, or a selection is at fault.
@@ -155,9 +150,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         BadInput: if a cube, a selection or the suffix of the page is at fault.
 
     Example:
-        >>> import knitlab as kl
-        >>> table = kl.claims("results/reference/paper")
-        >>> len(table)
+        >>> len(kl.claims("results/reference/paper"))
         39
     """
     from knitlab.validation.claims import read_claims
@@ -175,30 +168,22 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
 def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
     """Write a page on which cubes can be explored in a browser, without a network.
 
-    The page shows a design map, from that the curves of a design with their bands, and its shape,
-    which turns and is pulled. Designs can be filtered, pinned and compared; a link restores a
-    view. Its other tab is the report of the run: settings, times, failures, versions and figures.
-
-    Shapes come from the case files beside the file of a cube, and figures from its results folder;
-    a design without a case file has its curves only. Positions are rounded to less than a
-    thousandth of the extent of a shape, other numbers to 6 digits. Of samples with more than 4096
-    nodes the central unit cells are shown.
+    It shows a design map, the curves of a design with their bands, its shape, which turns and is
+    pulled, and the report of the run. Shapes come from the case files beside the file of a cube,
+    figures from its results folder. Positions are rounded to less than a thousandth of the extent
+    of a shape, other numbers to 6 digits. Of samples with more than 4096 nodes the central unit
+    cells are shown.
 
     Args:
         cubes: cubes, or the results folders that hold them.
         output: the page, with the suffix ``.html``.
-
-    Returns:
-        The page.
 
     Raises:
         BadInput: if there is no cube, one cannot be read, or the suffix is another one.
         CannotWrite: if the page cannot be written.
 
     Example:
-        >>> import knitlab as kl
-        >>> page = kl.explore("results/reference/periodic", output=folder / "explorer.html")
-        >>> page.name
+        >>> kl.explore("results/reference/periodic", output=folder / "explorer.html").name
         'explorer.html'
     """
     from knitlab.explorer.explorer import write_explorer
@@ -213,8 +198,7 @@ class Exported:
     Attributes:
         files: the files, the one that was asked for first.
         applied_strain: the strains of the meshes [1].
-        meshes: the mesh at each, with ``nodes`` in mm, ``faces``, ``node_fields`` and
-            ``face_fields``.
+        meshes: at each, the mesh: ``nodes`` [mm], ``faces``, ``node_fields``, ``face_fields``.
         self_intersections: at each, pairs of grid cells of a sample, or of one repeat, that pass
             through each other [1].
     """
@@ -242,46 +226,36 @@ def export(
     """Write the shape of one design as a mesh that other programs read.
 
     The mesh is the sheet of grid cells in mm, x along the courses and y along the wales, with the
-    technical face up. Faces that meet share their nodes, over the seams of repeats too; the only
-    rim is that of the sheet.
+    technical face up. Faces that meet share their nodes, over the seams of repeats too.
 
     Args:
         shapes: dataset of :func:`knitlab.simulate`, or a cube with its case files beside it.
-        output: file to write. Its suffix sets the format: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or
-            ``.glb``; ``.pvd`` is a series over the applied strain, with a ``.vtu`` for each in a
-            folder beside it.
+        output: file to write: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or ``.glb``; ``.pvd`` is a
+            series over the applied strain, with a ``.vtu`` for each in a folder beside it.
         selections: a value for each coordinate, until one design is left. ``applied_strain`` is 0
             if it is left out, of a series every strain that was reached.
         repeats: how often periodic fabric is repeated along the warp (y) and the weft (x).
-        triangles: whether grid cells are divided into triangles also where the format has quads.
-        thickness: of a closed solid, half of it on either side of the sheet [mm]; without it the
-            mesh is the open sheet.
+        triangles: whether to divide grid cells into triangles where the format has quads too.
+        thickness: of a closed solid with the sheet in its middle [mm]; by default an open sheet.
         named: further selections, as keywords: ``n_stripe=4``.
 
     Returns:
         The files and their meshes.
 
     Raises:
-        BadInput: if the suffix is unknown, if not exactly one design is left, if it has no shape at
-            a strain, or if repeats or thickness do not fit it.
+        BadInput: if the suffix is unknown, not exactly one design is left, it has no shape at a
+            strain, or repeats or thickness do not fit it.
 
     Example:
-        >>> import knitlab as kl
-        >>> exported = kl.export(
-        ...     "results/reference/periodic",
-        ...     folder / "shape.vtu",
-        ...     n_stripe=4,
-        ...     n_subunit=16,
-        ...     applied_strain=0.15,
-        ... )
+        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.15}
+        >>> exported = kl.export("results/reference/periodic", folder / "shape.vtu", one)
         >>> len(exported.meshes[0].faces)
         256
     """
     output, selections = Path(output), {**selections, **named}
-    suffix = output.suffix.lower()
-    if suffix not in (*FORMATS, SERIES):
-        known = ", ".join((*FORMATS, SERIES))
-        raise fault(f"output {output}", f"has no suffix of a mesh; give one of {known}")
+    suffix, known = output.suffix.lower(), (*FORMATS, SERIES)
+    if suffix not in known:
+        raise fault(f"output {output}", f"has no suffix of a mesh; give one of {', '.join(known)}")
     case_file = _case_file(shapes, selections)
     rows = chosen_strains(case_file, selections, several=suffix == SERIES)
     meshes = fabric_meshes(case_file, rows, repeats)

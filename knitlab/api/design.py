@@ -38,11 +38,10 @@ def design(
     """Find the stripes and sizes that come closest to targets, by simulation.
 
     The nearest designs of ``cubes``, or of a coarse sweep, are refined within the bounds of
-    ``vary``: by least squares with exact adjoint derivatives, by SLSQP if there are constraints,
-    and by the evolution strategy CMA-ES if a snap or a target without derivatives rules out
-    gradients. Each result is simulated again from the flat sheet, with its siblings, and results
-    are ranked by the worst within that spread. An interrupted design continues when it is run
-    again.
+    ``vary``: by least squares with exact adjoint derivatives, with constraints by SLSQP, and
+    without derivatives, or at a snap, by the evolution strategy CMA-ES. Results are simulated
+    again from the flat sheet, with siblings, and ranked by the worst within that spread. An
+    interrupted design continues when it is run again.
 
     Args:
         file: TOML file of the request, instead of ``targets`` to ``robustness`` and settings.
@@ -53,7 +52,7 @@ def design(
         workflow: name or path of the workflow that all other settings are taken from.
         cubes: cubes of designs to start from; a coarse sweep by default.
         starts: largest number of designs that are refined.
-        robustness: number of siblings that each result is tested with.
+        robustness: number of siblings of each result.
         measures: own functions of a configuration, in JAX, that targets may refer to by name:
             ``{"height": lambda shape: shape.positions[..., 2].max()}``.
         budget: largest number of simulations of sweep and searches, or a time such as
@@ -73,13 +72,9 @@ def design(
         BadInput: with every fault of the request, or if targets contradict each other.
 
     Example:
-        >>> import knitlab as kl
-        >>> designed = kl.design(
-        ...     targets="poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06",
-        ...     vary={"n_stripe": [4], "n_subunit": [8], "garter_k_t_factor": [0.2, 2.0]},
-        ...     robustness=0,
-        ...     results=folder,
-        ... )
+        >>> wanted = "poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06"
+        >>> bounds = {"n_stripe": [4], "n_subunit": [8], "garter_k_t_factor": [0.2, 2.0]}
+        >>> designed = kl.design(targets=wanted, vary=bounds, robustness=0, results=folder)
         >>> designed.table["candidate"].tolist()
         [1]
     """
@@ -117,11 +112,7 @@ def design(
 
 
 def _read_budget(budget: str) -> tuple[int, float | None]:
-    """Largest number of simulations, and minutes if the budget is a time.
-
-    Raises:
-        BadInput: if it is neither.
-    """
+    """Largest number of simulations, and minutes if the budget is a time."""
     timed = budget.endswith("min")
     try:
         number = float(budget.removesuffix("min")) if timed else int(budget)
@@ -134,20 +125,16 @@ def _read_budget(budget: str) -> tuple[int, float | None]:
 
 
 def draw(designed: Designed) -> list[Path]:
-    """Draw targets and results, and the Pareto front if two targets conflict.
-
-    Returns:
-        The files, in ``figures/`` of its folder.
-    """
+    """Draw targets and results, and the Pareto front if two targets conflict, into ``figures/``."""
     from knitlab.figures.found_designs import found_figure, pareto_figure
 
-    folder, conflict = designed.folder / "figures", designed.conflict
-    wanted, pareto = (
-        [folder / f"{name}.{suffix}" for suffix in ("pdf", "png")] for name in ("wanted", "pareto")
-    )
-    draw_into(lambda: found_figure(designed.found, "candidates", bands=True), *wanted)
-    if conflict is None:
-        return wanted
-    shown = conflict.distances, conflict.targets, conflict.candidates
-    draw_into(lambda: pareto_figure(*shown), *pareto)
-    return wanted + pareto
+    drawings = {"wanted": lambda: found_figure(designed.found, "candidates", bands=True)}
+    if (conflict := designed.conflict) is not None:
+        shown = conflict.distances, conflict.targets, conflict.candidates
+        drawings["pareto"] = lambda: pareto_figure(*shown)
+    files: list[Path] = []
+    for name, draw_one in drawings.items():
+        of_one = [designed.folder / "figures" / f"{name}.{suffix}" for suffix in ("pdf", "png")]
+        draw_into(draw_one, *of_one)
+        files += of_one
+    return files

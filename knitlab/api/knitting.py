@@ -153,46 +153,38 @@ def knit(
         repeats: how often its pattern repeats along the warp (y) and the weft (x); by default as in
             the design.
         needles: in place of that, needles to fill with whole repeats, twice as long as wide.
-        face: face of the fabric for the conductors of its electrodes, ``"front"`` or ``"back"``; by
-            default that to which their ridges point.
+        face: face of the fabric for its conductors, ``"front"`` or ``"back"``; by default that to
+            which their ridges point.
         machine: values that replace those of ``params/machine.toml``, such as
             ``{"end": "drop", "waste_courses": 10}``.
         model: of a design, its model options, as for :func:`knitlab.simulate`.
-        capacitor: of a design, its electrodes, likewise.
-        gauge: of a design, the size of a stitch, likewise.
+        capacitor: of a design, its electrodes.
+        gauge: of a design, the size of a stitch.
         settings: of a workflow, settings that replace its own, as for :func:`knitlab.run`; of a
             cube, values of coordinates that select one design.
-
-    Returns:
-        The sample: its chart, its program and its specification.
 
     Raises:
         BadInput: if it is not one design, if it cannot be knitted, or if a setting is at fault.
 
     Example:
-        >>> import knitlab as kl
         >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
         >>> sample.chart.courses, sample.chart.wales
         (64, 32)
-        >>> sample.check(interpret=False).faults
-        ()
         >>> sample.save(folder / "sample.k").name
         'sample.k'
     """
     tables = {"model": model, "capacitor": capacitor, "gauge": gauge}
     if isinstance(design, Design):
         if settings:
-            raise fault(
-                ", ".join(settings),
-                f"is of a workflow or a cube; of a Design, give {', '.join(tables)}",
-            )
+            problem = f"is of a workflow or a cube; of a Design, give {', '.join(tables)}"
+            raise fault(", ".join(settings), problem)
         parameters = defaults().with_tables(**tables)
         plated = capacitor is not None
         case = case_of_design(design, [0.0], parameters, Protocol(), electrodes=plated)
         single = SingleDesign(case, parameters.gauge)
     elif given := [name for name, table in tables.items() if table is not None]:
         raise fault(", ".join(given), "is of a Design; leave it out of a workflow or a cube")
-    elif isinstance(design, xr.Dataset) or is_cube(design):
+    elif is_cube(design):
         single = single_design(design, (), settings)
     else:
         single = single_design(design, settings, {})
@@ -221,11 +213,7 @@ def knitted(
 
 
 def check_output(path: Path) -> None:
-    """Refuse a file whose suffix says neither knitout nor a chart.
-
-    Raises:
-        BadInput: if so.
-    """
+    """Raise ``BadInput`` if the suffix of a file says neither knitout nor a chart."""
     known = (KNITOUT, TABLE, *FIGURE_SUFFIXES)
     if path.suffix.lower() not in known:
         problem = f"has no suffix of knitout or a chart; give {', '.join(known)}"
@@ -235,27 +223,24 @@ def check_output(path: Path) -> None:
 def single_design(
     source: str | Path | xr.Dataset, settings: Overrides, selections: Mapping[str, Any]
 ) -> SingleDesign:
-    """The design that settings of a workflow, and selections, leave.
-
-    Args:
-        source: a workflow by its name or path; or a cube, its path, or a test.
-        settings: settings that replace those of a workflow.
-        selections: values by coordinate that keep some of its designs.
+    """The design that settings leave of a workflow, and selections of that, a cube or a test.
 
     Raises:
         BadInput: if one of these is at fault, if it is not one design, or if its case is recorded
             nowhere.
     """
-    if not (isinstance(source, xr.Dataset) or is_cube(source)):
+    if not is_cube(source):
         return _of_workflow(str(source), settings, selections)
     if settings:
         raise fault("settings", "belong to workflows; select a design of a cube instead")
     return _of_cube(source if isinstance(source, xr.Dataset) else open_cube(source), selections)
 
 
-def is_cube(path: str | Path) -> bool:
-    """Whether a path is that of a cube, and not of a workflow."""
-    return Path(path).suffix == ".nc" or (Path(path) / CUBE).is_file()
+def is_cube(source: str | Path | xr.Dataset) -> bool:
+    """Whether this is a cube, a test, or the path of a cube, and no workflow."""
+    if isinstance(source, xr.Dataset):
+        return True
+    return Path(source).suffix == ".nc" or (Path(source) / CUBE).is_file()
 
 
 def _of_workflow(
@@ -314,22 +299,18 @@ def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
             return find_case(folder, case_id).case
     with suppress(BadInput, KeyError):
         return make_plan(workflow).cases[case_id]
-    raise fault(
-        case_id,
-        "is recorded in no plan and no case file beside the cube; run its workflow into that"
-        " folder, or name the workflow instead",
-    )
+    problem = "is recorded in no plan and no case file beside the cube"
+    remedy = "run its workflow into that folder, or name the workflow instead"
+    raise fault(case_id, f"{problem}; {remedy}")
 
 
 def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:
-    """What a cube says of a design; None if it has no Poisson's ratio."""
+    """What a cube says of a design, if it has a Poisson's ratio."""
     if "poisson_ratio" not in design or not np.isfinite(design["poisson_ratio"]).any():
         return None
     ratio = design["poisson_ratio"].astype(float)
-    low, high = (
-        np.asarray(design.get(f"poisson_ratio_{end}", np.nan * ratio), float)
-        for end in ("low", "high")
-    )
+    ends = (design.get(f"poisson_ratio_{end}", np.nan * ratio) for end in ("low", "high"))
+    low, high = (np.asarray(end, float) for end in ends)
     along_x, along_y = (
         float(design[f"relaxed_cell_{axis}"] / design[f"flat_cell_{axis}"])
         for axis in ("yx" if is_turned(case) else "xy")

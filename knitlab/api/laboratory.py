@@ -36,7 +36,7 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
             or a :class:`~knitlab.fabric.spring_law.SpringCurve`.
 
     Returns:
-        The fitted numbers with their standard errors, 95 % intervals and correlations; its method
+        The fitted numbers with standard errors, 95 % intervals and correlations; its method
         ``compared_with`` compares this law with a simpler one by AICc.
 
     Raises:
@@ -44,12 +44,10 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
 
     Example:
         >>> import numpy as np
-        >>> import knitlab as kl
         >>> from knitlab.fabric.zigzag import tension, zigzag
         >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
         >>> strain = np.linspace(0.05, 2.5, 40)
-        >>> force = np.asarray(tension(zigzag(stripe), strain))
-        >>> fitted = kl.calibrate(strain, force, period=1.41)
+        >>> fitted = kl.calibrate(strain, tension(zigzag(stripe), strain), period=1.41)
         >>> round(fitted.values["k_s"], 3)
         0.817
     """
@@ -90,12 +88,11 @@ def fit(
 ) -> Fit:
     """Fit k_s, k_t and θ0 of both stripes to a test of a whole fabric.
 
-    The sample is the only case of the workflow with the design of the experiment. It is simulated
-    about ten to thirty times.
+    The sample is simulated about ten to thirty times.
 
     Args:
         experiment: cube of one experiment on one design, in one cycle.
-        workflow: name or path of a workflow that has the design, or its plan.
+        workflow: name, path or plan of a workflow with only one case of that design.
         looseness: relative standard deviation of the tabulated stripes, as a prior.
         model_error: error of the model, as a fraction of the largest value of a curve.
         starts: largest number of starts that are tried until the test is matched.
@@ -106,8 +103,8 @@ def fit(
         The fitted stripes with their standard errors, curves and warnings.
 
     Raises:
-        BadInput: if the experiment cannot be fitted, the workflow has no such design, or settings
-            are given beside a plan.
+        BadInput: if the experiment cannot be fitted, the workflow has no or several such cases,
+            or settings are given beside a plan.
     """
     if isinstance(workflow, Plan) and settings:
         raise fault("settings", "belong to workflows; plan the workflow with them")

@@ -18,7 +18,7 @@ from tqdm.auto import tqdm
 from knitlab.cube.case_file import configurations
 from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
@@ -29,9 +29,8 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
-from knitlab.sweep.cases import cases, electrode_problems
+from knitlab.sweep.cases import cases, design_space, electrode_problems
 from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
-from knitlab.sweep.design_space import design_space
 from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
@@ -69,9 +68,7 @@ class Design:
             range. :func:`knitlab.simulate` reports all other errors.
 
     Example:
-        >>> import knitlab as kl
-        >>> design = kl.Design(4, 16, boundary="periodic")
-        >>> design.rib is None
+        >>> kl.Design(4, 16, boundary="periodic").rib is None
         True
     """
 
@@ -146,10 +143,9 @@ def simulate(
         progress: whether to draw a progress bar.
 
     Returns:
-        A dataset of this design: every variable of a cube along ``applied_strain``, and
-        ``position`` (applied_strain, node_y, node_x, component) in mm. Each has its unit in
-        ``attrs["units"]``. ``status``, ``residual_force`` and ``iterations`` describe the
-        convergence.
+        Every variable of a cube along ``applied_strain``, each with its unit in
+        ``attrs["units"]``, and ``position`` (applied_strain, node_y, node_x, component) in mm.
+        ``status``, ``residual_force`` and ``iterations`` describe the convergence.
 
     Raises:
         BadInput: if the design, the strains or a setting is at fault, or if settings contradict.
@@ -158,9 +154,7 @@ def simulate(
         NotConverged: if a strain was not reached; results from there on are NaN.
 
     Example:
-        >>> import knitlab as kl
-        >>> design = kl.Design(4, 8, boundary="periodic")
-        >>> test = kl.simulate(design, [0, 0.03, 0.06])
+        >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03, 0.06])
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
     """
@@ -243,7 +237,7 @@ def case_of_design(
         electrodes=ElectrodesSection() if electrodes else None,
     )
     space = design_space(section, parameters, str)
-    (case,) = cases(workflow, (), space, parameters, str)
+    (case,) = cases(workflow, {}, space, parameters, str)
     if problems := electrode_problems(case):
         raise fault("layout", "; ".join(problems))
     return replace(case, applied_strain=strains)
@@ -273,13 +267,9 @@ def evaluate(
 
     Example:
         >>> import jax.numpy as jnp
-        >>> import knitlab as kl
-        >>> design = kl.Design(n_stripe=4, n_subunit=8, boundary="periodic")
-        >>> test = kl.simulate(design, [0, 0.03])
-        >>> def thickness(shape):
-        ...     return jnp.ptp(shape.positions[..., 2])
-        >>> evaluated = kl.evaluate(test, thickness=thickness)
-        >>> evaluated["thickness_sensitivity"].dims
+        >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03])
+        >>> evaluated = kl.evaluate(test, height=lambda shape: jnp.ptp(shape.positions[..., 2]))
+        >>> evaluated["height_sensitivity"].dims
         ('applied_strain', 'stripe_parameter')
     """
     if "position" not in test or "parameters" not in test.attrs:
@@ -302,9 +292,8 @@ def evaluate(
     if not (sensitivities and len(reached)):
         return evaluated
     case = case_of(json.loads(test.attrs["parameters"]))
-    measure = measure_of_strained(
-        case.mesh_shape, case.cell_grid, tuple(measures), tuple(measures.items())
-    )
+    own = tuple(measures.items())
+    measure = measure_of_strained(case.mesh_shape, case.cell_grid, tuple(measures), own)
     with suppress(NoDerivative):
         adjoint = adjoint_of(case, shapes[0])
         for k in reached:

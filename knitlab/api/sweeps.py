@@ -13,8 +13,8 @@ from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.reproduce import reproduce as run_alone
+from knitlab.sweep.results_folder import FolderStatus, workflow_status
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.status import FolderStatus, workflow_status
 
 RESULTS = Path("results")
 """Default folder for the results folders of all workflows."""
@@ -51,9 +51,8 @@ def run(
         fail_fast: whether to stop at the first case that is not ok.
         case_timeout: longest time for a case [s].
         refresh: whether to recompute stale results.
-        shard: the part of the plan to run, as ``(3, 40)``, beside processes that run the others:
-            in the same results folder, or each in its own for :func:`merge`. Every case is in one
-            part, and parts take about the same time.
+        shard: the part of the plan to run, as ``(3, 40)``, beside processes that run the others
+            in the same results folder, or each in its own for :func:`merge`.
         figures: whether to draw the workflow's figures into the results folder.
         progress: whether to draw a progress bar.
         settings: settings of the workflow to replace; a list makes a dimension of the cube:
@@ -61,7 +60,7 @@ def run(
 
     Returns:
         The cube, with every design of the results folder; of a shard, the designs of its part. The
-        last of several shards to end writes ``cube.nc`` with the designs of all.
+        last shard to end writes ``cube.nc`` with the designs of all.
 
     Raises:
         BadInput: with every fault of the workflow and its settings, or if the folder is in use
@@ -71,7 +70,6 @@ def run(
         NotAllOk: if a case is not ok, stale or unfinished.
 
     Example:
-        >>> import knitlab as kl
         >>> cube = kl.run("periodic", n_stripe=4, n_subunit=8, strain_max=0.06, results=folder)
         >>> cube["status"].item() == 1
         True
@@ -110,8 +108,7 @@ def merge(
 ) -> xr.Dataset:
     """Join results folders of one workflow, as of shards that ran on several machines.
 
-    Case files are copied, and cubes, plans and failures are joined. The folders are compared before
-    anything is written and are not changed; merging them again changes nothing.
+    The folders are compared before anything is written, and are not changed.
 
     Args:
         folders: results folders of a workflow, or folders that hold them.
@@ -129,9 +126,7 @@ def merge(
         NotAllOk: if a case file is damaged, and left out.
 
     Example:
-        >>> import knitlab as kl
-        >>> cube = kl.merge("results/reference/periodic", results=folder)
-        >>> cube.sizes["n_stripe"]
+        >>> kl.merge("results/reference/periodic", results=folder).sizes["n_stripe"]
         4
     """
     done = merge_folders([Path(each) for each in folders], Path(results), any_code=any_code)
@@ -152,7 +147,6 @@ def plan(workflow: str | Path, **settings: Any) -> Plan:
         BadInput: with every fault of the workflow and its settings.
 
     Example:
-        >>> import knitlab as kl
         >>> len(kl.plan("preview").cases)
         10
     """
@@ -162,9 +156,7 @@ def plan(workflow: str | Path, **settings: Any) -> Plan:
 def status(
     workflow: str | Path, *, results: str | Path = RESULTS, check: bool = False
 ) -> FolderStatus:
-    """Status of the cases of the last plan of a workflow.
-
-    If an input file of the plan has changed, the workflow is planned again.
+    """Status of the cases of the last plan of a workflow, which is renewed if its files changed.
 
     Args:
         workflow: name of a shipped workflow, or path of a TOML file.

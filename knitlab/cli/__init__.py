@@ -7,8 +7,7 @@ from knitlab.cli.options import CommandGroup
 
 
 @click.group(
-    cls=CommandGroup,
-    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+    cls=CommandGroup, context_settings={"help_option_names": ["-h", "--help"], "show_default": True}
 )
 @click.version_option(package_name="knitlab")
 def main() -> None:

@@ -14,12 +14,7 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 @options.cubes
 @options.select
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
-@click.option(
-    "--sort",
-    multiple=True,
-    metavar="NAME",
-    help="Sort by a variable, ascending; -NAME descends. Repeatable.",
-)
+@options.repeatable("--sort", "Sort by a variable, ascending; -NAME descends.", metavar="NAME")
 @click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
 @options.table_format
 def query(
@@ -46,19 +41,14 @@ def query(
 
 @click.command()
 @options.cubes
-@click.option(
-    "--target",
-    "targets",
-    multiple=True,
+@options.repeatable(
+    "--target targets",
+    'Target, such as "poisson_ratio = -0.3 @ 0.05:0.25".',
     required=True,
     metavar="TARGET",
-    help='Target, such as "poisson_ratio = -0.3 @ 0.05:0.25". Repeatable.',
 )
-@click.option(
-    "--subject-to",
-    multiple=True,
-    metavar="TARGET",
-    help='Target that must be met, such as "knit_cell_x < 20". Repeatable.',
+@options.repeatable(
+    "--subject-to", 'Target that must be met, such as "knit_cell_x < 20".', metavar="TARGET"
 )
 @click.option("--most", type=options.COUNT, default=10, help="Designs to list.")
 @options.table_format

@@ -1,6 +1,5 @@
 """Commands on measurements: ``calibrate``, ``import``, ``fit``."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -66,8 +65,7 @@ def calibrate(
     from knitlab.figures.fits import calibration_figure
     from knitlab.io.errors import fault
     from knitlab.io.table_file import read_tension_curve
-    from knitlab.measure.calibration import calibrate as fit
-    from knitlab.measure.calibration import report, report_comparison, write_stripe_file
+    from knitlab.measure import calibration
     from knitlab.sweep.parameters import defaults
 
     output = output or Path(f"{knit}-{stitches}.toml")
@@ -83,25 +81,29 @@ def calibrate(
         except ValueError as error:
             raise fault(str(spring_curve), str(error)) from error
     try:
-        fitted = fit(period, measured.strain, measured.force, springs)
-        linear = None if law == "linear" else fit(period, measured.strain, measured.force)
+        fitted = calibration.calibrate(period, measured.strain, measured.force, springs)
+        linear = None
+        if law != "linear":
+            linear = calibration.calibrate(period, measured.strain, measured.force)
     except ValueError as error:
         raise fault(str(curve), str(error)) from error
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
     click.echo(title)
-    for line in [*report(fitted), *(report_comparison(fitted, linear) if linear else [])]:
+    compared = calibration.report_comparison(fitted, linear) if linear else []
+    for line in [*calibration.report(fitted), *compared]:
         click.echo(line)
     for warning in fitted.warnings:
         options.echo_problem(warning)
     if fitted.usable:
         used_size = cell_size or defaults().model.cell_size
-        write_stripe_file(output, knit, stitches, fitted, curve, used_size)
+        source = calibration.source_of(fitted, curve, used_size)
+        stripe = fitted.stripe(knit, stitches, used_size)
+        calibration.write_stripe_table(output, [(stripe, source)])
         click.echo(f"stripe   {output}")
     else:
         options.echo_problem("no stripe is written, as this fit cannot be used")
     options.draw_beside(output, lambda: calibration_figure(fitted, title, linear))
-    if not fitted.usable:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(fitted.usable)
 
 
 @click.group(name="import", cls=options.CommandGroup)
@@ -188,8 +190,7 @@ def fit(
     click.echo(f"stripes  {output}")
     title = f"{fitted.before.label}, fitted to {experiment}"
     options.draw_beside(output, lambda: fit_figure(fitted, title))
-    if not fitted.converged:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(fitted.converged)
 
 
 COMMANDS = (calibrate, import_group, fit)

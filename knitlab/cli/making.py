@@ -50,8 +50,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
         click.echo(f"workflow  {path}", err=True)
     for path in api.draw(designed):
         click.echo(f"figure  {path}", err=True)
-    if not designed.met:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(designed.met)
 
 
 @click.command()
@@ -69,28 +68,18 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     type=click.Choice(["front", "back"]),
     help="Face of the fabric for conductors; by default that to which their ridges point.",
 )
-@click.option(
-    "--machine",
-    "changes",
-    multiple=True,
+@options.repeatable(
+    "--machine changes",
+    "Override a value of params/machine.toml, such as end=drop.",
     metavar="KEY=VALUE",
-    help="Override a value of params/machine.toml, such as end=drop. Repeatable.",
 )
-@click.option(
-    "-o",
-    "--output",
-    "outputs",
-    multiple=True,
+@options.repeatable(
+    "-o --output outputs",
+    "File: .k knitout; .svg, .png or .pdf the stitch chart; .csv the chart as a table.",
     type=options.FILE,
-    help="File: .k knitout; .svg, .png or .pdf the stitch chart; .csv the chart as a table."
-    " Repeatable.",
 )
-@click.option(
-    "--sheet",
-    "sheets",
-    multiple=True,
-    type=options.FILE,
-    help="File for the specification sheet, .pdf, .svg or .png. Repeatable.",
+@options.repeatable(
+    "--sheet sheets", "File for the specification sheet, .pdf, .svg or .png.", type=options.FILE
 )
 @click.option("--check", is_flag=True, help="Check the knitout, and compare it with the chart.")
 def knit(
@@ -133,12 +122,8 @@ def knit(
     checked = sample.check()
     for note in checked.notes:
         click.echo(f"{'check':13} {note}")
-    for fault in checked.faults[: options.MOST_LINES]:
-        options.echo_problem(fault)
-    if len(checked.faults) > options.MOST_LINES:
-        click.echo(f"… and {len(checked.faults) - options.MOST_LINES} more", err=True)
-    if checked.faults:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.echo_first([f"knitlab: {fault}" for fault in checked.faults], err=True)
+    options.exit_unless(not checked.faults)
 
 
 @click.command()

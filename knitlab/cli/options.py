@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,8 @@ PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 COUNT = click.IntRange(min=1)
+COUNT_OR_ZERO = click.IntRange(min=0)
+POSITIVE = click.FloatRange(min=0, min_open=True)
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -45,6 +47,20 @@ def echo_problem(problem: object) -> None:
     click.echo(f"knitlab: {problem}", err=True)
 
 
+def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool = False) -> None:
+    """Print the first lines, and how many more there are."""
+    for line in lines[:MOST_LINES]:
+        click.echo(indent + line, err=err)
+    if len(lines) > MOST_LINES:
+        click.echo(f"{indent}… and {len(lines) - MOST_LINES} more{more}", err=err)
+
+
+def exit_unless(ok: bool) -> None:
+    """End with exit code 1 if what was asked for did not succeed."""
+    if not ok:
+        sys.exit(SOME_CASE_NOT_OK)
+
+
 def _with_option(message: str, command: click.Command) -> str:
     """The message about a Python argument, with the name of its option instead."""
     argument, space, rest = message.partition(" ")
@@ -53,10 +69,6 @@ def _with_option(message: str, command: click.Command) -> str:
             colon = ":" if argument.endswith(":") else ""
             return f"{parameter.opts[-1]}{colon}{space}{rest}"
     return message
-
-
-def _parsed(parse: Callable[[Any], Any]) -> Callable[[click.Context, click.Parameter, Any], Any]:
-    return lambda context, parameter, given: parse(given)
 
 
 def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
@@ -90,14 +102,12 @@ def _number_or_label(text: str) -> float | str:
     return text
 
 
-def _two_counts(text: str | None) -> tuple[int, int] | None:
-    """The counts of ``--repeats``; ``None`` if it is not given.
+def _two_counts(text: str) -> tuple[int, int]:
+    """The counts of ``--repeats``.
 
     Raises:
         BadInput: if the text is of another form.
     """
-    if text is None:
-        return None
     match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
     if match is None:
         raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
@@ -146,29 +156,32 @@ results = click.option(
     default=Path("results"),
     help="Folder that holds a folder of results for each workflow.",
 )
-settings = click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Override a setting of the workflow; a comma makes a list. Repeatable.",
-)
-select = click.option(
-    "--select",
-    "selections",
-    multiple=True,
-    metavar="NAME=VALUE",
-    callback=_parsed(read_selections),
-    help="Keep one value of a coordinate, or several with commas. Repeatable.",
-)
 repeats = click.option(
     "--repeats",
+    type=_two_counts,
     metavar="NxM",
-    callback=_parsed(_two_counts),
     help="Repeats of the pattern along the warp and the weft, such as 4x2.",
 )
 table_format = click.option(
     "--format", "style", type=click.Choice(["table", "csv", "json"]), default="table"
+)
+
+
+def repeatable(names: str, help: str, **options: Any) -> Decorator:
+    """An option that may be given several times, by its names with spaces between."""
+    return click.option(*names.split(), multiple=True, help=f"{help} Repeatable.", **options)
+
+
+settings = repeatable(
+    "--set settings",
+    "Override a setting of the workflow; a comma makes a list.",
+    metavar="KEY=VALUE",
+)
+select = repeatable(
+    "--select selections",
+    "Keep one value of a coordinate, or several with commas.",
+    metavar="NAME=VALUE",
+    callback=lambda _, __, texts: read_selections(texts),
 )
 
 
@@ -181,7 +194,7 @@ def workers(default: int | None, shown: str | bool = True) -> Decorator:
     """The option ``--workers``, with the default of a command and how to show it."""
     return click.option(
         "--workers",
-        type=click.IntRange(min=0),
+        type=COUNT_OR_ZERO,
         default=default,
         show_default=shown,
         help="Worker processes on this machine; 0 runs in this process.",

@@ -1,7 +1,6 @@
 """Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,8 +31,7 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.results_folder import PLAN
-    from knitlab.sweep.status import folder_status
+    from knitlab.sweep.results_folder import PLAN, folder_status
 
     made = make_plan(workflow, settings + scale)
     _echo_warnings(made)
@@ -47,11 +45,12 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
             f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
             f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
         )
-        for case_id in batch.cases[: options.MOST_LINES]:
-            case = made.cases[case_id]
-            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}")
-        if len(batch.cases) > options.MOST_LINES:
-            click.echo(f"  … and {len(batch.cases) - options.MOST_LINES} more")
+        cases = [(case_id, made.cases[case_id]) for case_id in batch.cases]
+        lines = [
+            f"{case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}"
+            for case_id, case in cases
+        ]
+        options.echo_first(lines, indent="  ")
     if len(made.batches) > options.MOST_LINES:
         click.echo(f"… and {len(made.batches) - options.MOST_LINES} more batches")
     for design, reason in made.excluded.items():
@@ -91,7 +90,7 @@ def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> N
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
 @click.option(
     "--retries",
-    type=click.IntRange(min=0),
+    type=options.COUNT_OR_ZERO,
     default=0,
     help="How often to repeat a batch that raised an error.",
 )
@@ -101,10 +100,7 @@ def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> N
     help="Whether to continue after a case that is not ok.",
 )
 @click.option(
-    "--case-timeout",
-    type=click.FloatRange(min=0, min_open=True),
-    metavar="SECONDS",
-    help="Longest time for one case.",
+    "--case-timeout", type=options.POSITIVE, metavar="SECONDS", help="Longest time for one case."
 )
 @click.option("--refresh", is_flag=True, help="Recompute stale results.")
 @click.option(
@@ -162,15 +158,14 @@ def run(
         options.echo_problem(fault)
     for line in done.remarks(made.dims, folder):
         click.echo(line, err=True)
-    if not done.all_ok:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(done.all_ok)
 
 
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
     from knitlab.figures.figure_files import requested_figures
-    from knitlab.sweep.status import finished_plan
+    from knitlab.sweep.results_folder import finished_plan
 
     record = finished_plan(workflow, settings, results)
     if record is None:
@@ -213,8 +208,7 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     click.echo(f"{len(done.sources)} folders, {len(done.copied)} case files copied")
     click.echo(f"{sum(done.counts.values())} designs: {_counted(done.counts)}")
     click.echo(f"cube    {done.folder / CUBE}")
-    if done.damaged:
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(not done.damaged)
 
 
 @click.command()
@@ -227,7 +221,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.sweep.status import workflow_status
+    from knitlab.sweep.results_folder import workflow_status
 
     state = workflow_status(workflow, results, check)
     if as_json:
@@ -236,13 +230,12 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     click.echo(f"{len(state.designs)} cases: {_counted(state.counts)}")
     for path in state.changed:
         click.echo(f"changed since the plan: {path}")
-    not_ok = [case_id for case_id, word in state.statuses.items() if word != "ok"]
-    for case_id in not_ok[: options.MOST_LINES]:
-        reason = state.failures.get(case_id, "")
-        word = f"{state.statuses[case_id]}: {reason}" if reason else state.statuses[case_id]
-        click.echo(f"  {state.label(case_id)}  {case_id}  {word}")
-    if len(not_ok) > options.MOST_LINES:
-        click.echo(f"  … and {len(not_ok) - options.MOST_LINES} more; --json lists them all")
+    lines = []
+    for case_id, word in state.statuses.items():
+        if word != "ok":
+            reason = f": {state.failures[case_id]}" if state.failures.get(case_id) else ""
+            lines.append(f"{state.label(case_id)}  {case_id}  {word}{reason}")
+    options.echo_first(lines, indent="  ", more="; --json lists them all")
 
 
 @click.command()
@@ -256,8 +249,7 @@ def reproduce(case_id: str, results: Path) -> None:
     """
     from knitlab.api.sweeps import reproduce as reproduce_case
 
-    if not reproduce_case(case_id, results=results, report=click.echo):
-        sys.exit(options.SOME_CASE_NOT_OK)
+    options.exit_unless(reproduce_case(case_id, results=results, report=click.echo))
 
 
 COMMANDS = (plan, run, merge, status, reproduce)

@@ -1,5 +1,6 @@
 """Case files: for each case a netCDF file and its checksum. Needs no JAX."""
 
+import hashlib
 from collections.abc import Collection
 from enum import Enum
 from pathlib import Path
@@ -11,10 +12,10 @@ import xarray as xr
 
 from knitlab.cube.schema import INTEGERS, MISSING, encoding
 from knitlab.io.atomic_write import write_atomically
-from knitlab.io.fingerprint import bytes_digest, file_digest
+from knitlab.io.fingerprint import file_digest
 
 if TYPE_CHECKING:  # imports JAX
-    from knitlab.fabric.configuration import Configuration
+    from knitlab.fabric.fabric import Configuration
 
 
 class StoredCase(Enum):
@@ -47,7 +48,7 @@ def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
         )
     )
     path = case_path(results, case_id)
-    checksum = f"{bytes_digest(contents)}  {path.name}\n"
+    checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n"
     write_atomically(checksum_path(results, case_id), checksum.encode())
     write_atomically(path, contents)
 
@@ -95,7 +96,7 @@ def read_case(results: Path, case_id: str) -> xr.Dataset:
 
 def configurations(case: xr.Dataset) -> "Configuration":
     """Configurations of a case along a leading axis of strain; lengths of open samples are 0."""
-    from knitlab.fabric.configuration import Configuration
+    from knitlab.fabric.fabric import Configuration
 
     positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
     none = np.zeros(len(positions))

@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.dynamics.body import Body
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.motion import Moving, advance, largest_step
+from knitlab.dynamics.motion import Body, Moving, advance, largest_step
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.loading import (
     Loading,
@@ -21,10 +20,9 @@ from knitlab.equilibrium.loading import (
     tensile,
 )
 from knitlab.equilibrium.state import History, Outcome, State, TensileTest
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Energy
-from knitlab.fabric.fabric import Fabric, flat_sheet
-from knitlab.fabric.inertia import Inertia, moved_mass
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
+from knitlab.fabric.inertia import Inertia
 from knitlab.fabric.network import MeshShape, network
 
 Progress = Callable[[int, float], None]
@@ -44,27 +42,17 @@ class MovingFabrics:
 
     def bodies(self, clamped: bool) -> list[Body]:
         """The fabrics as bodies, free or with what a tensile test holds held."""
-        return [
-            _body(self.shape, fabric, inertia, clamped)
-            for fabric, inertia in zip(self.fabrics, self.inertias, strict=True)
-        ]
+        pairs = zip(self.fabrics, self.inertias, strict=True)
+        return [_body(self.shape, *pair, clamped) for pair in pairs]
 
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """The end of a relaxation.
+    """The end of a relaxation; ``converged`` if at rest, or after the given time."""
 
-    Attributes:
-        configuration: its shape, aligned for clamping if the fabric is a sample [mm].
-        history: energies on the way.
-        strain_rate: rate at which a test by dynamics is to pull it [1/ms].
-        steps: time steps.
-        outcome: ``converged`` at rest or after the given time, else why not.
-    """
-
-    configuration: Configuration
+    configuration: Configuration  # aligned for clamping if the fabric is a sample [mm]
     history: History
-    strain_rate: float
+    strain_rate: float  # at which a test by dynamics is to pull it [1/ms]
     steps: int
     outcome: Outcome
 
@@ -77,8 +65,7 @@ def relax_by_dynamics(
     """Release flat sheets at rest and let them fold (paper, Sec. "Relaxation of a pattern").
 
     A sheet moves until it is at rest, or for a given time, as ``settings.ending`` says. A sample is
-    rotated rigidly then, so that the rows that are to be clamped match those of its flat sheet.
-    What is released in place of a flat sheet, such as an imperfect one, is in ``sheets`` [mm].
+    then rotated rigidly for clamping. ``sheets``, such as imperfect ones, replace flat sheets [mm].
     """
     shape, settings, cases = fabrics.shape, fabrics.settings, range(len(fabrics.fabrics))
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
@@ -116,15 +103,9 @@ def relax_by_dynamics(
             folded = between_walls(aligned, float(fabrics.fabrics[case].z_max))
         first, left = float(first_force[case]), float(moving.seen.force[case])
         force_left = left / first if first else 0.0
-        relaxed.append(
-            Relaxed(
-                configuration=folded,
-                history=_history(records[case], force_left, settings.snapshots > 0),
-                strain_rate=float(rate[case]),
-                steps=int(moving.steps[case]),
-                outcome=_outcome(moving, case, to_rest),
-            )
-        )
+        history = _history(records[case], force_left, settings.snapshots > 0)
+        outcome, steps = _outcome(moving, case, to_rest), int(moving.steps[case])
+        relaxed.append(Relaxed(folded, history, float(rate[case]), steps, outcome))
     return relaxed
 
 
@@ -135,11 +116,9 @@ def stretch_by_dynamics(
 ) -> list[TensileTest]:
     """Relax flat sheets, then pull them (paper, Sec. "Kinematics under tension").
 
-    The pull begins from rest: what is left of the motion of the relaxation is taken away, as when
-    the test is a simulation of its own. With ``settings.ending = "rest"`` the fabric comes to rest
-    at every applied strain; with ``"time"`` it is pulled without a pause, and its states are not
-    equilibria.
-    Strains ascend from 0, and are of equal number for every fabric.
+    The pull begins from rest, as when the test is a simulation of its own. With ``settings.ending``
+    ``"rest"`` the fabric comes to rest at every strain; with ``"time"`` it is pulled without pause,
+    and its states are not equilibria. Strains ascend from 0, as many for every fabric.
     """
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)
@@ -187,6 +166,13 @@ def _outcome(moving: Moving, case: int, to_rest: bool) -> Outcome:
     return Outcome.time_limit if to_rest and not moving.resting[case] else Outcome.converged
 
 
+def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
+    """Mass that each unknown moves [g]; L_x and L_y, not in the paper, that of a line of nodes."""
+    mass = jnp.broadcast_to(inertia.node_mass, (shape.nodes_y, shape.nodes_x))
+    lines = jnp.stack([mass[:, 0].sum(), mass[0].sum()])
+    return Configuration(jnp.broadcast_to(mass[..., None], (*mass.shape, 3)), lines)
+
+
 def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> Body:
     mass = moved_mass(shape, inertia)
     uniform = jnp.ndim(inertia.node_mass) == 0
@@ -196,13 +182,10 @@ def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> 
         lengths[1] = 0.0
     elif clamped:
         inverse[[0, -1]] = 0.0
-    return Body(
-        GridFabric.of(shape, fabric),
-        jnp.asarray(inverse),
-        jnp.asarray(lengths),
-        jnp.asarray(inertia.damping),
-        jnp.array([shape.nodes_y, shape.nodes_x], float),
-    )
+    inverses = jnp.asarray(inverse), jnp.asarray(lengths)
+    nodes_of_lengths = jnp.array([shape.nodes_y, shape.nodes_x], float)
+    damping = jnp.asarray(inertia.damping)
+    return Body(GridFabric.of(shape, fabric), *inverses, damping, nodes_of_lengths)
 
 
 def on_grid(configuration: Configuration) -> Shape:
@@ -236,15 +219,9 @@ def _state(
 ) -> State:
     energy: Energy = jax.tree.map(lambda leaf: np.asarray(leaf[case]), moving.seen.energy)
     forces = np.asarray(configuration_of(moving.seen.gradient, case).flattened())
-    return State(
-        shape=shape,
-        unknowns=np.asarray(configuration_of(moving.motion.shape, case).flattened()),
-        energy=energy,
-        gradient=forces,
-        outcome=outcome,
-        residual=float(np.abs(forces[free]).max()),
-        iterations=0,
-    )
+    unknowns = np.asarray(configuration_of(moving.motion.shape, case).flattened())
+    residual = float(np.abs(forces[free]).max())
+    return State(shape, unknowns, energy, forces, outcome, residual, iterations=0)
 
 
 def _record(moving: Moving, case: int) -> Record:
@@ -256,14 +233,8 @@ def _record(moving: Moving, case: int) -> Record:
 
 
 def _history(records: Sequence[Record], force_left: float, with_snapshots: bool) -> History:
-    time, kinetic, potential, dissipated, shapes = zip(*records, strict=True)
+    *numbers, shapes = zip(*records, strict=True)
+    time, kinetic, potential, dissipated = map(np.array, numbers)
     kept = slice(None) if with_snapshots else slice(-1, None)
-    return History(
-        time=np.array(time),
-        kinetic=np.array(kinetic),
-        potential=np.array(potential),
-        dissipated=np.array(dissipated),
-        snapshot_time=np.array(time[kept]),
-        snapshots=Configuration.stacked(shapes[kept]),
-        force_left=force_left,
-    )
+    snapshots = time[kept], Configuration.stacked(shapes[kept])
+    return History(time, kinetic, potential, dissipated, *snapshots, force_left)

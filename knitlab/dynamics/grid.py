@@ -6,9 +6,12 @@ and a force is gathered from slices too. A step of the dynamics is a few loops o
 
 Periodic fabric is extended by the image of its first row and column of nodes, so that both kinds of
 fabric have one more line of nodes than of cells. What lies on the images counts once.
+
+Vectors are three arrays, whose operations XLA fuses into one loop over the grid. With the
+components along an axis of one array it would write every intermediate vector to memory.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,17 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.dynamics.vectors import (
-    Component,
-    Vector,
-    add,
-    arctan2,
-    cross,
-    dot,
-    norm,
-    scale,
-    subtract,
-)
 from knitlab.fabric.energy import Energy
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
@@ -36,21 +28,36 @@ from knitlab.fabric.spring_law import SpringLaw
 ALL, INNER = slice(None), slice(1, -1)
 BEFORE, AFTER = slice(None, -1), slice(1, None)
 
+NUMERATOR = (
+    -8.750608600031904122785e-1,
+    -1.615753718733365076637e1,
+    -7.500855792314704667340e1,
+    -1.228866684490136173410e2,
+    -6.485021904942025371773e1,
+)
+DENOMINATOR = (
+    1.0,
+    2.485846490142306297962e1,
+    1.650270098316988542046e2,
+    4.328810604912902668951e2,
+    4.853903996359136964868e2,
+    1.945506571482613964425e2,
+)
+"""Rational approximation of (atan t − t)/t³ in t², for t up to tan(π/8), from Cephes."""
+
+Component = Float[Array, "*grid"]
+Vector = tuple[Component, Component, Component]
+"""The x, y and z components of a vector at every place of a grid."""
 Lines = Float[Array, "_ _"]
 """A component on some lines of the grid, whose number differs within a function."""
 OnLines = tuple[Lines, Lines, Lines]
 
 
 class Shape(NamedTuple):
-    """Configuration of a fabric on the grid, its velocity, or a gradient with respect to it.
+    """Configuration of a fabric on the grid, its velocity, or a gradient with respect to it."""
 
-    Attributes:
-        positions: components of the position of every node [mm].
-        lengths: L_x and L_y of periodic fabric; without effect on a sample [mm].
-    """
-
-    positions: Vector
-    lengths: Float[Array, "2"]
+    positions: Vector  # components of the position of every node [mm]
+    lengths: Float[Array, "2"]  # L_x and L_y of periodic fabric; without effect on a sample [mm]
 
 
 class Springs(eqx.Module):
@@ -71,24 +78,15 @@ class Springs(eqx.Module):
 
 
 class Hinges(eqx.Module):
-    """Hinges about the edges of one direction, on every line of the grid across it.
+    """Hinges about the edges of one direction, on every line of the grid across it."""
 
-    Attributes:
-        stiffness: k_t, 0 at an open edge and beyond it, where there is none [N mm].
-        rest: signed fold angle at rest [rad].
-        of: definition of the fold angle, a model option.
-    """
-
+    # k_t, 0 at an open edge and beyond it, where there is none [N mm]
     stiffness: Float[Array, "row column"]
-    rest: Float[Array, "row column"]
-    of: FoldAngle = eqx.field(static=True)
+    rest: Float[Array, "row column"]  # signed fold angle at rest [rad]
+    of: FoldAngle = eqx.field(static=True)  # definition of the fold angle, a model option
 
     def from_rest(self, edge: Vector, before: Vector, after: Vector) -> Component:
-        """Fold angle minus its rest value, on the branch nearest zero [rad].
-
-        It follows from the vectors along the edges [mm] and the normals of the cells before and
-        after them, as long as the cells are large [mm²].
-        """
+        """Fold angle minus its rest value [rad], from edges [mm] and normals of cells [mm²]."""
         sine, cosine = self._sine_and_cosine(edge, before, after)
         angle = arctan2(sine, cosine) - self.rest
         return angle - 2 * np.pi * jnp.round(angle / (2 * np.pi))
@@ -100,10 +98,7 @@ class Hinges(eqx.Module):
     def gradient(
         self, edge: Vector, before: Vector, after: Vector
     ) -> tuple[Vector, Vector, Vector]:
-        """Derivatives of the energy with respect to the edges and to the normals.
-
-        :mod:`knitlab.fabric.fold_angle` derives the formulas.
-        """
+        """Derivatives of the energy by edges and normals, see :mod:`knitlab.fabric.fold_angle`."""
         sine, cosine = self._sine_and_cosine(edge, before, after)
         moment = self.stiffness * self.from_rest(edge, before, after)
         per_length = 1 / norm(edge)
@@ -137,29 +132,17 @@ class Hinges(eqx.Module):
 
 
 class GridFabric(eqx.Module):
-    """A fabric on the structured grid.
+    """A fabric on the structured grid, whose elements are numbered as in the network."""
 
-    Attributes:
-        weft, warp, rising, falling: springs along x, along y, and along both diagonals.
-        wale, course: hinges about edges along y, and along x.
-        z_max: half the gap between the walls [mm].
-        k_wall: penalty stiffness of the walls [N/mm].
-        periodic: whether the fabric is periodic.
-    """
-
-    weft: Springs
-    warp: Springs
-    rising: Springs
-    falling: Springs
-    wale: Hinges
-    course: Hinges
-    z_max: Float[Array, ""]
-    k_wall: Float[Array, ""]
+    springs: tuple[Springs, ...]  # along x, along y, and along both diagonals
+    hinges: tuple[Hinges, ...]  # about edges along y, and along x
+    z_max: Float[Array, ""]  # half the gap between the walls [mm]
+    k_wall: Float[Array, ""]  # penalty stiffness of the walls [N/mm]
     periodic: bool = eqx.field(static=True)
 
     @classmethod
     def of(cls, shape: MeshShape, fabric: Fabric) -> "GridFabric":
-        """A fabric of a mesh shape, whose elements are numbered as in the network."""
+        """A fabric of a mesh shape."""
         rows, columns = shape.cells_y, shape.cells_x
         image = int(shape.periodic)
         # Lines of nodes are as they are, or with their image; cells get one more on every side.
@@ -168,8 +151,7 @@ class GridFabric(eqx.Module):
         for size, around in (
             ((shape.nodes_y, columns), (lines, cells)),
             ((rows, shape.nodes_x), (cells, lines)),
-            ((rows, columns), (cells, cells)),
-            ((rows, columns), (cells, cells)),
+            *[((rows, columns), (cells, cells))] * 2,
         ):
             numbers = np.arange(first, first := first + size[0] * size[1]).reshape(size)
             places = np.pad(numbers, around, "edge")
@@ -181,60 +163,45 @@ class GridFabric(eqx.Module):
                     fabric.spring_law.of(places),
                 )
             )
+        # The hinge on the image of the first line is that line's; open edges have none.
+        beyond, mode = ((0, 1), "wrap") if shape.periodic else ((1, 1), "constant")
         wales = rows * (columns if shape.periodic else columns - 1)
         hinges = []
-        for own, size, across in (
+        for own, size, axes in (
             (slice(None, wales), (rows, -1), 1),
-            (slice(wales, None), (-1, columns), 0),
+            (slice(wales, None), (-1, columns), -1),
         ):
-            # The hinge on the image of the first line is that line's; open edges have none.
-            lines, mode = ((0, 1), "wrap") if shape.periodic else ((1, 1), "constant")
-            beyond = [(0, 0), (0, 0)]
-            beyond[across] = lines
-            beside = [(0, 0), (0, 0)]
-            beside[1 - across] = cells
+            across, beside = ((0, 0), beyond)[::axes], (cells, (0, 0))[::axes]
             stiffness, rest = (
-                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), beyond, mode), beside)
+                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), across, mode), beside)
                 for values in (fabric.fold_stiffness, fabric.rest_fold)
             )
             hinges.append(Hinges(stiffness, rest, fabric.fold_angle))
-        weft, warp, rising, falling = springs
-        wale, course = hinges
-        return cls(
-            weft,
-            warp,
-            rising,
-            falling,
-            wale,
-            course,
-            z_max=jnp.asarray(fabric.z_max),
-            k_wall=jnp.asarray(fabric.k_wall),
-            periodic=shape.periodic,
-        )
+        walls = jnp.asarray(fabric.z_max), jnp.asarray(fabric.k_wall)
+        return cls(tuple(springs), tuple(hinges), *walls, shape.periodic)
 
     def energy(self, shape: Shape) -> Energy:
         """Elastic energy in its parts [N mm]."""
-        weft, warp, rising, falling = _edges(self._surrounded(shape))
-        wale, course = _hinged(weft, warp, cross(rising, falling))
+        edges = _edges(self._surrounded(shape))
+        (of_wale, of_course), (wale, course) = self.hinges, _hinged(*edges)
+        counted = BEFORE if self.periodic else ALL  # lines that are not images
+        stretch = [own.energy(along) for own, along in zip(self.springs, edges, strict=True)]
         return Energy(
-            stretch=self.weft.energy(_at(weft, INNER, ALL))
-            + self.warp.energy(_at(warp, ALL, INNER))
-            + self.rising.energy(rising)
-            + self.falling.energy(falling),
-            fold=self.wale.energy(*wale)[:, self._counted].sum()
-            + self.course.energy(*course)[self._counted].sum(),
+            stretch=sum(stretch[1:], stretch[0]),
+            fold=of_wale.energy(*wale)[:, counted].sum() + of_course.energy(*course)[counted].sum(),
             wall=0.5 * self.k_wall * jnp.sum(self._beyond(shape.positions[2]) ** 2),
         )
 
     def gradient(self, shape: Shape, walls: bool = True) -> Shape:
         """Derivative of the elastic energy, minus the force, with or without the walls [N]."""
-        weft, warp, rising, falling = _edges(self._surrounded(shape))
-        wale, course = _hinged(weft, warp, cross(rising, falling))
-        by_warp, wale_before, wale_after = self.wale.gradient(*wale)
-        by_weft, course_before, course_after = self.course.gradient(*course)
+        edges = _, _, rising, falling = _edges(self._surrounded(shape))
+        (by_warp, wale_before, wale_after), (by_weft, course_before, course_after) = (
+            own.gradient(*vectors)
+            for own, vectors in zip(self.hinges, _hinged(*edges), strict=True)
+        )
         if self.periodic:
-            by_warp = _cleared(by_warp, np.s_[:, -1])
-            by_weft = _cleared(by_weft, np.s_[-1])
+            by_warp = jax.tree.map(lambda part: part.at[:, -1].set(0.0), by_warp)
+            by_weft = jax.tree.map(lambda part: part.at[-1].set(0.0), by_weft)
         # A cell is before the hinges on its far lines, and after those on its near lines.
         by_normal = add(
             _at(wale_before, INNER, AFTER),
@@ -243,12 +210,16 @@ class GridFabric(eqx.Module):
             _at(course_after, BEFORE, INNER),
         )
         by_normal = jax.tree.map(lambda part: jnp.pad(part, 1), by_normal)
-        # The edge of a course hinge points to −x.
-        along_weft = subtract(self.weft.gradient(_at(weft, INNER, ALL)), by_weft)
-        along_warp = add(self.warp.gradient(_at(warp, ALL, INNER)), by_warp)
-        along_rising = add(self.rising.gradient(rising), cross(falling, by_normal))
-        along_falling = add(self.falling.gradient(falling), cross(by_normal, rising))
-        x, y, z = map(_gathered, along_weft, along_warp, along_rising, along_falling)
+        weft, warp, up, down = (
+            own.gradient(along) for own, along in zip(self.springs, edges, strict=True)
+        )
+        x, y, z = map(
+            _gathered,
+            subtract(weft, by_weft),  # the edge of a course hinge points to −x
+            add(warp, by_warp),
+            add(up, cross(falling, by_normal)),
+            add(down, cross(by_normal, rising)),
+        )
         lengths = jnp.zeros(2)
         if self.periodic:
             lengths = jnp.stack([x[:, -1].sum(), y[-1].sum()])
@@ -257,20 +228,12 @@ class GridFabric(eqx.Module):
             z = z + self.k_wall * self._beyond(shape.positions[2])
         return Shape((x, y, z), lengths)
 
-    @property
-    def _counted(self) -> slice:
-        """The lines that are not images."""
-        return BEFORE if self.periodic else ALL
-
     def _beyond(self, heights: Component) -> Component:
         """How far nodes are beyond the walls, with the sign of their height [mm]."""
         return heights - jnp.clip(heights, -self.z_max, self.z_max)
 
     def _surrounded(self, shape: Shape) -> Vector:
-        """Positions on all lines, and on one more on every side [mm].
-
-        Beyond an open edge the sheet goes on straight, so that normals exist; nothing acts there.
-        """
+        """Positions, also of straight lines beyond open edges, so that normals exist [mm]."""
         (x, y, z), (length_x, length_y) = shape.positions, shape.lengths
         return (
             _extended(x, self.periodic, length_x, 0.0),
@@ -280,12 +243,12 @@ class GridFabric(eqx.Module):
 
 
 def _hinged(
-    weft: OnLines, warp: OnLines, normals: OnLines
+    weft: OnLines, warp: OnLines, rising: OnLines, falling: OnLines
 ) -> tuple[tuple[OnLines, OnLines, OnLines], tuple[OnLines, OnLines, OnLines]]:
     """Edge, normal before and normal after, of the wale hinges and of the course hinges."""
-    x, y, z = _at(weft, INNER, ALL)
+    normals, (x, y, z) = cross(rising, falling), weft
     return (
-        (_at(warp, ALL, INNER), _at(normals, ALL, BEFORE), _at(normals, ALL, AFTER)),
+        (warp, _at(normals, ALL, BEFORE), _at(normals, ALL, AFTER)),
         ((-x, -y, -z), _at(normals, BEFORE, ALL), _at(normals, AFTER, ALL)),
     )
 
@@ -294,17 +257,10 @@ def _at(vector: OnLines, rows: slice, columns: slice) -> OnLines:
     return jax.tree.map(lambda part: part[rows, columns], vector)
 
 
-def _cleared(vector: Vector, lines: Any) -> Vector:
-    return jax.tree.map(lambda part: part.at[lines].set(0.0), vector)
-
-
 def _extended(
     part: Lines, periodic: bool, offset_x: Array | float, offset_y: Array | float
 ) -> Lines:
-    """One component of the positions, with a line before the first and one after the last.
-
-    Periodic fabric gets two lines after the last: the image of the first, and the one beyond.
-    """
+    """A component with a line before the first and one after the last, or two if periodic."""
     if periodic:
         part = jnp.concatenate([part[-1:] - offset_y, part, part[:2] + offset_y], axis=0)
         return jnp.concatenate([part[:, -1:] - offset_x, part, part[:, :2] + offset_x], axis=1)
@@ -317,8 +273,8 @@ def _extended(
 def _edges(around: OnLines) -> tuple[OnLines, OnLines, OnLines, OnLines]:
     """Vectors along the weft, along the warp, and along both diagonals of every cell [mm]."""
     return (
-        subtract(_at(around, ALL, AFTER), _at(around, ALL, BEFORE)),
-        subtract(_at(around, AFTER, ALL), _at(around, BEFORE, ALL)),
+        subtract(_at(around, INNER, AFTER), _at(around, INNER, BEFORE)),
+        subtract(_at(around, AFTER, INNER), _at(around, BEFORE, INNER)),
         subtract(_at(around, AFTER, AFTER), _at(around, BEFORE, BEFORE)),
         subtract(_at(around, AFTER, BEFORE), _at(around, BEFORE, AFTER)),
     )
@@ -342,3 +298,64 @@ def _images_added(part: Lines) -> Lines:
     """One component of the gradient at the nodes of periodic fabric: that of images added."""
     part = part[:-1].at[0].add(part[-1])
     return part[:, :-1].at[:, 0].add(part[:, -1])
+
+
+def add(*vectors: Vector) -> Vector:
+    """Sum of vectors."""
+    return jax.tree.map(lambda *parts: sum(parts[1:], parts[0]), *vectors)
+
+
+def subtract(one: Vector, other: Vector) -> Vector:
+    """Difference of two vectors."""
+    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
+
+
+def scale(factor: Component, vector: Vector) -> Vector:
+    """A vector times a number."""
+    return factor * vector[0], factor * vector[1], factor * vector[2]
+
+
+def dot(one: Vector, other: Vector) -> Component:
+    """Scalar product."""
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+
+def norm(vector: Vector) -> Component:
+    """Length of a vector."""
+    return jnp.sqrt(dot(vector, vector))
+
+
+def cross(one: Vector, other: Vector) -> Vector:
+    """Vector product."""
+    return (
+        one[1] * other[2] - one[2] * other[1],
+        one[2] * other[0] - one[0] * other[2],
+        one[0] * other[1] - one[1] * other[0],
+    )
+
+
+def arctan2(y: Component, x: Component) -> Component:
+    """atan2(y, x) to a few units in the last place, in arithmetic alone.
+
+    XLA calls a function for each element of ``jnp.arctan2``, longer than all else in a time step.
+    """
+    size_x, size_y = jnp.abs(x), jnp.abs(y)
+    smaller, larger = jnp.minimum(size_x, size_y), jnp.maximum(size_x, size_y)
+    steep = smaller > np.tan(np.pi / 8) * larger
+    tangent = jnp.where(steep, smaller - larger, smaller) / jnp.where(
+        steep, smaller + larger, larger
+    )
+    square = tangent * tangent
+    above, below = (_polynomial(each, square) for each in (NUMERATOR, DENOMINATOR))
+    angle = tangent + tangent * square * above / below + jnp.where(steep, np.pi / 4, 0.0)
+    angle = jnp.where(size_y > size_x, np.pi / 2 - angle, angle)
+    angle = jnp.where(x < 0, np.pi - angle, angle)
+    return jnp.where(y < 0, -angle, angle)
+
+
+def _polynomial(coefficients: tuple[float, ...], of: Component) -> Component:
+    """A polynomial by Horner's rule, highest power first; numbers and no array, for speed."""
+    value = coefficients[0] * of + coefficients[1]
+    for coefficient in coefficients[2:]:
+        value = value * of + coefficient
+    return value

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from knitlab.dynamics.body import Body, Motion, Observed, driving_power, loss, observed
-from knitlab.dynamics.grid import Shape
+from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.fabric.energy import Energy
 
 FIRST_ITERATIONS = 40
 """Iterations for the highest frequency of a fabric, the first time."""
@@ -27,14 +28,108 @@ crushed to a line its hinges are stiff for a moment, which a step of 1/300 was s
 OfCases = Float[np.ndarray, " case"]
 
 
+class Body(eqx.Module):
+    """A fabric with what makes it move."""
+
+    fabric: GridFabric
+    # 1/m of the nodes, 0 for held ones, which keep their velocity [1/g]
+    inverse_mass: Float[Array, "row column"]
+    inverse_mass_of_lengths: Float[Array, "2"]  # the same for L_x and L_y; 0 for a sample
+    damping: Float[Array, ""]  # c of a node [g/ms]
+    nodes_of_lengths: Float[Array, "2"]  # that L_x and L_y move
+
+    @property
+    def inverse(self) -> Shape:
+        """1/m of every coordinate and of the lengths [1/g]."""
+        return Shape((self.inverse_mass,) * 3, self.inverse_mass_of_lengths)
+
+    @property
+    def damping_rate(self) -> Shape:
+        """c/m of every coordinate and of the lengths [1/ms]."""
+        rate = self.damping * self.inverse_mass
+        of_lengths = self.damping * self.nodes_of_lengths * self.inverse_mass_of_lengths
+        return Shape((rate,) * 3, of_lengths)
+
+
+class Motion(eqx.Module):
+    """Configuration and velocity of a fabric, or of a batch, and the work done so far."""
+
+    shape: Shape  # [mm]
+    velocity: Shape  # [mm/ms]
+    dissipated: Float[Array, "*batch"]  # work done against the drag [N mm]
+    supplied: Float[Array, "*batch"]  # work done on what is held [N mm]
+
+    @classmethod
+    def at_rest(cls, shape: Shape) -> "Motion":
+        """The beginning of a motion without velocity."""
+        return cls(shape, jax.tree.map(jnp.zeros_like, shape), jnp.zeros(()), jnp.zeros(()))
+
+
+class Observed(eqx.Module):
+    """What is computed of a motion at one time."""
+
+    energy: Energy  # elastic [N mm]
+    kinetic: Float[Array, ""]  # of what is free [N mm]
+    gradient: Shape  # of the energy, minus the elastic force [N]
+    force: Float[Array, ""]  # largest elastic force on a free node or length [N]
+    drag: Float[Array, ""]  # largest drag on one [N]
+
+
+def observed(body: Body, motion: Motion) -> Observed:
+    """Energies and forces of a motion."""
+    gradient, velocity = body.fabric.gradient(motion.shape), motion.velocity
+    inverse, inverse_of_lengths = body.inverse_mass, body.inverse_mass_of_lengths
+
+    def largest(vector: Shape, of_lengths: Float[Array, "2"] | float) -> Float[Array, ""]:
+        lengths = jnp.abs(vector.lengths * of_lengths)
+        return jnp.maximum(
+            jnp.sqrt(jnp.max(jnp.where(inverse > 0, _squares(vector), 0.0))),
+            jnp.max(jnp.where(inverse_of_lengths > 0, lengths, 0.0)),
+        )
+
+    def mass(inverse: Array) -> Array:
+        return jnp.where(inverse > 0, 1 / jnp.where(inverse > 0, inverse, 1.0), 0.0)
+
+    of_nodes = jnp.sum(mass(inverse) * _squares(velocity))
+    return Observed(
+        energy=body.fabric.energy(motion.shape),
+        kinetic=0.5 * (of_nodes + jnp.sum(mass(inverse_of_lengths) * velocity.lengths**2)),
+        gradient=gradient,
+        force=largest(gradient, 1.0),
+        drag=body.damping * largest(velocity, body.nodes_of_lengths),
+    )
+
+
+def driving_power(body: Body, gradient: Shape, velocity: Shape) -> Float[Array, ""]:
+    """Power of the forces that move the top row, or L_y of periodic fabric, if held [N mm/ms]."""
+    if body.fabric.periodic:
+        held = body.inverse_mass_of_lengths[1] == 0
+        return jnp.where(held, gradient.lengths[1] * velocity.lengths[1], 0.0)
+    held = jnp.broadcast_to(body.inverse_mass, gradient.positions[1].shape)[-1] == 0
+    return jnp.sum(jnp.where(held, gradient.positions[1][-1] * velocity.positions[1][-1], 0.0))
+
+
+def loss(body: Body, velocity: Shape) -> Float[Array, ""]:
+    """Power of the drag, Σ c u̇² over what is free [N mm/ms]."""
+    lengths = jnp.where(body.inverse_mass_of_lengths > 0, body.nodes_of_lengths, 0.0)
+    return body.damping * (
+        jnp.sum(jnp.where(body.inverse_mass > 0, _squares(velocity), 0.0))
+        + jnp.sum(lengths * velocity.lengths**2)
+    )
+
+
+def _squares(vector: Shape) -> Float[Array, "row column"]:
+    """Squared length of the vector of every node."""
+    x, y, z = vector.positions
+    return x**2 + y**2 + z**2
+
+
 def highest_frequency(
     body: Body, motion: Motion, mode: Shape, iterations: Int[Array, ""]
 ) -> tuple[Float[Array, ""], Shape]:
-    """Square of the highest frequency, without walls, by power iteration on M⁻¹ K [1/ms²].
-
-    It begins with ``mode``, a shape of any size, and also returns the last one, for the next time.
-    """
-    # With M^(−1/2) on both sides the matrix is symmetric, and its Rayleigh quotients are sharp.
+    """Square of the highest frequency without walls, and its mode, from one near it [1/ms²]."""
+    # By power iteration on M^(−1/2) K M^(−1/2), which is symmetric, so that Rayleigh quotients are
+    # sharp.
     weighted = partial(jax.tree.map, lambda part, inverse: jnp.sqrt(inverse) * part)
 
     def norm(vector: Shape) -> Float[Array, ""]:
@@ -60,50 +155,30 @@ def highest_frequency(
 
 
 def leapfrog(
-    body: Body,
-    motion: Motion,
-    step: Float[Array, ""],
-    count: Int[Array, ""],
-    longest: Int[Array, ""],
+    body: Body, motion: Motion, step: Array, count: Int[Array, ""], longest: Int[Array, ""]
 ) -> Motion:
-    """Move a fabric by a number of equal steps of the leapfrog.
+    """Move a fabric by a number of equal steps [ms] of the leapfrog; by none if the step is 0.
 
     Drag and walls are taken implicitly, which costs nothing: both act on every coordinate alone. A
     wall acts with the force at the height that the step leads to. States at rest are those of the
     explicit scheme, and the walls, by far the stiffest part, do not limit the time step.
-
-    Args:
-        body: the fabric.
-        motion: its motion.
-        step: time step, 0 to stand still [ms].
-        count: number of steps.
-        longest: largest number of steps in the batch; the fabric stands still after its own.
+    ``longest`` is the largest number of steps in the batch; the fabric stands still after its own.
     """
     stiffness, z_max = body.fabric.k_wall, body.fabric.z_max
     half = jax.tree.map(lambda rate: step * rate / 2, body.damping_rate)
     gradient = partial(body.fabric.gradient, walls=False)
 
-    def kicked(
-        motion: Motion,
-        force: Shape,
-        before: Float[Array, ""],
-        after: Float[Array, ""],
-        drift: Float[Array, ""],
-    ) -> Shape:
+    def kicked(motion: Motion, force: Shape, before: Array, after: Array, drift: Array) -> Shape:
         # Velocity after a kick of ``before`` half steps up to now, and ``after`` from now on, with
         # the walls as they act after a drift.
         kept = jax.tree.map(lambda h: (1 - after * h) / (1 + before * h), half)
         push = jax.tree.map(
-            lambda h, inverse: step * (before + after) / 2 * inverse / (1 + before * h),
-            half,
-            body.inverse,
+            lambda inverse, h: step * (before + after) / 2 * inverse / (1 + before * h),
+            *(body.inverse, half),
         )
         velocity = jax.tree.map(
             lambda part, old, by, acting: part * old - by * acting,
-            kept,
-            motion.velocity,
-            push,
-            force,
+            *(kept, motion.velocity, push, force),
         )
         (x, y, z), (_, _, by) = velocity.positions, push.positions
         ahead = motion.shape.positions[2] + drift * z
@@ -144,28 +219,17 @@ def leapfrog(
 def runge_kutta(
     body: Body, motion: Motion, duration: Float[Array, ""], tolerances: tuple[float, float]
 ) -> tuple[Motion, Int[Array, ""], Bool[Array, ""]]:
-    """Move a fabric for a time [ms] by ``diffrax.Tsit5``, the paper's integrator.
-
-    Its steps adapt to tolerances of the relative and the absolute error. Returns the motion, the
-    steps tried, and whether the end was reached.
-    """
+    """Move by ``diffrax.Tsit5``; returns motion, steps tried, and whether the end was reached."""
     import diffrax  # half as long to import as JAX, and the leapfrog does without
 
     def derivative(_: Any, motion: Motion, __: Any) -> Motion:
         force, velocity = body.fabric.gradient(motion.shape), motion.velocity
         acceleration = jax.tree.map(
             lambda inverse, acting, rate, along: -(inverse * acting) - rate * along,
-            body.inverse,
-            force,
-            body.damping_rate,
-            velocity,
+            *(body.inverse, force, body.damping_rate, velocity),
         )
-        return Motion(
-            shape=velocity,
-            velocity=acceleration,
-            dissipated=loss(body, velocity),
-            supplied=driving_power(body, force, velocity),
-        )
+        power = loss(body, velocity), driving_power(body, force, velocity)
+        return Motion(velocity, acceleration, *power)
 
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(derivative),
@@ -193,28 +257,18 @@ _runge_kutta = jax.jit(jax.vmap(runge_kutta, in_axes=(0, 0, 0, None)))
 
 @dataclass(frozen=True, eq=False)
 class Moving:
-    """A batch of fabrics in motion; arrays have one entry for each along their first axis.
-
-    Attributes:
-        seen: energies and forces of the motions.
-        mode: their shapes of highest frequency, from which the next search for it begins.
-        time: since the beginning [ms].
-        steps: time steps taken.
-        kinetic_peak: largest kinetic energy seen since the last record [N mm].
-        largest: largest mechanical energy seen [N mm].
-        resting: which came to rest.
-        diverged: which became unstable at the smallest step; they stay as they last were.
-    """
+    """A batch of fabrics in motion; arrays have one entry for each along their first axis."""
 
     body: Body
     motion: Motion
-    seen: Observed
-    mode: Shape
-    time: OfCases
+    seen: Observed  # energies and forces of the motions
+    mode: Shape  # of highest frequency, from which the next search for it begins
+    time: OfCases  # since the beginning [ms]
     steps: Int[np.ndarray, " case"]
-    kinetic_peak: OfCases
-    largest: OfCases
+    kinetic_peak: OfCases  # largest since the last record [N mm]
+    largest: OfCases  # mechanical energy seen [N mm]
     resting: Bool[np.ndarray, " case"]
+    # unstable at the smallest step; they stay as they last were
     diverged: Bool[np.ndarray, " case"]
 
     @classmethod
@@ -228,27 +282,18 @@ class Moving:
         mode = jax.tree.map(
             lambda leaf: jnp.broadcast_to(random.normal(size=leaf.shape[1:]), leaf.shape), shape
         )
-        return cls(
-            body=body,
-            motion=motion,
-            seen=seen,
-            mode=mode,
-            time=np.zeros(cases),
-            steps=np.zeros(cases, dtype=int),
-            kinetic_peak=np.zeros(cases),
-            largest=np.asarray(seen.energy.total),
-            resting=np.zeros(cases, dtype=bool),
-            diverged=np.zeros(cases, dtype=bool),
-        )
+        none, no = np.zeros(cases), np.zeros(cases, dtype=bool)
+        energy = np.asarray(seen.energy.total)
+        return cls(body, motion, seen, mode, none, none.astype(int), none, energy, no, no)
 
 
 def advance(
     moving: Moving, until: OfCases, settings: DynamicsSettings, to_rest: bool = False
 ) -> Moving:
-    """Move a batch until given times [ms], or only until it is at rest, by its ``rest_force``."""
+    """Move a batch until given times [ms], or until each is at rest by ``rest_force``."""
     rest = settings.rest_force if to_rest else -1.0
     moving = replace(moving, resting=np.zeros_like(moving.diverged))
-    part = np.full(len(until), settings.step_safety)
+    fraction = np.full(len(until), settings.step_safety)
     while True:
         still = np.maximum(np.asarray(moving.seen.force), np.asarray(moving.seen.drag)) <= rest
         moving = replace(moving, resting=moving.resting | still)
@@ -259,7 +304,7 @@ def advance(
         if settings.integrator == "tsit5":
             moving = _by_runge_kutta(moving, left, settings)
         else:
-            moving, part = _by_leapfrog(moving, left, part, settings.step_safety)
+            moving, fraction = _by_leapfrog(moving, left, fraction, settings.step_safety)
 
 
 def largest_step(moving: Moving) -> OfCases:
@@ -270,16 +315,12 @@ def largest_step(moving: Moving) -> OfCases:
 
 
 def _by_leapfrog(
-    moving: Moving, left: OfCases, part: OfCases, largest_part: float
+    moving: Moving, left: OfCases, fraction: OfCases, safety: float
 ) -> tuple[Moving, OfCases]:
-    """A number of equal steps of those that have time left [ms]; unstable ones are undone.
-
-    ``part`` is the part of the stability limit that a step of each has, also returned as it is to
-    be from now on; ``largest_part`` what it is where nothing was unstable.
-    """
+    """Equal steps at a ``fraction`` of the stability limit; unstable ones are undone."""
     iterations = np.where(moving.steps > 0, 4, FIRST_ITERATIONS)
     square, mode = _highest_frequencies(moving.body, moving.motion, moving.mode, iterations)
-    step = part * 2 / np.sqrt(np.asarray(square))
+    step = fraction * 2 / np.sqrt(np.asarray(square))
     whole = np.maximum(np.ceil(left / step), 1.0)
     step = left / whole
     # After 256 steps step size, energy and forces are looked at again.
@@ -291,7 +332,7 @@ def _by_leapfrog(
     # A step was unstable if the energy grew by more than this part of the largest.
     stable = after - supplied <= before + 0.02 * np.maximum(moving.largest, np.abs(supplied))
     count = np.where(stable, count, 0)
-    part = np.where(stable, np.minimum(2 * part, largest_part), part / 2)
+    fraction = np.where(stable, np.minimum(2 * fraction, safety), fraction / 2)
     moved = replace(
         moving,
         motion=_chosen(stable, motion, moving.motion),
@@ -299,9 +340,9 @@ def _by_leapfrog(
         mode=_chosen(left > 0, mode, moving.mode),
         time=np.where(count == whole, moving.time + left, moving.time + count * step),
         steps=moving.steps + count,
-        diverged=moving.diverged | (part < largest_part * 0.5**HALVINGS),
+        diverged=moving.diverged | (fraction < safety * 0.5**HALVINGS),
     )
-    return _with_peaks(moved), part
+    return _with_peaks(moved), fraction
 
 
 def _by_runge_kutta(moving: Moving, left: OfCases, settings: DynamicsSettings) -> Moving:
@@ -339,7 +380,5 @@ def _chosen(which: Bool[np.ndarray, " case"], new: Any, old: Any) -> Any:
     if which.all():
         return new
     return jax.tree.map(
-        lambda one, other: jnp.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other),
-        new,
-        old,
+        lambda one, other: jnp.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other), new, old
     )

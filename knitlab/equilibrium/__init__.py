@@ -3,7 +3,7 @@
 In: a ``System`` (a fabric's energy, forces and factorised stiffness), ``SolverSettings`` and a
 start. Out: states with residual, status and number of iterations; for a test, one a strain.
 
-Read ``relaxation.py`` (``relax``) and ``tensile_test.py`` (``stretch``), then ``equilibrium.py``
+Read ``tensile_test.py`` (``relax``, ``stretch``), then ``equilibrium.py``
 and ``search.py``, the minimisation that both call. ``system.py`` has the equations,
 ``domain_decomposition.py`` what large samples need, ``adjoint.py`` derivatives of results.
 ``linear_algebra`` is the sparse Cholesky factorisation. Nothing here knows files, xarray or

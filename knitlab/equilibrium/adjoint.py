@@ -18,14 +18,17 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from knitlab.equilibrium.linear_response import LinearResponses
+from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
 from knitlab.equilibrium.loading import all_free, drive_along, free_under_tension, rigidly_aligned
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Fabric, flat_sheet
+from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.system import one_thread_of_blas
+from knitlab.fabric.element_chunks import ChunkedFabric
+from knitlab.fabric.energy import COMPLETE, energy
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.layout import FabricLayout
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
@@ -33,52 +36,112 @@ from knitlab.fabric.stripe import StripePair
 Unknowns = Float[Array, " unknown"]
 """A configuration, flattened [mm]."""
 Rows = Float[Array, "quantity unknown"]
+Moved = Float[np.ndarray, "row unknown"]
+"""Forces on all unknowns, or their displacements, row by row."""
 Measure = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
 """A function of the relaxed configuration, of the strained one and of the fabric, in pure JAX, that
 returns a number or several."""
 
 
+class NoDerivative(ArithmeticError):
+    """The state is not a stable equilibrium, or so close to instability that K is singular."""
+
+
+class LinearResponse:
+    """Displacements of an equilibrium by small forces, both without free rigid motions."""
+
+    def __init__(self, shape: MeshShape, free: Int[np.ndarray, " free"]) -> None:
+        self.free = free_stiffness(shape, free)
+        self._movable = free_stiffness(shape, all_free(shape))
+        self._factors = Multifrontal(self.free.plan)
+
+    def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
+        """The response at one equilibrium, in place of the last one; or :class:`NoDerivative`."""
+        shape, free = self.free.shape, self.free.places
+        hessians = ChunkedFabric(shape, fabric).element_hessians(COMPLETE, unknowns)
+        with one_thread_of_blas():
+            # A small shift, so that rigid motions do not make K singular [N/mm].
+            entries = self.free.shifted(self.free.entries(hessians), 1e-9)
+            if not self._factors.factorise(entries):
+                raise NoDerivative("the stiffness is not positive definite")
+        lower = self._movable.lower(self._movable.entries(hessians))
+        self._stiffness = sp.csr_array(lower + sp.tril(lower, -1).T)
+        self._within = self._stiffness[free][:, free]
+        motions = np.linalg.qr(rigid_motions(Configuration.of(unknowns, shape))[free])[0]
+        energies, combined = np.linalg.eigh(motions.T @ (self._within @ motions))
+        # Contact with a wall makes a rigid motion far stiffer [N/mm].
+        self._rigid = motions @ combined[:, energies < 1e-7]
+        return self
+
+    def to(self, forces: Moved) -> Moved:
+        """Displacements under forces, row by row, or :class:`NoDerivative`; 0 for held unknowns."""
+        displacements, free = np.zeros_like(forces), self.free.places
+        for row, force in zip(displacements, forces, strict=True):
+            row[free] = self._solved(self._without_rigid_motion(force[free]))
+        return displacements
+
+    def forces_of(self, displacements: Moved) -> Moved:
+        """K times displacements of all unknowns, row by row."""
+        forces, size = np.zeros_like(displacements), self._stiffness.shape[0]
+        forces[:, :size] = displacements[:, :size] @ self._stiffness
+        return forces
+
+    def rigid_part(self, rows: Moved) -> Moved:
+        """Projection of rows onto the rigid motions that cost no energy."""
+        part, free = np.zeros_like(rows), self.free.places
+        part[:, free] = rows[:, free] @ self._rigid @ self._rigid.T
+        return part
+
+    def _solved(self, force: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+        """The solution by iterative refinement, to a small relative residual."""
+        solution, residual, largest = np.zeros_like(force), force, np.abs(force).max()
+        for _ in range(20):
+            if np.abs(residual).max() <= 1e-11 * largest:
+                return solution
+            solution = self._without_rigid_motion(solution + self._factors.solve(residual))
+            residual = self._without_rigid_motion(force - self._within @ solution)
+        raise NoDerivative("the stiffness is singular, or nearly so")
+
+    def _without_rigid_motion(
+        self, vector: Float[np.ndarray, " free"]
+    ) -> Float[np.ndarray, " free"]:
+        return vector - self._rigid @ (self._rigid.T @ vector)
+
+
+def rigid_motions(configuration: Configuration) -> Float[np.ndarray, "unknown 6"]:
+    """Three translations and three rotations about the middle, as velocities of the unknowns."""
+    nodes = np.asarray(configuration.positions)
+    arms = nodes - nodes.reshape(-1, 3).mean(axis=0)
+    moves = [np.broadcast_to(axis, arms.shape) for axis in np.eye(3)]
+    turns = [np.cross(axis, arms) for axis in np.eye(3)]
+    motions = Configuration(np.stack([*moves, *turns]), np.zeros((6, 2)))
+    return np.asarray(motions.flattened()).T
+
+
 class Adjoint:
-    """Derivatives along the tensile test of one fabric.
+    """Derivatives along the tensile test of one fabric, from its layout, stripes and relaxed shape.
 
     A sample with free edges is rigidly aligned before it is clamped, which also depends on its
-    stripes. As long as it touches no wall, its height between the walls is treated as fixed.
-
-    Args:
-        layout: the fabric without its parameters.
-        stripes: values of the parameters with respect to which is differentiated.
-        relaxed: the relaxed shape of that fabric, an equilibrium.
-
-    Raises:
-        NoDerivative: if the relaxed shape is not a stable equilibrium.
+    stripes; while it touches no wall, its height is treated as fixed. :class:`NoDerivative` is
+    raised if the relaxed shape is not a stable equilibrium.
     """
 
     def __init__(self, layout: FabricLayout, stripes: StripePair, relaxed: Configuration) -> None:
         shape = self._shape = layout.net.shape
         self._relaxed, self._stripes = np.asarray(relaxed.flattened()), stripes
         self._fabric, self._slope = layout.fabric(stripes), _slope(layout, stripes)
-        self._under_tension = LinearResponses(shape, free_under_tension(shape))
-        self._at_rest = LinearResponses(shape, all_free(shape)).at(self._fabric, self._relaxed)
+        self._under_tension = LinearResponse(shape, free_under_tension(shape))
+        self._at_rest = LinearResponse(shape, all_free(shape)).at(self._fabric, self._relaxed)
 
     def of_strained(
         self, applied_strain: float, strained: Configuration, measure: Measure
     ) -> StripePair:
-        """Derivatives of a measure of the state at one applied strain.
+        """Derivatives of a measure of the equilibrium at one strain, or :class:`NoDerivative`.
 
-        Args:
-            applied_strain: the strain, which is held fixed [1].
-            strained: the equilibrium there.
-            measure: the function to differentiate, of the relaxed configuration, the strained one
-                and the fabric, such as ``lambda relaxed, strained, fabric:
-                jnp.ptp(strained.positions[..., 0])``. JAX traces it once, so pass the same
-                function object for all fabrics of a mesh shape.
-
-        Returns:
-            Derivatives of every value of the measure with respect to every stripe parameter; for a
-            graded fabric, with the stripes of a knit along the first axis.
-
-        Raises:
-            NoDerivative: if the state is not a stable equilibrium.
+        The measure is such as ``lambda relaxed, strained, fabric: jnp.ptp(strained.positions[...,
+        0])``. JAX traces it once, so pass the same function object for all fabrics of a mesh shape.
+        Every value is differentiated by every stripe parameter; those of a graded fabric, along the
+        first axis.
         """
         unknowns = np.asarray(strained.flattened())
         by_relaxed, by_strained, by_fabric = _jacobian(
@@ -89,7 +152,7 @@ class Adjoint:
         multipliers = response.to(by_unknowns)
         by_fabric = _through_forces(self._shape, self._fabric, unknowns, multipliers, by_fabric)
         by_held = by_unknowns - response.forces_of(multipliers)
-        by_held[:, response.free] = 0
+        by_held[:, response.free.places] = 0
         by_relaxed += _through_loading(self._shape, self._relaxed, applied_strain, by_held)
         return self._through_relaxed(np.asarray(by_relaxed), by_fabric)
 

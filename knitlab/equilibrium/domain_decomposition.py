@@ -14,12 +14,7 @@ from knitlab.equilibrium.second_process import SecondProcess
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import FreeStiffness
-from knitlab.equilibrium.subdomains import (
-    Subdomain,
-    couplings,
-    independent_groups,
-    subdomains_of,
-)
+from knitlab.equilibrium.subdomains import Subdomain, couplings, independent_groups, subdomains_of
 from knitlab.equilibrium.system import KeptFactors, System
 from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Fabric
@@ -56,10 +51,9 @@ class SubdomainSolver:
     ) -> tuple[Point, float]:
         """Solve the subdomains to low accuracy, those with the largest forces first.
 
-        A fraction ``force_part`` of the largest force in the sample is accepted in a subdomain:
-        most need no work while a few are far from equilibrium. Returns the resulting state of the
-        sample, and the number of iterations, each weighted by the subdomain's share of the
-        unknowns.
+        A fraction ``force_part`` of the largest force is accepted: most subdomains need no work
+        while a few are far from equilibrium. Returns the state of the sample, and the number of
+        iterations, each weighted by the subdomain's share of the unknowns.
         """
         problems, coupled = self._decomposition(free)
         unknowns, cost = at.unknowns.copy(), 0.0
@@ -72,9 +66,12 @@ class SubdomainSolver:
         def solved(place: int) -> State:
             problem = problems[place]
             start = Point(unknowns[problem.subdomain.places], at.stage)
-            process = self._processes.get()
+            free, state, process = problem.subdomain.free, None, self._processes.get()
             try:
-                return self._solved(process, problem, start, settings)
+                if process is not None:
+                    sent = free.shape, free.places, problem.fabric
+                    state = process.solve(problem.number, sent, start, settings)
+                return state or solve_subdomain(problem.system, free, start, settings)
             finally:
                 self._processes.put(process)
 
@@ -88,19 +85,6 @@ class SubdomainSolver:
                 cost += state.iterations * len(subdomain.free.places) / len(free.places)
         system.factorised()
         return Point(unknowns, at.stage), cost
-
-    def _solved(
-        self,
-        process: SecondProcess | None,
-        problem: _LocalProblem,
-        start: Point,
-        settings: SolverSettings,
-    ) -> State:
-        free, state = problem.subdomain.free, None
-        if process is not None:
-            sent = free.shape, free.places, problem.fabric
-            state = process.solve(problem.number, sent, start, settings)
-        return state or solve_subdomain(problem.system, free, start, settings)
 
     def _decomposition(
         self, free: FreeStiffness

@@ -8,11 +8,13 @@ Lanzkron, Rose, Wilkes, SIAM J. Sci. Comput. 17, 1996; Cai, Keyes, ibid. 24, 200
 What remains are wrinkles as long as the sample, which move and merge at almost no cost in energy.
 The yarn would stretch if they moved along a straight line in configuration space, so that each
 round displaces them only slightly; but solving the subdomains relaxes that stretch. So if rounds
-gain slowly, the step of the last round is extrapolated and the subdomains are solved again, as long
-as that reduces the energy enough.
+gain slowly, the last step is extrapolated and the subdomains are solved again.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from threading import Event
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -21,13 +23,46 @@ from knitlab.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.equilibrium.search import Search, SearchRules, minimise
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.subdomains import worth_dividing
-from knitlab.equilibrium.system import System
+from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.fabric.energy import Evaluation, Point
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape
+from knitlab.fabric.threads import Threads, allowed_threads
 
+LARGEST_CONCURRENT = 4096
+"""Number of nodes up to which fabrics run concurrently."""
 ROUNDS = 8
 """Rounds before extrapolation may begin; most samples converge within a few more."""
 LONGEST_EXTRAPOLATION = 2.5
 """Largest length of an extrapolated step, over the step limit of a search."""
+
+Result = TypeVar("Result")
+
+
+def run_each(
+    shape: MeshShape, fabrics: Sequence[Fabric], searches: Sequence[Callable[[System], Result]]
+) -> list[Result]:
+    """Results of one function for each fabric, which is called with the equations of the fabric.
+
+    Small fabrics run one to a thread; large ones one after another, as their elements and fronts
+    keep all threads busy. Results do not depend on the number of threads.
+    """
+    threads, stopped = Threads(allowed_threads()), Event()
+    pairs = list(zip(fabrics, searches, strict=True))
+    with one_thread_of_blas():
+        if len(pairs) == 1 or shape.nodes > LARGEST_CONCURRENT:
+            return [search(System(shape, fabric, threads)) for fabric, search in pairs]
+
+        def alone(pair: tuple[Fabric, Callable[[System], Result]]) -> Result:
+            fabric, search = pair
+            return search(System(shape, fabric, stopped=stopped))
+
+        try:
+            return threads.each(alone, pairs)
+        except BaseException:
+            # Python would wait for the other threads before it exits.
+            stopped.set()
+            raise
 
 
 def find_equilibrium(
@@ -37,10 +72,9 @@ def find_equilibrium(
 
     An iteration of a subdomain counts by its share of the unknowns. Contact may couple subdomains,
     so that a sample with contact is solved as a whole, like a small one and one with drag.
-
-    Subdomains are solved again after ``patience`` iterations for the whole sample. With ``None``
-    they are solved before every factorisation, and nothing is extrapolated: a factorisation often
-    ceases to be useful because of a few places. This is best if the sample folds as a whole.
+    Subdomains are solved again after ``patience`` iterations for the whole sample, or, with
+    ``None``, before every factorisation, which often ceases to be useful because of a few places,
+    and without extrapolation: that is best if the sample folds as a whole.
     """
     search = Search(system, start, rules)
     if rules.contact is not None or rules.drag is not None or not worth_dividing(system.shape):
@@ -70,11 +104,7 @@ def find_equilibrium(
 
 
 class SubdomainRounds:
-    """Rounds of subdomain solutions during one search for the state of the whole sample.
-
-    Attributes:
-        cost: their iterations, in equivalent iterations of the whole sample.
-    """
+    """Rounds of subdomain solutions; ``cost`` is in equivalent iterations of the whole sample."""
 
     def __init__(self, search: Search) -> None:
         self.cost, self._search = 0.0, search
@@ -92,11 +122,7 @@ class SubdomainRounds:
         return after, system.evaluate(after)
 
     def extrapolate(self) -> None:
-        """If many rounds gain slowly, extrapolate the step of the last one.
-
-        Extrapolation is repeated while each step gains at least half as much energy as the one
-        before; the last step, which does not, is discarded.
-        """
+        """If many rounds gain slowly, extrapolate the last step while that gains half as much."""
         search, before, gain = self._search, self._last, self._energy - self._search.energy
         # Slow is a round that gains more than 0.3 of what the previous one gained.
         slow = self._rounds >= ROUNDS and gain > 0.3 * self._gain > 0

@@ -12,27 +12,20 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """A displacement-controlled test along y, from a relaxed configuration.
-
-    Attributes:
-        free: indices of the free unknowns.
-        reference: the relaxed configuration, flattened [mm].
-        drive: displacement of each unknown per unit of applied strain: prescribed if it is held,
-            that of an affine stretch if it is free [mm].
-        length: the length that the applied strain refers to [mm].
-    """
+    """A displacement-controlled test along y, from a relaxed configuration."""
 
     shape: MeshShape
-    free: Int[np.ndarray, " free"]
-    reference: Float[np.ndarray, " unknown"]
+    free: Int[np.ndarray, " free"]  # indices of the free unknowns
+    reference: Float[np.ndarray, " unknown"]  # the relaxed configuration, flattened [mm]
+    # per unit of strain: prescribed if held, else of an affine stretch [mm]
     drive: Float[np.ndarray, " unknown"]
-    length: float
+    length: float  # that the applied strain refers to [mm]
 
     def holding(
         self, unknowns: Float[np.ndarray, " unknown"], applied_strain: float
@@ -43,15 +36,9 @@ class Loading:
         return moved
 
     def ahead(
-        self,
-        passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]],
-        applied_strain: float,
+        self, passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]], applied_strain: float
     ) -> Float[np.ndarray, " unknown"]:
-        """Extrapolation of a path to an applied strain, with held unknowns as prescribed [mm].
-
-        It is by the polynomial through all strains and unknowns passed so far, or, if there is only
-        one, by an affine stretch.
-        """
+        """Polynomial extrapolation of states passed, or an affine stretch of only one [mm]."""
         strain, last = passed[-1]
         if len(passed) == 1:
             return self.holding(last + (applied_strain - strain) * self.drive, applied_strain)
@@ -64,11 +51,7 @@ class Loading:
         return self.holding(extrapolated, applied_strain)
 
     def reaction_force(self, gradient: Float[np.ndarray, " unknown"]) -> float:
-        """Force that drives the test, conjugate to the displacement of its driven end [N].
-
-        It is ∂V/∂(displacement) at fixed free unknowns: for a clamped sample the sum of the y
-        forces on the top row, for periodic fabric ∂V/∂L_y.
-        """
+        """Force on the driven end: Σ of y forces on the top row, or ∂V/∂L_y if periodic [N]."""
         return float(reaction_force(self.shape, self.drive, self.length, gradient))
 
 
@@ -104,9 +87,8 @@ def reaction_force(
 def tensile(shape: MeshShape, relaxed: Configuration) -> Loading:
     """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
 
-    A clamped sample has its bottom row held and its top row displaced along y; the applied
-    strain is that displacement over the relaxed distance between the rows. Periodic fabric has
-    L_y prescribed and L_x free; the applied strain is the relative change of L_y.
+    A clamped sample has its bottom row held and its top row displaced along y, by the applied
+    strain times their relaxed distance. Periodic fabric has L_y prescribed and L_x free.
     """
     drive, length = drive_along(shape, relaxed)
     reference = np.asarray(relaxed.flattened())
@@ -133,9 +115,8 @@ def drive_along(
 def rigidly_aligned(shape: MeshShape, flat: Configuration, relaxed: Configuration) -> Configuration:
     """A relaxed sample rotated so that the rows to be clamped match its flat sheet best.
 
-    A free sample rotates, tilts and drifts as it folds, by amounts that depend on the path of the
-    relaxation. It is aligned and levelled for clamping, because a misaligned sample takes other
-    states. Walls are ignored, and its height between them is kept. Periodic fabric cannot rotate.
+    A free sample rotates, tilts and drifts as it folds, and a misaligned one takes other states.
+    Walls are ignored, and its height between them is kept. Periodic fabric cannot rotate.
     """
     if shape.periodic:
         return relaxed
@@ -153,11 +134,7 @@ def rigidly_aligned(shape: MeshShape, flat: Configuration, relaxed: Configuratio
 def aligning_rotation(
     target: Float[Array | np.ndarray, "point 3"], points: Float[Array | np.ndarray, "point 3"]
 ) -> Float[Array | np.ndarray, "3 3"]:
-    """The rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976).
-
-    It and its first derivative exist where the best rotation is unique, so not for collinear
-    points.
-    """
+    """The unique rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976)."""
     xp, covariance = array_library(target, points), target.T @ points
     constant = covariance if xp is np else lax.stop_gradient(covariance)
     left, _, right = xp.linalg.svd(constant)

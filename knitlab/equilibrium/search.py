@@ -22,8 +22,8 @@ from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.walls import lowest_part, step_between_walls
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Evaluation, Point
+from knitlab.fabric.fabric import Configuration
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier
@@ -43,46 +43,31 @@ class Drag:
 
     By implicit Euler, the state after a strain step Δε at a strain rate ε̇ is a minimum of the
     incremental potential V(u) + ½ (c ε̇ / Δε) ‖u − u_before‖² over the free unknowns.
-
-    Attributes:
-        before: unknowns before the step [mm].
-        stiffness: c ε̇ / Δε, damping of a node times strain rate over the step [N/mm].
     """
 
-    before: Float[np.ndarray, " unknown"]
-    stiffness: float
+    before: Float[np.ndarray, " unknown"]  # unknowns before the step [mm]
+    stiffness: float  # c ε̇ / Δε [N/mm]
 
 
 @dataclass(frozen=True, eq=False)
 class SearchRules:
-    """Rules of a search.
-
-    Attributes:
-        free: the free unknowns and the sparsity of their stiffness.
-        floor: energy below which the search stops, because the state sought has more [N mm].
-        convexified: whether to convexify the stiffness rather than raise μ.
-        contact: contact of the fabric with itself, if any.
-        exact: whether to factorise in double precision from the start.
-        drag: drag of a viscous step, if it is one.
-    """
+    """Rules of a search."""
 
     free: FreeStiffness
     settings: SolverSettings
-    floor: float = -np.inf
-    convexified: bool = True
+    floor: float = -np.inf  # stop below it: the state sought has more energy [N mm]
+    convexified: bool = True  # rather than raise μ
     contact: "Barrier | None" = None
-    exact: bool = False
+    exact: bool = False  # double precision from the start
     drag: Drag | None = None
 
 
 class Search:
     """Current configuration of a search, its energy and forces, and the cost so far.
 
-    Attributes:
-        step_length: longest change of the vector between neighbouring nodes in a step [mm].
-        limit: number of iterations at which the search ends.
-        exact: whether the stiffness is factorised in double precision.
-        shift: μ [N/mm].
+    ``step_length`` is the longest change of the vector between neighbouring nodes in a step [mm],
+    ``limit`` the number of iterations at which the search ends, ``exact`` whether the stiffness is
+    factorised in double precision, and ``shift`` μ [N/mm].
     """
 
     def __init__(self, system: System, at: Point, rules: SearchRules) -> None:
@@ -131,18 +116,12 @@ class Search:
 
     @property
     def nearly_ended(self) -> bool:
-        """Whether so little force is left that the stiffness must be positive definite.
-
-        Subdomains and intermediate states, whose tolerance is larger, may be far from any minimum.
-        """
+        """Whether so little force is left that the stiffness must be positive definite."""
         return self.force <= min(NEARLY * self.rules.settings.tolerance, 1e-3)
 
     @property
     def steepest_shift(self) -> float:
-        """μ with which the largest force moves a node by the step limit [N/mm].
-
-        A step with a larger μ is shorter than the limit even along the softest modes.
-        """
+        """μ with which the largest force moves a node by the step limit [N/mm]."""
         return self.force / self.step_length
 
     @property
@@ -162,11 +141,7 @@ class Search:
         return whole
 
     def longest_part(self, step: Vector) -> float:
-        """The fraction of a step that has the largest allowed length; above 1 for shorter steps.
-
-        A part of the sheet may move or rotate far as a rigid body; only relative motion of
-        neighbouring nodes is limited.
-        """
+        """The fraction of a step with the largest allowed relative motion of neighbouring nodes."""
         shape = self.rules.free.shape
         move = Configuration.of(self.of_all(step), shape)
         nodes, (along_x, along_y) = np.asarray(move.positions), np.asarray(move.lengths)
@@ -179,16 +154,9 @@ class Search:
 
     def state(self, outcome: Outcome) -> State:
         """The current state."""
-        return State(
-            shape=self.rules.free.shape,
-            unknowns=self.at.unknowns,
-            energy=self.evaluation.energy,
-            gradient=np.asarray(self.evaluation.gradient),
-            outcome=outcome,
-            residual=self.force,
-            iterations=self.iterations,
-            factorisations=self.factorisations,
-        )
+        energy, gradient = self.evaluation.energy, np.asarray(self.evaluation.gradient)
+        shape, cost = self.rules.free.shape, (self.iterations, self.factorisations)
+        return State(shape, self.at.unknowns, energy, gradient, outcome, self.force, *cost)
 
 
 def minimise(search: Search, once: bool = False) -> Outcome:
@@ -198,9 +166,8 @@ def minimise(search: Search, once: bool = False) -> Outcome:
     If K + μ I is not positive definite, it is either convexified, which is fast and takes large
     steps, or μ is raised until it is, which stays in the valley of the initial configuration, as a
     slow motion would. A convexified search begins with a μ that keeps its steps near the step
-    limit, as a trust region would. μ decreases while steps succeed; once it is negligible and the
-    forces are small, convergence is that of Newton's method. Only the forces of the result are
-    tested: a path that leads exactly into a saddle point would end there.
+    limit. μ decreases while steps succeed; once it is negligible, convergence is that of Newton's
+    method.
 
     Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ;
     if the search has nearly ended, first in double precision, which it then keeps. With ``once``
@@ -248,12 +215,10 @@ def minimise(search: Search, once: bool = False) -> Outcome:
 class _Descent:
     """Result of the quasi-Newton steps with one factorisation.
 
-    Attributes:
-        blocked: whether no fraction of the next step lowered the energy.
-        below_round_off: whether the expected decrease was below round-off: then the step is not
-            too long, but the shift is too large for the force to fall.
-        shortened: whether the step limit shortened most steps of a convexified stiffness to a
-            small part, so that only its softest modes moved: then μ is too small.
+    It was ``blocked`` if no fraction of the next step lowered the energy, and ``below_round_off``
+    if the expected decrease was: then the shift is too large for the force to fall. It was
+    ``shortened`` if the step limit left only a small part of most steps of a convexified stiffness,
+    so that only its softest modes moved: then μ is too small.
     """
 
     steps: int

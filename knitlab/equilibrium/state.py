@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.equilibrium.loading import Loading
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Energy
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 
 
@@ -25,27 +25,18 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True)
 class State:
-    """A configuration and its distance from equilibrium.
-
-    Attributes:
-        unknowns: its configuration, flattened [mm].
-        gradient: the negative force on every unknown, including held ones [N].
-        residual: largest residual force on a free unknown [N].
-        iterations: steps tried, including rejected ones; time steps for dynamics.
-        kinetic_peak: largest kinetic energy since the previous state; 0 except for dynamics [N mm].
-        snapped: whether the fabric is known to have snapped since the previous state.
-    """
+    """A configuration and its distance from equilibrium."""
 
     shape: MeshShape
-    unknowns: Float[np.ndarray, " unknown"]
+    unknowns: Float[np.ndarray, " unknown"]  # the configuration, flattened [mm]
     energy: Energy
-    gradient: Float[np.ndarray, " unknown"]
+    gradient: Float[np.ndarray, " unknown"]  # the negative force, on held ones too [N]
     outcome: Outcome
-    residual: float
-    iterations: int
+    residual: float  # largest force on a free unknown [N]
+    iterations: int  # rejected ones too; time steps for dynamics
     factorisations: int = 0
-    kinetic_peak: float = 0.0
-    snapped: bool = False
+    kinetic_peak: float = 0.0  # since the previous state; 0 except for dynamics [N mm]
+    snapped: bool = False  # since the previous state
 
     @property
     def configuration(self) -> Configuration:
@@ -68,40 +59,23 @@ class State:
 
 @dataclass(frozen=True)
 class History:
-    """History of a relaxation by dynamics.
+    """History of a relaxation by dynamics."""
 
-    Attributes:
-        time: times of the energies, from 0 [ms].
-        kinetic, potential: T and V [N mm].
-        dissipated: work done against the drag since time 0 [N mm].
-        snapshot_time: times of the snapshots [ms].
-        snapshots: configurations at these times, along a leading axis.
-        force_left: largest force on a node at the end, over that on the flat sheet [1].
-    """
-
-    time: Float[np.ndarray, " time"]
-    kinetic: Float[np.ndarray, " time"]
-    potential: Float[np.ndarray, " time"]
-    dissipated: Float[np.ndarray, " time"]
-    snapshot_time: Float[np.ndarray, " snapshot"]
-    snapshots: Configuration
-    force_left: float
+    time: Float[np.ndarray, " time"]  # of the energies, from 0 [ms]
+    kinetic: Float[np.ndarray, " time"]  # [N mm]
+    potential: Float[np.ndarray, " time"]  # [N mm]
+    dissipated: Float[np.ndarray, " time"]  # work done against the drag [N mm]
+    snapshot_time: Float[np.ndarray, " snapshot"]  # [ms]
+    snapshots: Configuration  # along a leading axis
+    force_left: float  # largest force on a node, over that on the flat sheet
 
 
 @dataclass(frozen=True)
 class TensileTest:
-    """States along a tensile test, by either method.
+    """States along a tensile test, by either method."""
 
-    Attributes:
-        loading: held and driven unknowns; ``None`` if the fabric did not relax.
-        states: one state for each applied strain that was tried, the relaxed shape first; only the
-            last may be unconverged, and then the test ended there.
-        history: history of the relaxation, for dynamics.
-        unloaded: states of unloading, if requested: at the same strains, from the last but one down
-            to 0, as far as they were reached.
-    """
-
-    loading: Loading | None
-    states: list[State]
-    history: History | None = None
+    loading: Loading | None  # None if the fabric did not relax
+    states: list[State]  # by applied strain; only the last may be unconverged
+    history: History | None = None  # of a relaxation by dynamics
+    # at the same strains, back from the last but one, as far as reached
     unloaded: tuple[State, ...] = ()

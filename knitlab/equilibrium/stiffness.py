@@ -1,10 +1,10 @@
 """Stiffness of the free unknowns: its sparsity, its elimination order, and its non-zeros.
 
-The position of a node of an element depends on its three coordinates and, if the element crosses
-the periodic boundary, on L_x and L_y. So the non-zeros of the stiffness are a constant sparse
-matrix times the entries of the element Hessians. Unknowns come in groups: the coordinates of a
-node, or L_x and L_y. As all unknowns of coupled groups are coupled, the place of a non-zero follows
-from that of its pair of groups; a search for every non-zero would take minutes for a large sample.
+The non-zeros are a constant sparse matrix times the entries of the element Hessians: a node's
+position depends on its coordinates and, across the periodic boundary, on L_x and L_y. Unknowns come
+in groups: the coordinates of a node, or L_x and L_y. As all unknowns of coupled groups are coupled,
+the place of a non-zero follows from that of its pair of groups; a search for every non-zero would
+take minutes for a large sample.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,22 +16,23 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, grid_order
-from knitlab.equilibrium.linear_algebra.symbolic_factorisation import NestedDissection, planned
-from knitlab.fabric.element_hessians import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
+from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
+    GridOrder,
+    NestedDissection,
+    grid_order,
+    planned,
+)
+from knitlab.fabric.energy import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
 from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.threads import ALONE, Threads
 
 
 @dataclass(frozen=True, eq=False)
 class MeshStiffness:
-    """Sparsity of the stiffness of all unknowns of a mesh shape.
+    """Sparsity of the stiffness of all unknowns: compressed columns of the lower triangle.
 
-    Attributes:
-        indptr, indices: compressed-column sparsity of the lower triangle; the diagonal entry is
-            the first of its column.
-        halves: for the first and the second half of the non-zeros, constant matrices from the
-            entries of the Hessians of springs, hinges and walls.
+    The diagonal entry is the first of its column. ``halves`` are, for both halves of the non-zeros,
+    constant matrices from the entries of the Hessians of springs, hinges and walls.
     """
 
     indptr: Int[np.ndarray, " column"]
@@ -41,20 +42,14 @@ class MeshStiffness:
 
 @dataclass(frozen=True, eq=False)
 class FreeStiffness:
-    """Sparsity of the stiffness of the free unknowns.
-
-    Attributes:
-        places: indices of the free unknowns, ascending.
-        indptr, indices: as for the stiffness of all unknowns.
-        selected: indices of the non-zeros of that between free unknowns.
-    """
+    """Sparsity of the stiffness of the free unknowns."""
 
     shape: MeshShape
-    places: Int[np.ndarray, " free"]
+    places: Int[np.ndarray, " free"]  # of the free unknowns, ascending
     indptr: Int[np.ndarray, " column"]
     indices: Int[np.ndarray, " nonzero"]
     mesh: MeshStiffness
-    selected: Int[np.ndarray, " nonzero"]
+    selected: Int[np.ndarray, " nonzero"]  # non-zeros of the mesh between free unknowns
 
     @cached_property
     def heights(self) -> Int[np.ndarray, " height"]:
@@ -193,10 +188,7 @@ def _terms(
 ) -> Iterator[
     tuple[Int[np.ndarray, " term"], Int[np.ndarray, " term"], Float[np.ndarray, " term"]]
 ]:
-    """Non-zeros, entries of element Hessians that are added to them, and their factors.
-
-    ``entry`` gives the index and the sign of an entry of the Hessian of every element by its nodes.
-    """
+    """Non-zeros, entries of element Hessians that are added to them, and their factors."""
     groups = pairs.shape[0]
     first = np.repeat(np.arange(groups), np.diff(pairs.indptr))
     keys = first * groups + pairs.indices
@@ -211,11 +203,7 @@ def _terms(
             factor = sign * by_row[x, kept] * by_column[y, kept]
             place = indptr[3 * column + y] - y + offset + x
             used = (factor != 0) & ((column != row) | (x >= y))
-            yield (
-                place[used].astype(np.int32),
-                source[kept][used].astype(np.int32),
-                factor[used],
-            )
+            yield (place[used].astype(np.int32), source[kept][used].astype(np.int32), factor[used])
 
 
 def _places_in_triangle(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row column"]:

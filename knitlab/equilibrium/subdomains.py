@@ -3,11 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import jax
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.fabric.fabric import Fabric
@@ -26,36 +27,23 @@ FEWEST = 6
 
 @dataclass(frozen=True, eq=False)
 class Subdomain:
-    """A part of a sample.
+    """A part of a sample."""
 
-    Attributes:
-        places: indices of its coordinates, and of L_x and L_y, among the unknowns of the sample.
-        free: the free unknowns of the subdomain, and the sparsity of their stiffness.
-        springs, hinges: their indices in the sample, in the order of its own network.
-    """
-
-    places: Int[np.ndarray, " unknown"]
+    places: Int[np.ndarray, " unknown"]  # its unknowns among those of the sample, with L_x and L_y
     free: FreeStiffness
-    springs: Int[np.ndarray, " spring"]
+    springs: Int[np.ndarray, " spring"]  # their indices in the sample
     hinges: Int[np.ndarray, " hinge"]
 
     def fabric(self, whole: Fabric) -> Fabric:
         """The part of the sample's fabric in the subdomain."""
 
-        # NumPy indexes without compiling, which JAX does for every size.
-        def part(
-            values: Array | np.ndarray, places: Int[np.ndarray, " element"]
-        ) -> Float[np.ndarray, "..."]:
-            return np.asarray(values)[places]
+        def parts(places: Int[np.ndarray, " element"], *names: str) -> dict[str, Any]:
+            # NumPy indexes without compiling, which JAX does for every size.
+            whole_values = {name: getattr(whole, name) for name in names}
+            return jax.tree.map(lambda values: np.asarray(values)[places], whole_values)
 
-        return replace(
-            whole,
-            rest_length=part(whole.rest_length, self.springs),
-            stretch_stiffness=part(whole.stretch_stiffness, self.springs),
-            spring_law=jax.tree.map(lambda values: part(values, self.springs), whole.spring_law),
-            rest_fold=part(whole.rest_fold, self.hinges),
-            fold_stiffness=part(whole.fold_stiffness, self.hinges),
-        )
+        springs = parts(self.springs, "rest_length", "stretch_stiffness", "spring_law")
+        return replace(whole, **springs, **parts(self.hinges, "rest_fold", "fold_stiffness"))
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
         """Largest force on its free unknowns [N]."""
@@ -100,10 +88,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
 
 
 def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "subdomain subdomain"]:
-    """Which pairs of the subdomains of a sample are coupled: free unknowns of one affect the other.
-
-    ``unknowns`` is the number of unknowns of the sample.
-    """
+    """Which pairs of subdomains are coupled: free unknowns of one affect the other."""
 
     def membership(places: Sequence[Int[np.ndarray, " _"]]) -> sp.csr_array:
         ends = np.cumsum([0, *map(len, places)])
@@ -120,10 +105,7 @@ def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "su
 def independent_groups(
     forces: Float[np.ndarray, " subdomain"], coupled: Bool[np.ndarray, "subdomain subdomain"]
 ) -> Iterator[list[int]]:
-    """Groups of subdomains that can be solved at the same time, because no two are coupled.
-
-    Those with the largest forces come first, because the others adapt to them.
-    """
+    """Groups of subdomains of which no two are coupled, those with the largest forces first."""
     waiting = np.argsort(-forces).tolist()
     while waiting:
         group: list[int] = []

@@ -5,10 +5,10 @@ method (:mod:`knitlab.equilibrium.linear_algebra`) is faster here than CHOLMOD, 
 with which ``benchmarks.solver`` compares it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import Event
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,32 +23,21 @@ from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import Evaluation, Point
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
-from knitlab.fabric.threads import ALONE, Threads, allowed_threads
+from knitlab.fabric.threads import ALONE, Threads
 
 if TYPE_CHECKING:
     from knitlab.equilibrium.domain_decomposition import SubdomainSolver
 
-LARGEST_CONCURRENT = 4096
-"""Number of nodes up to which fabrics run concurrently."""
-
 KeptFactors = dict[tuple[FreeStiffness, bool], Multifrontal]
 """Factors by free unknowns, and by whether they are in double precision; their memory is reused."""
-Result = TypeVar("Result")
 
 
 class System:
     """Energy, forces and factorised stiffness of one fabric.
 
-    Args:
-        shape: mesh shape of the fabric.
-        fabric: the fabric.
-        threads: threads that share the work.
-        stopped: if this is set by another thread, the next evaluation raises ``InterruptedError``.
-        kept: factors that systems of one thread share, to which new ones are added.
-
-    Attributes:
-        factorised: called after every factorisation, to report progress.
-        subdomains: what solves the subdomains of a large sample, once they have been asked for.
+    If ``stopped`` is set by another thread, the next evaluation raises ``InterruptedError``.
+    Systems of one thread may share the factors ``kept``. ``factorised`` is called after every
+    factorisation, and ``subdomains`` solves those of a large sample, once they have been asked for.
     """
 
     def __init__(
@@ -86,16 +75,13 @@ class System:
         contact: sp.csc_array | None = None,
         exact: bool = False,
     ) -> bool:
-        """Factorise the assembled stiffness plus a shift; whether it is positive definite.
+        """Factorise the assembled stiffness plus a shift [N/mm]; whether it is positive definite.
 
-        Args:
-            shift: added to the diagonal [N/mm].
-            convexified: whether to factorise a nearby positive definite matrix instead of failing.
-            contact: Hessian of the contact, if any is active, to be added; it may couple any two
-                unknowns. The matrix is not convexified then, and factorised in double precision:
-                the long steps that convexity allows would end at the next collision [N/mm].
-            exact: whether in double precision. Single precision takes half the time and memory,
-                and is enough for a search, whose forces are those of the exact energy.
+        With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing,
+        but not with active ``contact``, whose Hessian [N/mm] may couple any two unknowns: the long
+        steps that convexity allows would end at the next collision. With contact, or if ``exact``,
+        it is in double precision. Single precision takes half the time and memory, and is enough
+        for a search, whose forces are those of the exact energy.
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")
@@ -129,10 +115,7 @@ class System:
     def change_diagonal(
         self, places: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
     ) -> bool:
-        """Add to the diagonal of the factorised stiffness, in place of earlier changes [N/mm].
-
-        Returns whether it is positive definite then; if not it is as it was factorised.
-        """
+        """Add to the factorised diagonal, in place of earlier changes; False if not definite."""
         return self._factor.change_diagonal(places, changes)
 
     def solve(self, right: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
@@ -149,32 +132,3 @@ class System:
 def one_thread_of_blas() -> AbstractContextManager[object]:
     """Limit BLAS to one thread, as more threads slow down small fronts."""
     return ThreadpoolController().limit(limits=1, user_api="blas")
-
-
-def run_each(
-    shape: MeshShape, fabrics: Sequence[Fabric], searches: Sequence[Callable[[System], Result]]
-) -> list[Result]:
-    """Results of one function for each fabric, which is called with the equations of the fabric.
-
-    Small fabrics run one to a thread; large ones one after another, as their elements and fronts
-    keep all threads busy. Results do not depend on the number of threads.
-    """
-    threads, stopped = Threads(allowed_threads()), Event()
-    pairs = list(zip(fabrics, searches, strict=True))
-    with one_thread_of_blas():
-        if len(pairs) == 1 or shape.nodes > LARGEST_CONCURRENT:
-            results = []
-            for fabric, search in pairs:
-                results.append(search(System(shape, fabric, threads)))
-            return results
-
-        def alone(pair: tuple[Fabric, Callable[[System], Result]]) -> Result:
-            fabric, search = pair
-            return search(System(shape, fabric, stopped=stopped))
-
-        try:
-            return threads.each(alone, pairs)
-        except BaseException:
-            # Python would wait for the other threads before it exits.
-            stopped.set()
-            raise

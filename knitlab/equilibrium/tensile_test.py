@@ -1,23 +1,24 @@
-"""The simulated tensile test: equilibria at a sequence of applied strains."""
+"""Relaxation off the needles and the simulated tensile test: equilibria along applied strains."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.loading import Loading, tensile
-from knitlab.equilibrium.relaxation import intermediate_settings, relax, relax_near
+from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
+from knitlab.equilibrium.loading import Loading, all_free, between_walls, rigidly_aligned, tensile
 from knitlab.equilibrium.search import Drag, SearchRules
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import Outcome, State, TensileTest
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.equilibrium.system import System
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.energy import Point, Stage
+from knitlab.fabric.energy import COMPLETE, Point, Stage
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
+from knitlab.fabric.network import Network, network
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier
@@ -55,23 +56,16 @@ def stretch(
 
     Along a branch of equilibria the energy grows by the work of the reaction force. If the
     difference exceeds ``settings.branch_limit`` times that work, or times the work of a step of
-    ``settings.path_step`` if that is less, the fabric has left its branch. A
-    step that does so, or fails, is repeated over half the strain, down to
-    ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch ends
-    there: the fabric has snapped, and the state it snapped to is accepted and marked. The
-    iterations of all attempts are counted in the state that they lead to. The test ends at the
-    first strain that cannot be reached.
+    ``settings.path_step`` if that is less, the fabric has left its branch. A step that does so, or
+    fails, is repeated over half the strain, down to ``settings.smallest_step`` of a full one. If it
+    leaves the branch even then, the fabric has snapped, and the state it snapped to is accepted and
+    marked. The iterations of all attempts are counted in the state that they lead to. The test ends
+    at the first strain that cannot be reached.
 
-    Args:
-        system: the equations of the fabric.
-        applied_strain: strains, ascending from 0, which is the relaxed shape.
-        settings: settings of the search.
-        progress: called with the number of finished states.
-        start: configuration to start the relaxation from; the flat sheet by default.
-        folded: in place of it, a configuration nearly in equilibrium, relaxed without a detour.
-        unload: whether to unload a fabric that reached the last strain through all strains.
-        contact: contact of the fabric with itself, if any.
-        factorised: called after every factorisation.
+    ``progress`` is called with the number of finished states, ``factorised`` after every
+    factorisation. The relaxation begins with the flat sheet, with ``start`` or, without a detour,
+    with ``folded``, which is nearly in equilibrium. With ``unload`` a fabric that reached the last
+    strain is unloaded through all.
     """
     system.factorised = factorised
     if folded is None:
@@ -99,12 +93,115 @@ def stretch(
     return TensileTest(loading, states, unloaded=tuple(unloaded))
 
 
+def relax(
+    system: System,
+    settings: SolverSettings,
+    start: Configuration | None = None,
+    contact: "Barrier | None" = None,
+) -> State:
+    """The relaxed shape of a fabric (paper, Sec. "Relaxation of a pattern").
+
+    It begins with the flat sheet, if no start is given. The rest fold angles are raised in
+    ``settings.ramp_steps`` equal steps between walls that are soft at first: hard walls would stop
+    every step at the first node that touches them. Each stage but the last is only solved to
+    ``settings.waypoint_force``. A sample for clamping relaxes with all edges free, is then rigidly
+    aligned, as far as the walls allow, and solved again. Periodic fabric is solved with a
+    convexified stiffness, which is faster; if that collapses a cell, where fold angles are
+    undefined, it is solved again by raising μ.
+    """
+    shape, fabric = system.shape, system.fabric
+    free = free_stiffness(shape, all_free(shape))
+    # From a flat sheet, round-off of single precision may decide which shape is reached.
+    whole = SearchRules(free, settings, contact=contact, exact=not worth_dividing(shape))
+    flat = flat_sheet(network(shape), fabric)
+    begin = np.asarray((flat if start is None else start).flattened())
+    ramp, soft = settings.ramp_steps, settings.soft_wall
+    stages = [Stage(step / ramp, soft) for step in range(1, ramp)]
+    stages += [Stage(1.0, soft * 10.0**k) for k in range(math.ceil(-math.log10(soft)))]
+    waypoint = intermediate_settings(settings, fabric)
+    passed: list[State] = []
+    # A convexified stiffness would rotate a sample with free edges slightly at every step.
+    for convexified in (True, False) if shape.periodic else (False,):
+        unknowns = begin
+        for stage in (*stages, COMPLETE):
+            rules = replace(
+                whole, settings=settings if stage is COMPLETE else waypoint, convexified=convexified
+            )
+            state = find_equilibrium(system, Point(unknowns, stage), rules, patience=None)
+            passed.append(state)
+            unknowns = state.unknowns
+        if passed[-1].converged:
+            break
+    if passed[-1].converged and not shape.periodic:
+        aligned = rigidly_aligned(shape, flat, passed[-1].configuration)
+        at = Point(np.asarray(between_walls(aligned, float(fabric.z_max)).flattened()))
+        rules = replace(whole, convexified=False)
+        passed.append(find_equilibrium(system, at, rules, patience=None))
+    return passed[-1].after(*passed[:-1])
+
+
+def relax_near(
+    system: System, settings: SolverSettings, start: Configuration, contact: "Barrier | None" = None
+) -> State:
+    """The relaxed shape next to a configuration that is nearly in equilibrium."""
+    free = free_stiffness(system.shape, all_free(system.shape))
+    rules = SearchRules(free, settings, convexified=False, contact=contact)
+    return find_equilibrium(system, Point(np.asarray(start.flattened())), rules)
+
+
+def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
+    """Settings for an intermediate state, which need not be in exact equilibrium."""
+    moments = np.asarray(fabric.fold_stiffness) * np.abs(fabric.rest_fold)
+    near = settings.waypoint_force * float(moments.max() / fabric.cell_sides.min())
+    return replace(settings, tolerance=max(settings.tolerance, near))
+
+
+def imperfect_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
+    """A flat sheet with every node displaced at random, by 2 % of a side of a grid cell."""
+    flat, sides = flat_sheet(net, fabric), np.asarray(fabric.cell_sides)
+    noise = np.random.default_rng(seed).normal(size=flat.positions.shape)
+    moved = np.asarray(flat.positions) + 0.02 * float(sides.min()) * noise
+    return Configuration(moved, np.asarray(flat.lengths))
+
+
+def starts_from_periodic(
+    samples: Sequence[tuple[Network, Fabric]],
+    cells: Sequence[tuple[Network, Fabric]],
+    settings: Sequence[SolverSettings],
+    seed: int | None = None,
+    contacts: Sequence["Barrier | None"] = (),
+) -> list[Configuration | None]:
+    """Samples tiled with relaxed periodic ``cells``, or None; with a seed these are imperfect."""
+    searches = [
+        partial(
+            relax,
+            settings=own,
+            start=None if seed is None else imperfect_sheet(*cell, seed),
+            contact=contact,
+        )
+        for cell, own, contact in zip(cells, settings, contacts or [None] * len(cells), strict=True)
+    ]
+    relaxed = run_each(cells[0][0].shape, [fabric for _, fabric in cells], searches)
+    return [
+        tiled(*sample, net, state.configuration) if state.converged else None
+        for sample, (net, _), state in zip(samples, cells, relaxed, strict=True)
+    ]
+
+
+def tiled(net: Network, fabric: Fabric, cell: Network, relaxed: Configuration) -> Configuration:
+    """A sample tiled with relaxed periodic fabric, in equilibrium except at its edges."""
+    rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
+    turns_y, rows = np.divmod(rows, cell.shape.nodes_y)
+    turns_x, columns = np.divmod(columns, cell.shape.nodes_x)
+    nodes = np.asarray(relaxed.positions)[rows, columns].copy()
+    nodes[..., 0] += turns_x * relaxed.lengths[0]
+    nodes[..., 1] += turns_y * relaxed.lengths[1]
+    return Configuration(nodes, np.asarray(flat_sheet(net, fabric).lengths))
+
+
 @dataclass(frozen=True)
 class PathStep:
-    """Step of applied strain along a path: long where extrapolation is accurate.
-
-    ``smooth`` says whether to extrapolate the path quadratically.
-    """
+    """Step of strain along a path; it is extrapolated quadratically if that was ``smooth``."""
 
     settings: SolverSettings
     length: float
@@ -192,11 +289,9 @@ class _Path:
     def _find_slowly(self, strain: float, to_the_end: bool) -> State:
         """Search for the state at a strain in small steps, as a slow motion would reach it.
 
-        With many subdomains each subdomain raises its own μ when it snaps; raising μ of the whole
-        sample would slow all others.
-
-        A search that leaves the branch is stopped, unless ``to_the_end``: then it continues to the
-        state that the fabric snaps to. With drag there are no branches.
+        With many subdomains each raises its own μ when it snaps; raising that of the whole sample
+        would slow all others. A search that leaves the branch, of which there are none with drag,
+        is stopped unless ``to_the_end``: then it continues to the state that the fabric snaps to.
         """
         if self.settings.drag:
             return self._against_drag(strain)
@@ -211,14 +306,10 @@ class _Path:
         soft = self._found(start, near, floor, convexified=True)
         if soft.outcome is Outcome.left_branch:
             return soft
-        state = self._found(Point(soft.unknowns), self.settings, floor, convexified=True)
-        return state.after(soft)
+        return self._found(Point(soft.unknowns), self.settings, floor, convexified=True).after(soft)
 
     def _against_drag(self, strain: float) -> State:
-        """The state at a strain that is reached at a finite rate, by a viscous step.
-
-        Its energy and gradient are those of the fabric; its residual includes the drag.
-        """
+        """The state reached by a viscous step; its residual, but not its energy, includes drag."""
         before_strain, before = self.last[-1]
         drag = Drag(before.unknowns, self.settings.drag / abs(strain - before_strain))
         rules = SearchRules(self.free, self.settings, drag=drag)
@@ -235,9 +326,9 @@ class _Path:
     def _ahead(self, strain: float) -> Point:
         """Extrapolation of the path to a strain, or as far on the way there as contact allows.
 
-        If wrinkles across many subdomains have moved, the extrapolation penetrates the walls, and
-        the search from there would crush cells. Then the point of lowest energy on the line from
-        the last state to the extrapolation is used.
+        If wrinkles across many subdomains have moved, it penetrates the walls, and the search from
+        there would crush cells. Then the point of lowest energy on the line from the last state is
+        used.
         """
         used = self.last if self.step.smooth else self.last[-2:]
         passed = [(before, state.unknowns) for before, state in used]
@@ -247,17 +338,13 @@ class _Path:
             return Point(far)
         starts = [Point(near + part * (far - near)) for part in PARTS_AHEAD]
         if self.contact is not None:
-            return self._reachable(starts, self.contact)
+            before = passed[-1][1]
+            for start in starts:  # the first that contact lets be reached from the last state
+                if self.contact.free_part(before, start.unknowns - before) == 1:
+                    return start
+            return Point(np.full_like(before, np.nan))
         energies = [float(self.system.evaluate(start).energy.total) for start in starts]
         return starts[int(np.argmin(np.nan_to_num(energies, nan=np.inf)))]
-
-    def _reachable(self, starts: Sequence[Point], contact: "Barrier") -> Point:
-        """The first of several starts that contact lets be reached from the last state."""
-        before = self.last[-1][1].unknowns
-        for start in starts:
-            if contact.free_part(before, start.unknowns - before) == 1:
-                return start
-        return Point(np.full_like(before, np.nan))
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by extrapolated work."""
@@ -267,8 +354,8 @@ class _Path:
         distance = (strain - before_strain) * self.loading.length
         force = self.loading.reaction_force(before.gradient)
         earlier_strain, earlier = self.last[-2]
-        earlier_force = self.loading.reaction_force(earlier.gradient)
-        slope = (force - earlier_force) / (before_strain - earlier_strain)
+        growth = force - self.loading.reaction_force(earlier.gradient)
+        slope = growth / (before_strain - earlier_strain)
         work = (force + slope * (strain - before_strain) / 2) * distance
         return float(before.energy.total) + work - self._allowed(work, strain)
 

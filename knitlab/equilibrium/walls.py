@@ -15,23 +15,18 @@ MOST_ACTIVE_SETS = 10
 
 
 def step_between_walls(search: "Search") -> tuple[Float[np.ndarray, " free"], float]:
-    """The step from the configuration of the last factorisation to the minimum between the walls.
+    """The step from the last factorised configuration to the minimum between the walls [mm].
 
-    In a Newton step the energy with walls is piecewise quadratic: the factorised stiffness has a
-    wall only for nodes that touch it now. The minimum is found by active sets. Nodes that the step
-    would bring to a wall are added to the factorised stiffness, and those that it would take off
-    one are removed, by a low-rank update, until the step agrees with the nodes that it assumes to
-    touch.
+    In a Newton step the energy with walls is piecewise quadratic. The minimum is found by active
+    sets: nodes that the step would bring to a wall are added to the factorised stiffness, and those
+    that it would take off one are removed, by a low-rank update, until the step agrees with them.
+    Of a longer step than the step limit the allowed part counts; contact of the fabric with itself
+    is ignored.
 
-    If the step is longer than the step limit, the nodes that touch after the allowed part count;
-    contact of the fabric with itself, which may shorten it further, is ignored. If many nodes come
-    to a wall or leave one, or the active sets do not settle, it is the Newton step with the walls
-    that are touched now: then a factorisation of the next configuration is cheaper. Otherwise the
-    factorised stiffness keeps the changes.
-
-    Returns:
-        The change of the free unknowns [mm], and the second derivative of the energy along it, with
-        the walls touched now [N mm].
+    If many nodes come to a wall or leave one, or the active sets do not settle, it is the Newton
+    step with the walls touched now: then a factorisation of the next configuration is cheaper.
+    Otherwise the factorised stiffness keeps the changes. Also returns the second derivative of the
+    energy along the step, with the walls touched now [N mm].
     """
     system, z_max, heights = search.system, search.z_max, search.rules.free.heights
     z, gradient, stiffness = search.heights, search.gradient, search.wall_stiffness
@@ -69,16 +64,9 @@ def lowest_part(
 ) -> float:
     """Fraction of a step with the least energy between the walls, at most 1.
 
-    A quadratic model of the energy holds only until further nodes touch a wall. The wall penalty is
-    known exactly, so that it replaces its part of the model.
-
-    Args:
-        heights: heights of the nodes [mm].
-        rise: their changes in the step [mm].
-        slope: first derivative of the energy along the step, negative [N mm].
-        curvature: second derivative along it, with the walls that are touched now [N mm].
-        z_max: half the gap between the walls [mm].
-        stiffness: their stiffness [N/mm].
+    A quadratic model of the energy, with a negative ``slope`` and a ``curvature`` with the walls
+    that are touched now [N mm], holds only until further nodes touch a wall. The wall penalty is
+    known exactly, so that it replaces its part of the model. ``heights`` rise by ``rise`` [mm].
     """
     touching = np.maximum(np.abs(heights), np.abs(heights + rise)) > z_max
     z, dz = heights[touching], rise[touching]

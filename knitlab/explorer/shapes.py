@@ -3,7 +3,6 @@
 import base64
 import json
 import zlib
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from jaxtyping import Float
 
 if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
+    from knitlab.simulation.case import Case
 
 MOST_NODES = 4096  # of a large sample that are shown: those of the paper's largest unit cell
 NO_POSITIONS = "Its case file holds no node positions, so that there is no shape."
@@ -37,12 +37,11 @@ def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
     if not reached.any():
         return NO_STATE
     # JAX is imported only for this.
-    from knitlab.fabric.pattern import recorded_pattern
+    from knitlab.simulation.case import case_of
 
-    record = json.loads(case.attrs["parameters"])
-    sample = recorded_pattern(record)
-    periodic = record["options"]["boundary"] == "periodic"
-    window = _window(sample, record, periodic)
+    recorded = case_of(json.loads(case.attrs["parameters"]))
+    periodic = recorded.options.boundary == "periodic"
+    window = _window(recorded)
     (bottom, top), (left, right) = window.rows, window.columns
     ends = 0 if periodic else 1
     along = case["applied_strain"].values[reached]
@@ -54,8 +53,8 @@ def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
         **pack_positions(nodes[reached, bottom : top + ends, left : right + ends]),
         "periods": np.stack(lengths, axis=1).tolist() if periodic else None,
         "note": window.note,
-        **_patches(sample, window),
-        "electrodes": _electrodes(record, window),
+        **_patches(recorded.sample, window),
+        "electrodes": _electrodes(recorded, window),
     }
 
 
@@ -83,13 +82,13 @@ def pack_positions(positions: Float[np.ndarray, "strain node_y node_x 3"]) -> di
     }
 
 
-def _window(sample: "PatchGrid", record: Mapping[str, Any], periodic: bool) -> Window:
+def _window(case: "Case") -> Window:
     """The whole fabric, or of a large sample the central unit cells."""
+    sample, (along_y, along_x) = case.sample, case.unit_cells
     height, width = sample.grid
-    if periodic or (height + 1) * (width + 1) <= MOST_NODES:
+    if case.options.boundary == "periodic" or (height + 1) * (width + 1) <= MOST_NODES:
         return Window((0, height), (0, width))
     # A unit cell of a graded fabric may be as large as the whole.
-    along_y, along_x = record["unit_cells"]
     shown = (MOST_NODES / (height * width)) ** 0.5
     rows, shown_y = _central(sample.row_borders, along_y, shown)
     columns, shown_x = _central(sample.column_borders, along_x, shown)
@@ -116,14 +115,11 @@ def _patches(sample: "PatchGrid", window: Window) -> dict[str, Any]:
     return {**found, "knit": ["".join(row) for row in sample.knit[np.ix_(*kept)]]}
 
 
-def _electrodes(record: Mapping[str, Any], window: Window) -> dict[str, Any] | None:
+def _electrodes(case: "Case", window: Window) -> dict[str, Any] | None:
     """What both electrodes run along, and their strips [left, right, bottom, top] in a window."""
-    if not record.get("capacitor"):
+    if case.capacitor is None:
         return None
-    from knitlab.simulation.case import case_of
-
-    electrodes = case_of(dict(record)).electrodes
-    x, y = window.columns[0], window.rows[0]
+    electrodes, x, y = case.electrodes, window.columns[0], window.rows[0]
     strips = [
         [[one.left - x, one.right - x, one.bottom - y, one.top - y] for one in of_electrode]
         for of_electrode in electrodes.strips

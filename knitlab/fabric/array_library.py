@@ -8,8 +8,5 @@ import numpy as np
 
 
 def array_library(*values: Any) -> Any:
-    """JAX's NumPy if any value is or holds an array of JAX, as while it traces a derivative.
-
-    Else NumPy, which needs no compilation; JAX compiles every operation on arrays of a new shape.
-    """
+    """JAX's NumPy if any value is or holds an array of JAX, else NumPy, which does not compile."""
     return jnp if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(values)) else np

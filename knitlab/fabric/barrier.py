@@ -8,7 +8,6 @@ by the area of a grid cell.
 Most of a fabric is out of reach of itself, and moves little in a step of the solver. So pairs are
 searched with a margin and kept until vertices may have moved further than that: first those of the
 whole mesh, with a wide margin, and among them those of the parts that are close, with a narrow one.
-While nothing can have come within reach, nothing is computed.
 """
 
 from collections.abc import Iterator
@@ -47,21 +46,13 @@ Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Float[np.ndarray, 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Pairs of parts, complete up to a distance at one configuration.
+    """Pairs of parts, complete up to a distance at one configuration."""
 
-    Attributes:
-        mesh: contact mesh whose parts they are.
-        parts: its collision mesh, of the parts that are near on the grid or of those that are not.
-        kept: its vertices among those of the whole contact mesh.
-        at: positions of all vertices [mm].
-        within: all other pairs were at least so far apart [mm].
-    """
-
-    mesh: ContactMesh
-    parts: ipctk.CollisionMesh
-    kept: Int[np.ndarray, " part"]
-    at: Vertices
-    within: float
+    mesh: ContactMesh  # whose parts they are
+    parts: ipctk.CollisionMesh  # those near on the grid, or those that are not
+    kept: Int[np.ndarray, " part"]  # vertices of it among those of the whole mesh
+    at: Vertices  # positions of all vertices [mm]
+    within: float  # all other pairs were at least so far apart [mm]
     candidates: ipctk.Candidates = field(default_factory=ipctk.Candidates)
 
     def complete_within(self, vertices: Vertices) -> float:
@@ -84,6 +75,7 @@ class PairSearch:
     ) -> None:
         self.least, self.reach, self._near = least, reach, near
         self._mesh, self._every = mesh, np.arange(len(mesh.grid))
+        self._parts = mesh.parts(near)
         self._reached = least + reach
         self._wide, self._narrow = (2 * margin * cell for margin in (WIDE, NARROW))
         self._all = self._close = self._of_whole(np.full((len(mesh.grid), 3), np.nan), 0.0)
@@ -110,10 +102,7 @@ class PairSearch:
         )
 
     def _of_whole(self, vertices: Vertices, within: float) -> Pairs:
-        return Pairs(self._mesh, self._parts(self._mesh), self._every, vertices, within)
-
-    def _parts(self, mesh: ContactMesh) -> ipctk.CollisionMesh:
-        return mesh.near if self._near else mesh.far
+        return Pairs(self._mesh, self._parts, self._every, vertices, within)
 
     def _search(self, vertices: Vertices) -> Pairs:
         """Pairs of the whole mesh, those of two images included."""
@@ -134,18 +123,14 @@ class PairSearch:
             return self._of_whole(vertices, nearest)
         within = min(self._reached + self._narrow, complete)
         mesh, kept = self._mesh.around(distances <= within)
-        closest = Pairs(mesh, self._parts(mesh), kept, vertices, within)
+        closest = Pairs(mesh, mesh.parts(self._near), kept, vertices, within)
         closest.candidates.build(closest.parts, closest.positions(vertices), within / 2)
         without_pairs_of_images(closest.candidates, closest.parts, mesh.own)
         return closest
 
 
 def shortened(distance: float, before: Vertices, after: Vertices) -> float:
-    """What may be left of a distance between parts when the fabric moves; NaN if nothing is known.
-
-    The motion is split into a stretch along x and y, which shortens a distance by at most that
-    factor, and the rest, which brings two vertices nearer by at most twice its largest.
-    """
+    """A distance that is left after a motion, by its stretch along x and y and the rest; or NaN."""
     stretch = np.ones(3)
     stretch[:2] = np.ptp(after[:, :2], axis=0) / np.ptp(before[:, :2], axis=0)
     rest = after - before * stretch
@@ -157,12 +142,8 @@ def shortened(distance: float, before: Vertices, after: Vertices) -> float:
 class Barrier:
     """Contact of one fabric with itself, without friction.
 
-    Args:
-        shape: mesh shape of the fabric.
-        thickness: distance of the middle surfaces of two touching plies [mm].
-        pressure: pressure scale of the barrier [N/mm²].
-        cell: mean sides (x, y) of a grid cell [mm].
-        cells_per_period: grid cells along one period of a stripe.
+    ``thickness`` is the distance of the middle surfaces of two touching plies [mm], ``pressure``
+    the scale of the barrier [N/mm²], and ``cell`` the mean sides (x, y) of a grid cell [mm].
     """
 
     def __init__(
@@ -196,7 +177,7 @@ class Barrier:
         return [self._mesh.vertices(unknowns) for unknowns in configurations]
 
     def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
-        """The evaluation of a configuration that holds, with energy and gradient of the barrier."""
+        """An evaluation with energy and gradient of the barrier added."""
         energy, gradient = 0.0, np.zeros(len(unknowns))
         for search, mesh, touching in self._touching(unknowns):
             potential = self._potential(search)
@@ -208,10 +189,7 @@ class Barrier:
         return Evaluation(replace(evaluation.energy, contact=energy), total)
 
     def hessian(self, unknowns: Unknowns, free: Int[np.ndarray, " free"]) -> sp.csc_array | None:
-        """Hessian of the barrier by the free unknowns, made positive semidefinite pair by pair.
-
-        It has both triangles [N/mm], and is ``None`` where nothing is within reach.
-        """
+        """Both triangles, made positive semidefinite by pairs [N/mm]; None if none are in reach."""
         terms = []
         for search, mesh, touching in self._touching(unknowns):
             potential, of_free = self._potential(search), mesh.from_unknowns[:, free]

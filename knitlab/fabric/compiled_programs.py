@@ -20,7 +20,7 @@ JAX holds a lock while it reads or writes, which several workers need."""
 def keep_compiled_programs() -> None:
     """Keep compiled programs, unless the user has set JAX's cache or the folder cannot be written.
 
-    ``JAX_COMPILATION_CACHE_DIR`` names another folder, and ``JAX_ENABLE_COMPILATION_CACHE=0`` keeps
+    ``JAX_COMPILATION_CACHE_DIR`` names another folder; with ``JAX_ENABLE_COMPILATION_CACHE=0``
     none.
     """
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
@@ -42,11 +42,7 @@ def keep_compiled_programs() -> None:
 
 
 def _kind_of_program() -> str:
-    """Version of JAX, processor and threads.
-
-    Programs of one processor may crash on another, and XLA decides on parallel loops as it
-    compiles: a program of one thread stays one where there are more.
-    """
+    """Version of JAX, processor, whose programs may crash on another, and threads of a program."""
     features = ""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -1,12 +1,9 @@
 """The contact mesh: the triangles of a fabric, with the images that periodic fabric may touch.
 
 Positions of its vertices are linear in the unknowns of the fabric, images included: the image of a
-node lies whole sides L_x and L_y away from it. So gradients and Hessians by vertices become those
-by unknowns through one constant sparse matrix.
-
-Each pair of parts counts once a period: parts of the fabric are compared with each other, and with
-the images to the right, above, and above to the left. Pairs of two images are left out. Only a band
-of images beside the fabric is needed, as long as what lies beyond is out of reach.
+node lies whole sides L_x and L_y away from it. Each pair of parts counts once a period: parts of
+the fabric are compared with each other, and with the images to the right, above, and above to the
+left. Only a band of images is needed, as long as what lies beyond is out of reach.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +15,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 
@@ -31,24 +28,15 @@ TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
 
 @dataclass(frozen=True, eq=False)
 class ContactMesh:
-    """Vertices and triangles of a mesh shape, and which of them may touch.
-
-    Attributes:
-        band: rows and columns of cells of the images, on each side that has any.
-        grid: row and column (y, x) of every vertex.
-        faces: vertices of every triangle.
-        near_reach: rows and columns within which vertices are near each other.
-        own: which vertices are nodes of the fabric itself, rather than images.
-        from_unknowns: matrix from unknowns to the coordinates of the vertices, vertex by vertex.
-    """
+    """Vertices and triangles of a mesh shape, and which of them may touch."""
 
     shape: MeshShape
-    band: int
-    grid: Int[np.ndarray, "vertex 2"]
+    band: int  # rows and columns of images, on each side that has any
+    grid: Int[np.ndarray, "vertex 2"]  # row and column (y, x) of every vertex
     faces: Int[np.ndarray, "face 3"]
-    near_reach: int
-    own: Bool[np.ndarray, " vertex"]
-    from_unknowns: sp.csr_array
+    near_reach: int  # rows and columns within which vertices are near each other
+    own: Bool[np.ndarray, " vertex"]  # nodes of the fabric itself, not images
+    from_unknowns: sp.csr_array  # to the coordinates of the vertices, vertex by vertex
 
     @cached_property
     def whole(self) -> ipctk.CollisionMesh:
@@ -56,27 +44,13 @@ class ContactMesh:
         rest = np.pad(self.grid[:, ::-1].astype(float), ((0, 0), (0, 1)))
         return ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(self.faces), self.faces)
 
-    @cached_property
-    def far(self) -> ipctk.CollisionMesh:
-        """That of parts that are not near each other on the grid."""
-        return self._filtered(are_near=False)
-
-    @cached_property
-    def near(self) -> ipctk.CollisionMesh:
-        """That of parts that are near each other on the grid."""
-        return self._filtered(are_near=True)
-
-    def _filtered(self, are_near: bool) -> ipctk.CollisionMesh:
-        # Of a copy, because a filter belongs to its mesh.
-        mesh = replace(self).whole
-        pairs = dict.fromkeys(zip(*self._near_pairs.T.tolist(), strict=True), are_near)
-        mesh.can_collide = ipctk.make_sparse_filter(pairs, not are_near)
+    def parts(self, near: bool) -> ipctk.CollisionMesh:
+        """Collision mesh of the parts that are near each other on the grid, or that are not."""
+        mesh = replace(self).whole  # of a copy, because a filter belongs to its mesh
+        close = cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
+        pairs = dict.fromkeys(zip(*close.T.tolist(), strict=True), near)
+        mesh.can_collide = ipctk.make_sparse_filter(pairs, not near)
         return mesh
-
-    @cached_property
-    def _near_pairs(self) -> Int[np.ndarray, "pair 2"]:
-        """Pairs of vertices, the lower number first, within reach along both axes."""
-        return cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
 
     def around(
         self, chosen: Bool[np.ndarray, " vertex"]
@@ -136,8 +110,8 @@ def without_pairs_of_images(
 ) -> None:
     """Remove, in place, the candidates of which both parts are images.
 
-    The filter of a collision mesh cannot: it asks for each pair of vertices by itself, and so would
-    also lose pairs of which only the vertices that are not near each other are images.
+    The filter of a collision mesh asks for each pair of vertices by itself, and so would also lose
+    pairs of which only the vertices that are not near each other are images.
     """
     if own.all():
         return

@@ -65,13 +65,11 @@ class Strip:
 
     def shared(self, other: "Strip") -> "Strip | None":
         """The intersection with another strip, possibly an edge or a corner; ``None`` if empty."""
-        common = Strip(
-            max(self.left, other.left),
-            min(self.right, other.right),
-            max(self.bottom, other.bottom),
-            min(self.top, other.top),
+        (left, right), (bottom, top) = (
+            (max(one[0], two[0]), min(one[1], two[1]))
+            for one, two in zip(self.extents, other.extents, strict=True)
         )
-        return common if common.left <= common.right and common.bottom <= common.top else None
+        return Strip(left, right, bottom, top) if left <= right and bottom <= top else None
 
 
 def split_by_cells(strip: Strip) -> list[Strip]:
@@ -85,13 +83,7 @@ def split_by_cells(strip: Strip) -> list[Strip]:
 
 @dataclass(frozen=True)
 class Electrodes:
-    """The two conductors of a capacitor.
-
-    Attributes:
-        strips: the plated rectangles of each; strips of one electrode share whole edges or nothing.
-        along: direction of the electrodes. On periodic fabric they are periodic in this direction,
-            and have no images in the other.
-    """
+    """The two conductors of a capacitor; if periodic, along their direction only."""
 
     strips: tuple[tuple[Strip, ...], tuple[Strip, ...]]
     along: Along
@@ -198,11 +190,7 @@ class ElectrodeLayout:
 def place_electrodes(
     layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions, stitches: StitchCounts
 ) -> Electrodes:
-    """The electrodes of a layout on a fabric; model options define where its folds lie.
-
-    Raises:
-        BadLayout: if the layout is impossible; it lists every fault with its place.
-    """
+    """The electrodes of a layout on a fabric; or :class:`BadLayout` with every fault."""
     shape = mesh_shape(pattern, options.boundary)
     if shape.periodic and layout.span != (0.0, 1.0):
         raise BadLayout(["periodic fabric has no ends; remove span, or use boundary = clamped"])

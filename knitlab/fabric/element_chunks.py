@@ -20,23 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from knitlab.fabric.element_hessians import (
-    HINGE_ENTRIES,
-    LANES,
-    SPRING_ENTRIES,
-    ElementHessians,
-    hinge_stiffness,
-    spring_stiffness,
-    wall_stiffness,
-)
-from knitlab.fabric.energy import (
-    Energy,
-    Evaluation,
-    Stage,
-    hinge_energy,
-    spring_energy,
-    wall_energy,
-)
+from knitlab.fabric import energy
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.settings import FoldAngle
@@ -68,10 +52,7 @@ hinges."""
 
 @dataclass(frozen=True, eq=False)
 class ThreadChunks:
-    """Chunks that one thread works on, by their indices.
-
-    ``incidence`` is the constant matrix from configurations to their vectors.
-    """
+    """Chunks that one thread works on, and the matrix from configurations to their vectors."""
 
     chunks: range
     incidence: sp.csr_array
@@ -141,7 +122,7 @@ class ChunkedFabric:
             for length, spring, hinge in zip(lengths, springs, hinges, strict=True)
         ]
 
-    def evaluate(self, stage: Stage, unknowns: Unknowns) -> Evaluation:
+    def evaluate(self, stage: energy.Stage, unknowns: Unknowns) -> energy.Evaluation:
         """Energy and gradient of a configuration at a stage."""
         acting = self._acting(stage)
 
@@ -150,23 +131,24 @@ class ChunkedFabric:
             vectors = part.vectors(unknowns)
             energies, gradient = np.zeros(3), np.empty_like(vectors)
             for chunk, values, slopes in zip(part.chunks, vectors, gradient, strict=True):
-                own, by_vectors = _evaluate(
-                    self._fold_angle, acting, self._parameters[chunk], _split(values)
-                )
+                of_chunk = self._parameters[chunk]
+                own, by_vectors = _evaluate(self._fold_angle, acting, of_chunk, _split(values))
                 energies += np.asarray(own)
                 for view, by_kind in zip(_split(slopes), by_vectors, strict=True):
                     view[:] = by_kind
             return energies, part.transposed @ gradient.ravel()
 
         energies, gradients = zip(*self._threads.each(of_part, self.parts), strict=True)
-        return Evaluation(Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0))
+        return energy.Evaluation(
+            energy.Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0)
+        )
 
-    def element_hessians(self, stage: Stage, unknowns: Unknowns) -> ElementHessians:
+    def element_hessians(self, stage: energy.Stage, unknowns: Unknowns) -> energy.ElementHessians:
         """Element Hessians of a configuration at a stage."""
         count, net, acting = len(self._parameters), network(self.shape), self._acting(stage)
-        filled = ElementHessians(
-            np.empty((len(SPRING_ENTRIES[0]), count * SPRINGS)),
-            np.empty((count * HINGES // LANES, len(HINGE_ENTRIES[0]), LANES)),
+        filled = energy.ElementHessians(
+            np.empty((len(energy.SPRING_ENTRIES[0]), count * SPRINGS)),
+            np.empty((count * HINGES // energy.LANES, len(energy.HINGE_ENTRIES[0]), energy.LANES)),
             np.empty(count * HEIGHTS),
         )
 
@@ -175,20 +157,20 @@ class ChunkedFabric:
                 own = _hessians(self._fold_angle, acting, self._parameters[chunk], _split(values))
                 springs, hinges, heights = (
                     slice(chunk * per_chunk, (chunk + 1) * per_chunk)
-                    for per_chunk in (SPRINGS, HINGES // LANES, HEIGHTS)
+                    for per_chunk in (SPRINGS, HINGES // energy.LANES, HEIGHTS)
                 )
                 filled.springs[:, springs] = own.springs
                 filled.hinges[hinges] = own.hinges
                 filled.walls[heights] = own.walls
 
         self._threads.each(fill, self.parts)
-        return ElementHessians(
+        return energy.ElementHessians(
             filled.springs[:, : len(net.springs.nodes)],
-            filled.hinges[: -(-len(net.hinges.nodes) // LANES)],
+            filled.hinges[: -(-len(net.hinges.nodes) // energy.LANES)],
             filled.walls[: net.shape.nodes],
         )
 
-    def _acting(self, stage: Stage) -> Acting:
+    def _acting(self, stage: energy.Stage) -> Acting:
         z_max, k_wall = self._walls
         return np.array([float(stage.fold), z_max, float(stage.wall) * k_wall])
 
@@ -227,9 +209,9 @@ def _evaluate(
     fold, z_max, k_wall = acting
 
     def total(at: Vectors) -> tuple[Array, Array]:
-        stretch = spring_energy(at[0], *springs).sum()
-        folded = hinge_energy(at[1], fold * rest, k_t, of).sum()
-        energies = jnp.stack([stretch, folded, wall_energy(at[2], z_max, k_wall).sum()])
+        stretch = energy.spring_energy(at[0], *springs).sum()
+        folded = energy.hinge_energy(at[1], fold * rest, k_t, of).sum()
+        energies = jnp.stack([stretch, folded, energy.wall_energy(at[2], z_max, k_wall).sum()])
         return energies.sum(), energies
 
     gradient, energies = jax.grad(total, has_aux=True)(vectors)
@@ -239,12 +221,12 @@ def _evaluate(
 @partial(jax.jit, static_argnums=0)
 def _hessians(
     of: FoldAngle, acting: Acting, parameters: Parameters, vectors: Vectors
-) -> ElementHessians:
+) -> energy.ElementHessians:
     """Element Hessians of a chunk."""
     springs, (rest, k_t) = parameters
     fold, z_max, k_wall = acting
-    return ElementHessians(
-        spring_stiffness(vectors[0][0], *springs),
-        hinge_stiffness(vectors[1], fold * rest, k_t, of),
-        wall_stiffness(vectors[2], z_max, k_wall),
+    return energy.ElementHessians(
+        energy.spring_stiffness(vectors[0][0], *springs),
+        energy.hinge_stiffness(vectors[1], fold * rest, k_t, of),
+        energy.wall_stiffness(vectors[2], z_max, k_wall),
     )

@@ -1,43 +1,72 @@
-"""The fabric: the parameters of all elements of a network, from which its energy follows."""
+"""The fabric: the parameters of all its elements, and its shape as a configuration of its nodes."""
+
+from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.network import Network
+from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
 
 
-class Fabric(eqx.Module):
-    """Parameters of one fabric on a network.
+class Configuration(eqx.Module):
+    """The shape of a fabric in one state, or in several along leading axes; a pytree.
 
-    Fabrics with the same mesh shape, kind of fold angle and kind of spring law can be stacked into
-    a batch.
+    With JAX arrays, functions of the shape can be differentiated; NumPy arrays need no compilation.
+    A velocity, or a gradient with respect to the shape, is also a ``Configuration``.
 
     Attributes:
-        rest_length: of every spring [mm].
-        stretch_stiffness: of every spring [N/mm].
-        rest_fold: signed rest angle of every hinge, 0 where flat, positive for a mountain [rad].
-        fold_stiffness: of every hinge, 0 where the model options omit the hinge [N mm].
-        z_max: half the gap between the walls [mm].
-        k_wall: penalty stiffness of the walls [N/mm].
-        cell_x: flat width of every column of grid cells [mm].
-        cell_y: flat height of every row of grid cells [mm].
-        fold_angle: definition of the fold angle, a model option.
-        spring_law: force of the springs as a function of their length.
+        positions: (x, y, z) of every node, x along the courses and y along the wales; row 0 is the
+            bottom course, column 0 the left wale [mm].
+        lengths: sides L_x and L_y of the cell of periodic fabric; unused in a sample with open
+            edges, and usually its flat size [mm].
     """
 
-    rest_length: Float[Array | np.ndarray, " spring"]
-    stretch_stiffness: Float[Array | np.ndarray, " spring"]
+    positions: Float[Array | np.ndarray, "*state node_y node_x 3"]
+    lengths: Float[Array | np.ndarray, "*state 2"]
+
+    @classmethod
+    def of(
+        cls, unknowns: Float[Array | np.ndarray, "*state unknown"], shape: MeshShape
+    ) -> "Configuration":
+        """The configuration that a vector of unknowns holds, ordered as in :meth:`flattened`."""
+        grid = *unknowns.shape[:-1], shape.nodes_y, shape.nodes_x, 3
+        return cls(unknowns[..., :-2].reshape(grid), unknowns[..., -2:])
+
+    @classmethod
+    def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":
+        """Configurations of one mesh shape as the states of one configuration, in NumPy."""
+        positions, lengths = zip(*((its.positions, its.lengths) for its in states), strict=True)
+        return cls(np.stack(positions), np.stack(lengths))
+
+    def flattened(self) -> Float[Array | np.ndarray, "*state unknown"]:
+        """Unknowns as a vector: (x, y, z) by nodes from the bottom left, then L_x and L_y [mm]."""
+        library = array_library(self.positions)
+        coordinates = self.positions.reshape(*self.lengths.shape[:-1], -1)
+        return library.concatenate([coordinates, self.lengths], axis=-1)
+
+    def __getitem__(self, state: Any) -> "Configuration":
+        """One or some of several states: the index applies to the leading axis."""
+        return Configuration(self.positions[state], self.lengths[state])
+
+
+class Fabric(eqx.Module):
+    """Parameters of one fabric on a network; those of one shape, angle and law can be stacked."""
+
+    rest_length: Float[Array | np.ndarray, " spring"]  # [mm]
+    stretch_stiffness: Float[Array | np.ndarray, " spring"]  # [N/mm]
+    # signed, 0 where flat, positive for a mountain [rad]
     rest_fold: Float[Array | np.ndarray, " hinge"]
+    # 0 where the model options omit the hinge [N mm]
     fold_stiffness: Float[Array | np.ndarray, " hinge"]
-    z_max: Float[Array | np.ndarray, ""]
-    k_wall: Float[Array | np.ndarray, ""]
-    cell_x: Float[Array | np.ndarray, " grid_x"]
-    cell_y: Float[Array | np.ndarray, " grid_y"]
+    z_max: Float[Array | np.ndarray, ""]  # half the gap between the walls [mm]
+    k_wall: Float[Array | np.ndarray, ""]  # penalty stiffness of the walls [N/mm]
+    cell_x: Float[Array | np.ndarray, " grid_x"]  # flat width of every column of grid cells [mm]
+    cell_y: Float[Array | np.ndarray, " grid_y"]  # flat height of every row of grid cells [mm]
     fold_angle: FoldAngle = eqx.field(static=True)
     spring_law: SpringLaw = LINEAR
 

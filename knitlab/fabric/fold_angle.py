@@ -25,25 +25,12 @@ AngleAndSlopes = tuple[Each, tuple[Vector, Vector, Vector]]
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(2,))
-def fold_from_rest(
-    vectors: HingeVectors,
-    rest: Each,
-    of: FoldAngle,
-) -> Each:
-    """Signed fold angle of hinges minus its rest value, on the branch nearest zero [rad].
-
-    The fold angle is that between the normals of the two cells about their shared edge, positive
-    for a mountain. On this branch the energy is smooth unless the angle differs from its rest value
-    by exactly π.
-    """
+def fold_from_rest(vectors: HingeVectors, rest: Each, of: FoldAngle) -> Each:
+    """Signed fold angle, > 0 in a mountain, minus its rest value, between ±π [rad]."""
     return fold_and_slope(vectors, rest, of)[0]
 
 
-def fold_and_slope(
-    vectors: HingeVectors,
-    rest: Each,
-    of: FoldAngle,
-) -> tuple[Each, HingeVectors]:
+def fold_and_slope(vectors: HingeVectors, rest: Each, of: FoldAngle) -> tuple[Each, HingeVectors]:
     """The result of :func:`fold_from_rest`, and its derivative with respect to the vectors."""
     xp = array_library(vectors)
     edge, *diagonals = vectors
@@ -54,11 +41,7 @@ def fold_and_slope(
 
 
 def fold_from_normals(
-    edge: Vector,
-    before: Vector,
-    after: Vector,
-    rest: Each,
-    of: FoldAngle,
+    edge: Vector, before: Vector, after: Vector, rest: Each, of: FoldAngle
 ) -> AngleAndSlopes:
     """The fold angle minus its rest value, from the edge and the normals beside it."""
     xp = array_library(edge)
@@ -76,21 +59,12 @@ def by_hinge_vectors(
     by_edge, by_before, by_after = slopes
     others = (1,) * (by_edge.ndim - diagonals[0].ndim)
     one, two, three, four = (each.reshape(3, *others, *each.shape[1:]) for each in diagonals)
-    by_vectors = [
-        by_edge,
-        xp.cross(two, by_before, axis=0),
-        xp.cross(by_before, one, axis=0),
-        xp.cross(four, by_after, axis=0),
-        xp.cross(by_after, three, axis=0),
-    ]
-    return xp.stack(by_vectors)
+    beside = (two, by_before), (by_before, one), (four, by_after), (by_after, three)
+    return xp.stack([by_edge, *(xp.cross(*pair, axis=0) for pair in beside)])
 
 
 def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> AngleAndSlopes:
-    """φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2.
-
-    With r² = S² + C² its slopes are φ_S = C/r² and φ_C = −S/r².
-    """
+    """φ = atan2(S, C), S = (n1 × n2)·ê, C = n1·n2; φ_S = C/r², φ_C = −S/r², r² = S² + C²."""
     xp = array_library(edge)
     cross, length = partial(xp.cross, axis=0), xp.linalg.norm(edge, axis=0)
     along = edge / length

@@ -33,10 +33,8 @@ ByEdge = Float[np.ndarray, "line cell"]
 class Ridge:
     """Distribution of a fold over the hinges of a fine grid; the ridge is a fraction of a stripe.
 
-    Attributes:
-        refinement: grid cells along one cell of the paper's grid.
-        fold_parts: part of the fold of each hinge, from ``refinement`` cells before the middle of
-            the ridge to as many after it.
+    ``refinement`` is the number of grid cells along one cell of the paper's grid, ``fold_parts``
+    the part of the fold of each hinge up to that many cells from the middle of the ridge.
     """
 
     def __init__(self, cells_per_period: int, fraction: float) -> None:
@@ -62,9 +60,8 @@ class Ridge:
     ) -> Float[Array | np.ndarray, "*stripe"]:
         """Total fold angle at rest [rad] of a ridge whose sharp fold has the rest angle θ0.
 
-        On the paper's grid π − θ0. On a finer grid it is chosen so that a pure stripe relaxes to
-        sin(θ0/2) of its flat length, as on the paper's grid. This ratio is the mean cosine of the
-        tilt of its cells.
+        On the paper's grid π − θ0. On a finer grid it is chosen so that a pure stripe also relaxes
+        to sin(θ0/2) of its flat length, which is the mean cosine of the tilt of its cells.
         """
         sharp = np.pi - theta_0
         if self.refinement == 1:
@@ -90,10 +87,7 @@ class Ridge:
 
 
 def _parts(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
-    """Parts of an arc about a line that lie within half a cell of each line around it.
-
-    The length of the arc is ``fraction`` of a stripe, which is two cells of the paper's grid.
-    """
+    """Parts of an arc over a fraction of a stripe that lie within half a cell of each line."""
     offsets = np.arange(-refinement, refinement + 1)
     half = fraction * refinement
     if refinement == 1 or half <= 0.5:
@@ -120,10 +114,7 @@ def inside_runs(like: Like, periodic: bool) -> Bool[np.ndarray, "line cell"]:
 
 
 def _number_in_run(like: Like, periodic: bool) -> Int[np.ndarray, "line cell"]:
-    """Number of cells of its run that come before each cell, along axis 1.
-
-    In periodic fabric a run may continue across the boundary; one that fills the line starts at 0.
-    """
+    """Cells of its run that come before each cell, along axis 1; a full ring starts at 0."""
     lines, cells = like.shape
     start = np.where(like.all(axis=1) | (not periodic), 0, np.argmin(like, axis=1))
     order = (start[:, None] + np.arange(cells)) % cells
@@ -139,8 +130,8 @@ def fold_senses(
 ) -> ByEdge:
     """Part of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
 
-    Lines are counted from the start of each run of like cells, so neighbouring patches of one
-    knit fold together and no fold lies on the border between two knits.
+    Lines are counted from the start of each run of like cells: neighbouring patches of one knit
+    fold together, and no fold lies on the border between two knits.
     """
     inside = inside_runs(like, periodic)
     line, between = np.divmod(_number_in_run(like, periodic), ridge.refinement)
@@ -155,10 +146,7 @@ def fold_senses(
 
 
 def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
-    """Parts of the folds of rib, left of every grid cell, and of garter, below it.
-
-    They are > 0 in a mountain, < 0 in a valley, and 0 where the fabric is flat at rest.
-    """
+    """Parts of the folds of rib, left of grid cells, and of garter, below; > 0 in mountains."""
     periodic, ridge = options.boundary == "periodic", ridge_of(options)
     rib, garter = (
         fold_senses(like, options.fold_phase, periodic, ridge)

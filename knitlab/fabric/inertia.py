@@ -1,7 +1,4 @@
-"""Inertia: mass and viscous drag of a fabric.
-
-Units are mm, N, g and ms, in which 1 N = 1 g mm/ms².
-"""
+"""Inertia: mass and viscous drag of a fabric, in g, mm and ms, in which 1 N = 1 g mm/ms²."""
 
 from collections.abc import Sequence
 
@@ -10,8 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import PatchGrid
 from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.stripe import Stripe
@@ -32,15 +27,10 @@ def inertia(
     damping_ratio: float,
     graded: PatchGrid | None = None,
 ) -> Inertia:
-    """Inertia of a fabric: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model").
+    """Inertia of a fabric: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model"), ρ_s in g/mm².
 
-    Args:
-        weft: the rib stripes, with the tabulated periods w.
-        warp: the garter stripes, with the tabulated periods h.
-        options: model options.
-        surface_density: ρ_s [g/mm²].
-        damping_ratio: c over √(k_s m), with the smallest k_s and the mean mass [1].
-        graded: pattern of a graded fabric: each node has the mean mass of the cells beside it.
+    ``damping_ratio`` is c over √(k_s m), with the smallest k_s and the mean mass. Each node of a
+    ``graded`` pattern has the mean mass of the cells beside it.
     """
     width, height = (
         np.array([options.length_scale * of.period / options.cells_per_period for of in stripes])
@@ -62,14 +52,3 @@ def _about_lines(side: Float[np.ndarray, " cell"], periodic: bool) -> Float[np.n
     if periodic:
         return (np.roll(side, 1) + side) / 2
     return (np.concatenate([side[:1], side]) + np.concatenate([side, side[-1:]])) / 2
-
-
-def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
-    """Mass that each unknown moves [g].
-
-    A coordinate moves the mass of its node. L_x and L_y, which the paper does not have, move the
-    images of a line of nodes, and thus the mass of this line; equilibria do not depend on it.
-    """
-    mass = jnp.broadcast_to(inertia.node_mass, (shape.nodes_y, shape.nodes_x))
-    lines = jnp.stack([mass[:, 0].sum(), mass[0].sum()])
-    return Configuration(jnp.broadcast_to(mass[..., None], (*mass.shape, 3)), lines)

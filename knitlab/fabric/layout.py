@@ -18,29 +18,19 @@ from knitlab.fabric.stripe import Stripe, StripeNumbers, StripePair, cell_length
 
 @dataclass(frozen=True, eq=False)
 class FabricLayout:
-    """How the parameters of a patterned fabric follow from those of its stripes.
-
-    Attributes:
-        row_stripe: number of the garter stripe of each row of grid cells.
-        column_stripe: number of the rib stripe of each column of grid cells.
-        plain_cells: which grid cells are of plain knit, with the stiffness ``plain``.
-        fold_part: of every hinge, its part of a fold: > 0 in a mountain, < 0 in a valley, 0 if it
-            is flat at rest.
-        single_fold: of every hinge, the rest fold angle of the single fold on which it lies, NaN
-            if it lies on none [rad].
-        stiffness_factor: of every hinge, the factor on its k_t, 0 if the model options omit it.
-    """
+    """How the parameters of a patterned fabric follow from those of its stripes."""
 
     net: Network
     sheet: Sheet
     options: ModelOptions
-    row_stripe: Int[np.ndarray, " grid_y"]
-    column_stripe: Int[np.ndarray, " grid_x"]
+    row_stripe: Int[np.ndarray, " grid_y"]  # number of the garter stripe
+    column_stripe: Int[np.ndarray, " grid_x"]  # number of the rib stripe
     plain: PlainKnit | None
-    plain_cells: Bool[np.ndarray, "grid_y grid_x"]
-    fold_part: Float[np.ndarray, " hinge"]
+    plain_cells: Bool[np.ndarray, "grid_y grid_x"]  # which are of plain knit
+    fold_part: Float[np.ndarray, " hinge"]  # > 0 in a mountain, < 0 in a valley, 0 if flat at rest
+    # rest angle of the single fold that it is on, or NaN [rad]
     single_fold: Float[np.ndarray, " hinge"]
-    stiffness_factor: Float[np.ndarray, " hinge"]
+    stiffness_factor: Float[np.ndarray, " hinge"]  # on k_t, 0 if the model options omit the hinge
 
     @property
     def fold_sense(self) -> Float[np.ndarray, " hinge"]:
@@ -48,11 +38,7 @@ class FabricLayout:
         return np.where(np.isnan(self.single_fold), self.fold_part, np.sign(self.single_fold))
 
     def fabric(self, stripes: StripePair) -> Fabric:
-        """The fabric of given stripes; differentiable by JAX.
-
-        Diagonals have the smaller of both k_s, and the spring law of that stripe. Where both k_s
-        are equal, the fabric is not differentiable with respect to k_s.
-        """
+        """The fabric of given stripes; differentiable, except by k_s where both are equal."""
         xp, net, options = array_library(stripes), self.net, self.options
         sides = stripes.weft, stripes.warp
 
@@ -142,21 +128,16 @@ def fabric_layout(
 ) -> FabricLayout:
     """The springs, hinges and folds of a patterned fabric (paper, Sec. "3D model").
 
-    The parameters of springs and hinges depend on their direction: those across the wales (springs
-    along x, hinges about edges along y) have the values of the rib stripe of their column, those
-    across the courses the values of the garter stripe of their row, and diagonals the smaller k_s.
-    Within plain knit they have the values of plain knit.
-
-    Folds lie on the lines given by :func:`~knitlab.fabric.fold_lines.fold_senses`, and where the
-    pattern has single folds. The first fold of a rib patch is a mountain; the sense of the first
-    fold of a garter patch is the option ``garter_start``. Hinges that join different knits, or that
-    are across the folds of their patch, are flat at rest. They exist only with the option
-    ``hinges = "all"``; hinges within plain knit always exist.
+    Springs and hinges across the wales have the values of the rib stripe of their column, those
+    across the courses of the garter stripe of their row, diagonals the smaller k_s; within plain
+    knit all have its values. Folds lie on the lines of
+    :func:`~knitlab.fabric.fold_lines.fold_senses`, and where the pattern has single folds. Hinges
+    that join different knits, or that are across the folds of their patch, are flat at rest, and
+    exist only with ``hinges = "all"`` or within plain knit.
 
     Raises:
         BadPattern: if a single fold lies outside the pattern or between grid lines.
-        ValueError: if the pattern has plain knit and ``plain`` is not given, or if its grid is not
-            that of the options.
+        ValueError: if ``plain`` is needed and not given, or the grid is not that of the options.
     """
     if pattern.cells_per_period != options.cells_per_period:
         counts = f"{pattern.cells_per_period} and {options.cells_per_period}"
@@ -202,10 +183,7 @@ def assemble_fabric(
     options: ModelOptions,
     plain: PlainKnit | None = None,
 ) -> tuple[Network, Fabric]:
-    """Network and parameters of a patterned fabric of one rib and one garter stripe.
-
-    A pure stripe fabric has its stripe as both.
-    """
+    """Network and parameters of a patterned fabric of one rib and one garter stripe."""
     layout = fabric_layout(pattern, sheet, options, plain)
     return layout.net, layout.fabric(StripePair.of([weft], [warp]))
 

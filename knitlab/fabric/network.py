@@ -63,8 +63,8 @@ def cached_by_shape(
 ) -> Callable[Concatenate[MeshShape, Others], Result]:
     """Decorator that keeps the most recent results for mesh shapes, apart for small and for large.
 
-    What follows from a large shape may take a gigabyte; the subdomains of many small shapes of a
-    sample would evict it from a cache for all, or samples no longer needed would fill the memory.
+    What follows from a large shape may take a gigabyte, and subdomains of many small shapes would
+    evict it from a cache for all.
     """
     large: Callable[..., Result] = lru_cache(LARGE_KEPT)(function)
     small: Callable[..., Result] = lru_cache(SMALL_KEPT)(function)
@@ -78,18 +78,11 @@ def cached_by_shape(
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Elements of one kind, whose energy depends on a few vectors between their nodes.
-
-    Attributes:
-        nodes: node numbers of every element.
-        images: periods of periodic fabric along (x, y) by which each node is shifted.
-        incidence: the vectors: −1 at the node where one starts, 1 where it ends.
-        shape: the mesh shape.
-    """
+    """Elements of one kind, whose energy depends on a few vectors between their nodes."""
 
     nodes: Int[np.ndarray, "element node"]
-    images: Int[np.ndarray, "element node 2"]
-    incidence: Int[np.ndarray, "vector node"]
+    images: Int[np.ndarray, "element node 2"]  # periods along (x, y) by which each node is shifted
+    incidence: Int[np.ndarray, "vector node"]  # −1 where a vector starts, 1 where it ends
     shape: MeshShape
 
     @cached_property
@@ -118,27 +111,17 @@ and e → b of the cell after it."""
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Springs and hinges of one mesh shape (paper, Sec. "3D model", Fig. 1F).
-
-    Attributes:
-        springs: two nodes each: weft springs, warp springs, then two diagonals per grid cell.
-        weft, warp: which springs are along x, which along y; the others are diagonals.
-        hinges: six nodes each: the ends a, b of the shared edge, the far nodes c, d of the cell
-            before it and e, f of the cell after it (c and e beside a, d and f beside b).
-        wale: which hinges have an edge along y, as rib ridges have.
-        spring_cells: the two grid cells (y, x) beside every spring; twice the same cell for a
-            diagonal and at an edge.
-        hinge_cells: grid cell (y, x) after each hinge's edge.
-    """
+    """Springs and hinges of one mesh shape (paper, Sec. "3D model", Fig. 1F)."""
 
     shape: MeshShape
-    springs: Elements
+    springs: Elements  # along the weft, along the warp, then two diagonals per cell
     weft: Bool[np.ndarray, " spring"]
     warp: Bool[np.ndarray, " spring"]
-    hinges: Elements
-    wale: Bool[np.ndarray, " hinge"]
+    hinges: Elements  # a, b of the shared edge; c, d before it and e, f after it, c and e at a
+    wale: Bool[np.ndarray, " hinge"]  # those about edges along y, as rib ridges are
+    # (y, x) on both sides; one cell twice for a diagonal or an edge
     spring_cells: Int[np.ndarray, "spring 2 2"]
-    hinge_cells: Int[np.ndarray, "hinge 2"]
+    hinge_cells: Int[np.ndarray, "hinge 2"]  # (y, x) after the edge
 
 
 @cached_by_shape

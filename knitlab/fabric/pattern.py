@@ -1,13 +1,13 @@
 """Patterns: which patch is rib, garter or plain knit, how large it is, and which stripe it has."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Int
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from knitlab.fabric.settings import RestAngle
 from knitlab.fabric.stripe import Stripe
@@ -68,37 +68,29 @@ class SingleFold:
 class PatchGrid:
     """Patches in rows and columns, each with its knit; row 0 is the lowest, column 0 the leftmost.
 
-    All patches of a column have the same number of wales, and all patches of a row the same number
-    of courses, so that the stitches of neighbours match. A column has one width and one rib stripe,
-    a row one height and one garter stripe.
-
-    Attributes:
-        knit: letter of every patch, see :data:`KNIT_OF_LETTER`.
-        row_periods: height of each row, in periods of its garter stripe.
-        column_periods: width of each column, in periods of its rib stripe.
-        row_stripe: number of the garter stripe of each row, from 0.
-        column_stripe: number of the rib stripe of each column, from 0.
-        folds: single folds.
-        cells_per_period: grid cells along one period.
+    All patches of a column have one width in wales and one rib stripe, all of a row one height in
+    courses and one garter stripe, so that the stitches of neighbours match.
     """
 
-    knit: np.ndarray
-    row_periods: Int[np.ndarray, " patch_y"]
-    column_periods: Int[np.ndarray, " patch_x"]
-    row_stripe: Int[np.ndarray, " patch_y"]
-    column_stripe: Int[np.ndarray, " patch_x"]
+    knit: np.ndarray  # letters, see KNIT_OF_LETTER
+    row_periods: Int[np.ndarray, " patch_y"]  # height, in periods of its garter stripe
+    column_periods: Int[np.ndarray, " patch_x"]  # width, in periods of its rib stripe
+    row_stripe: Int[np.ndarray, " patch_y"]  # number of its garter stripe, from 0
+    column_stripe: Int[np.ndarray, " patch_x"]  # number of its rib stripe, from 0
     folds: tuple[SingleFold, ...] = ()
     cells_per_period: int = CELLS_PER_PERIOD
 
     @property
     def patch_of_row(self) -> Int[np.ndarray, " grid_y"]:
         """The row of patches that contains each row of grid cells."""
-        return np.repeat(np.arange(len(self.row_periods)), self.cells_per_period * self.row_periods)
+        return self._patch_of(self.row_periods)
 
     @property
     def patch_of_column(self) -> Int[np.ndarray, " grid_x"]:
         """The column of patches that contains each column of grid cells."""
-        periods = self.column_periods
+        return self._patch_of(self.column_periods)
+
+    def _patch_of(self, periods: Int[np.ndarray, " patch"]) -> Int[np.ndarray, " grid"]:
         return np.repeat(np.arange(len(periods)), self.cells_per_period * periods)
 
     @property
@@ -124,27 +116,20 @@ class PatchGrid:
     def tiled(self, repeats: tuple[int, int]) -> "PatchGrid":
         """The pattern repeated along (y, x)."""
         rows, columns = self.knit.shape
-        along_y, along_x = repeats
-        return replace(
-            self,
-            knit=np.tile(self.knit, repeats),
-            row_periods=np.tile(self.row_periods, along_y),
-            column_periods=np.tile(self.column_periods, along_x),
-            row_stripe=np.tile(self.row_stripe, along_y),
-            column_stripe=np.tile(self.column_stripe, along_x),
-            folds=tuple(
-                fold.moved(turn_y * rows, turn_x * columns, rows, columns)
-                for turn_y, turn_x in np.ndindex(repeats)
-                for fold in self.folds
-            ),
-        )
+        folds = [
+            fold.moved(turn_y * rows, turn_x * columns, rows, columns)
+            for turn_y, turn_x in np.ndindex(repeats)
+            for fold in self.folds
+        ]
+        of_lines: dict[str, Any] = {
+            f"{line}_{name}": np.tile(getattr(self, f"{line}_{name}"), times)
+            for line, times in zip(("row", "column"), repeats, strict=True)
+            for name in ("periods", "stripe")
+        }
+        return replace(self, knit=np.tile(self.knit, repeats), folds=tuple(folds), **of_lines)
 
     def grid_folds(self) -> list[tuple[SingleFold, int, int, int]]:
-        """The single folds, each with its grid line and the grid lines at its start and end.
-
-        Raises:
-            BadPattern: if folds lie outside the pattern or between grid lines; it lists them all.
-        """
+        """Single folds with their grid line, start and end; :class:`BadPattern` has all faults."""
         problems: list[str] = []
         on_grid = []
         for number, fold in enumerate(self.folds, 1):
@@ -189,11 +174,7 @@ def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int | str:
 
 
 def letters_of(rows: Sequence[str]) -> np.ndarray:
-    """Letters (row, column) of a patch map, lowest row first, from text with the top course first.
-
-    Raises:
-        BadPattern: if the rows differ in length, are empty, or hold another letter.
-    """
+    """Letters (row, column) of a map, lowest row first, from its text; or :class:`BadPattern`."""
     widths = {len(row) for row in rows}
     if not rows or len(widths) != 1 or widths == {0}:
         lengths = ", ".join(f"row {k} has {len(row)}" for k, row in enumerate(rows, 1))
@@ -213,14 +194,7 @@ def letters_of(rows: Sequence[str]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Grading:
-    """Sizes and stripes of every row and column of a pattern, rows from the top.
-
-    Attributes:
-        row_periods: height of each row of patches, in periods of its garter stripe.
-        column_periods: width of each column of patches, in periods of its rib stripe.
-        row_stripes: the garter stripe of each row.
-        column_stripes: the rib stripe of each column.
-    """
+    """Sizes in periods, and stripes, of every row (garter) and column (rib), rows from the top."""
 
     row_periods: tuple[int, ...]
     column_periods: tuple[int, ...]
@@ -247,13 +221,7 @@ def graded_pattern(
     folds: tuple[SingleFold, ...] = (),
     cells_per_period: int = CELLS_PER_PERIOD,
 ) -> PatchGrid:
-    """The pattern of a whole fabric: letters in rows, top course first, and their repeats (y, x).
-
-    Each patch has P periods, if they are not graded. The folds are those of one repeat.
-
-    Raises:
-        BadPattern: if the rows are not a map of patches.
-    """
+    """The pattern of a fabric: its letters, top course first, with sizes, and repeats (y, x)."""
     knit = letters_of(rows)
     if grading is None:
         height, width = knit.shape
@@ -266,18 +234,3 @@ def graded_pattern(
             np.array([grading.weft.index(stripe) for stripe in grading.column_stripes]),
         )
     return PatchGrid(knit, *sizes, *stripes, folds, cells_per_period).tiled(repeats)
-
-
-def recorded_pattern(
-    record: Mapping[str, Any], repeats: tuple[int, int] | None = None
-) -> PatchGrid:
-    """The pattern of a whole fabric, from the record of its case; by default with its repeats."""
-    along_y, along_x = repeats or record["unit_cells"]
-    return graded_pattern(
-        tuple(record["pattern"]),
-        record["periods"],
-        (along_y, along_x),
-        TypeAdapter(Grading | None).validate_python(record["grading"]),
-        TypeAdapter(tuple[SingleFold, ...]).validate_python(record["folds"]),
-        record["options"]["cells_per_period"],
-    )

@@ -7,7 +7,7 @@ one law applies to springs of every length, including diagonals.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 
 import equinox as eqx
 import jax
@@ -53,14 +53,28 @@ class SpringCurve:
         if problems := _problems(np.asarray(self.strain, float), np.asarray(self.force, float)):
             raise ValueError("; ".join(problems))
 
-    @property
+    @cached_property
     def spline(self) -> PPoly:
         """Force over k_s times rest length, as a function of strain [1].
 
         The monotone cubic of Fritsch and Butland, with end slopes of the last chords, is smooth
         enough for second derivatives of the energy. Beyond the table the force is linear.
         """
-        return _spline(self)
+        strain, force = np.array(self.strain), np.array(self.force)
+        if strain[0] == 0:
+            strain = np.concatenate([-strain[:0:-1], strain])
+            force = np.concatenate([-force[:0:-1], force])
+        chords = np.diff(force) / np.diff(strain)
+        slopes = PchipInterpolator(strain, force).derivative()(strain)
+        slopes[0], slopes[-1] = chords[0], chords[-1]
+        at_rest = slopes[strain == 0]
+        # Two added points with the end slope continue the curve as a line.
+        beyond = force[[0, -1]] + np.array([-1.0, 1.0]) * slopes[[0, -1]]
+        return CubicHermiteSpline(
+            np.array([strain[0] - 1, *strain, strain[-1] + 1]),
+            np.array([beyond[0], *force, beyond[1]]) / at_rest,
+            np.array([slopes[0], *slopes, slopes[-1]]) / at_rest,
+        )
 
 
 def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " knot"]) -> list[str]:
@@ -90,41 +104,19 @@ def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " kn
     return problems
 
 
-@lru_cache(maxsize=64)
-def _spline(curve: SpringCurve) -> PPoly:
-    strain, force = np.array(curve.strain), np.array(curve.force)
-    if strain[0] == 0:
-        strain = np.concatenate([-strain[:0:-1], strain])
-        force = np.concatenate([-force[:0:-1], force])
-    chords = np.diff(force) / np.diff(strain)
-    slopes = PchipInterpolator(strain, force).derivative()(strain)
-    slopes[0], slopes[-1] = chords[0], chords[-1]
-    at_rest = slopes[strain == 0]
-    # Two added points with the end slope continue the curve as a line.
-    beyond = force[[0, -1]] + np.array([-1.0, 1.0]) * slopes[[0, -1]]
-    return CubicHermiteSpline(
-        np.array([strain[0] - 1, *strain, strain[-1] + 1]),
-        np.array([beyond[0], *force, beyond[1]]) / at_rest,
-        np.array([slopes[0], *slopes, slopes[-1]]) / at_rest,
-    )
-
-
 class SpringLaw(eqx.Module):
     """The law of some springs; its parameters, if it has any, are along the first axis.
 
     Without parameters f = e: the paper's linear springs (Eq. 1). A spring with a stiffening strain
     e_s has f = e + e³/e_s², cubic hardening: at e_s the force is twice that of a linear spring. It
     stiffens in compression as in tension, so that no cell softens when crushed.
-
-    Attributes:
-        rate: 1/e_s² of stiffening springs, 0 of the others; None if all are linear [1].
-        shares: 1 where a spring has a measured curve, else 0.
-        curves: the measured curves.
     """
 
+    # 1/e_s², 0 if not stiffening; None if all are linear
     rate: Float[Array | np.ndarray, "*spring"] | None = None
+    # 1 where a spring has that curve
     shares: Float[Array | np.ndarray, "*spring curve"] | None = None
-    curves: tuple[SpringCurve, ...] = eqx.field(static=True, default=())
+    curves: tuple[SpringCurve, ...] = eqx.field(static=True, default=())  # measured
 
     def stored(self, length: Each, rest_length: Each) -> Each:
         """Energy over k_s: ℓ0² times the integral of f over strain [mm²]."""

@@ -71,16 +71,13 @@ class Stripe:
 
 
 class StripeNumbers(eqx.Module):
-    """The parameters of one stripe, or of several along an axis, as variables of derivatives.
-
-    The stiffening strain is infinite for stripes with another law.
-    """
+    """The parameters of one stripe, or of several along an axis, as variables of derivatives."""
 
     k_s: Float[Array | np.ndarray, "*quantity"]
     k_t: Float[Array | np.ndarray, "*quantity"]
     theta_0: Float[Array | np.ndarray, "*quantity"]
     period: Float[Array | np.ndarray, "*quantity"]
-    stiffening_strain: Float[Array | np.ndarray, "*quantity"] | None = None
+    stiffening_strain: Float[Array | np.ndarray, "*quantity"] | None = None  # or infinite
     spring_curves: tuple[SpringCurve | None, ...] = eqx.field(static=True, default=(None,))
 
     @classmethod
@@ -103,10 +100,7 @@ class StripeNumbers(eqx.Module):
 
 
 class StripePair(eqx.Module):
-    """Rib and garter stripes of a fabric, with the periods w and h, or derivatives by them.
-
-    A graded fabric has several stripes of each knit, a pure stripe fabric has its stripe as both.
-    """
+    """Rib and garter stripes of a fabric, or derivatives by them; a pure fabric has its as both."""
 
     weft: StripeNumbers
     warp: StripeNumbers
@@ -127,11 +121,7 @@ def cell_length(
 
 
 def periods_per_patch(n_stripe: int, n_subunit: int) -> int:
-    """Periods (one front and one back stripe) across a patch, P = n_subunit / (2 n_stripe).
-
-    Raises:
-        ValueError: if ``n_subunit`` is not a positive multiple of ``2 * n_stripe``.
-    """
+    """Periods across a patch, n_subunit / (2 n_stripe); a ValueError if that is not whole."""
     periods, rest = divmod(n_subunit, 2 * n_stripe)
     if rest or periods < 1:
         raise ValueError(

@@ -15,10 +15,7 @@ Result = TypeVar("Result")
 
 
 class Threads:
-    """A pool of ``count`` threads; 1 runs in the calling thread.
-
-    Work that runs in the pool must not use the same pool, or it deadlocks.
-    """
+    """A pool of ``count`` threads, if above 1, whose work must not use the same pool."""
 
     def __init__(self, count: int) -> None:
         self.count = count

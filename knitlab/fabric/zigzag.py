@@ -1,8 +1,7 @@
 """The two-dimensional model: a zigzag of springs and hinges, and its tension in closed form.
 
 A period consists of four springs, like a row of the sheet (paper, Sec. "3D model"): folds of rest
-angle θ0 alternate with joints that are straight at rest. The paper's Sec. "2D model" does not state
-the number of springs.
+angle θ0 alternate with joints that are straight at rest.
 """
 
 from dataclasses import replace
@@ -41,10 +40,7 @@ class Zigzag(eqx.Module):
 
 
 def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
-    """The zigzag of a calibrated stripe: one row of its pure sheet.
-
-    By default the options are those of a calibration, with which w or h is the relaxed period.
-    """
+    """The zigzag of a calibrated stripe: one row of its pure sheet, by default as calibrated."""
     cell = cell_length(stripe, replace(options, cells_per_period=4))
     k_t = stripe.k_t * (cell if options.hinge_stiffness == "per_length" else 1.0)
     period = CELLS_PER_PERIOD * cell * stripe.contraction
@@ -91,14 +87,13 @@ def chain_energy(chain: Zigzag, nodes: Float[Array, "node 2"]) -> Float[Array, "
 def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " point"]:
     """Tension of a zigzag at strains of its period, in closed form except for one root [N].
 
-    All folds open equally and the joints stay straight. This is the minimum of the energy if
-    k_t / (k_s cell²) is small; it is at most 0.07 for the paper's stripes. The tension is
-    differentiable with respect to the parameters of the zigzag and to the strain, which must not be
-    negative.
+    All folds open equally and the joints stay straight: the minimum of the energy if k_t / (k_s
+    cell²) is small, as for the paper's stripes (at most 0.07). It is differentiable by the
+    parameters and by the strain, which must not be negative.
 
     The root is the tilt of the segments from the line of force, with θ = π − 2 tilt: there the
-    tension of the spring of length ℓ, F cos(tilt) = k_s ℓ0 f, is that of the fold,
-    F ℓ sin(tilt) = k_t (θ − θ0).
+    tension of the spring of length ℓ, F cos(tilt) = k_s ℓ0 f, is that of the fold, F ℓ sin(tilt) =
+    k_t (θ − θ0).
     """
 
     def length(of: Zigzag, tilt: Array, strain: Array) -> Array:

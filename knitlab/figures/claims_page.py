@@ -58,6 +58,78 @@ WHY_NOT = "why not, as far as it is known"
 """Column of claims that fail."""
 
 
+def introduction(judgements: Sequence[Judgement]) -> dict[str, list[tuple[str, str]]]:
+    """Which claims a user may rely on: pairs of an assessment and its claims, topic by topic."""
+    topics: dict[str, list[tuple[str, str]]] = {}
+    for topic, (group, opening) in product(TOPICS, OPENINGS.items()):
+        claims = [
+            _quoted(one)
+            for one in judgements
+            if one.claim.topic == topic and reliance(one) == group
+        ]
+        if claims:
+            topics.setdefault(topic, []).append((opening, "; ".join(claims) + "."))
+    return topics
+
+
+def reliance(one: Judgement) -> str:
+    """The reliability of a claim, a name of :data:`OPENINGS`: good if nothing speaks against it."""
+    result = one.result
+    if result.margin is None:
+        return "not measured"
+    if result.grade is not Grade.holds:
+        return "near" if result.grade is Grade.near_miss else "gross"
+    if result.margin < GOOD:
+        return "narrow"
+    return "reserved" if one.contrary or result.judged < result.wanted else "good"
+
+
+def _quoted(one: Judgement) -> str:
+    result = one.result
+    notes = [
+        signed(result.margin),
+        result.count if result.judged < result.wanted else "",
+        f"but it {contrary(one.contrary, cube_name)}" if one.contrary else "",
+    ]
+    shown = ", ".join(filter(None, notes))
+    return f"“{one.claim.quoted}”" + (f" ({shown})" if shown else "")
+
+
+def cube_name(path: Path) -> str:
+    """The short name of a cube: the last two parts of its path, or of the path of its folder."""
+    parts = path.resolve().parts
+    parts = parts[:-1] if path.name == "cube.nc" else parts
+    return "/".join(parts[-2:]).removesuffix(".nc")
+
+
+def _row(one: Judgement, letters: Mapping[str, str]) -> dict[str, str]:
+    """The cells of a claim by the heading of their column; letters stand for model options."""
+
+    def described(sample: JudgedSamples) -> str:
+        letter = letters.get(sample.options)
+        size = f"{sample.size} unit cells" if sample.size else ""
+        options = f"options {letter}" if letter else ""
+        texts = cube_name(sample.cube), sample.experiment, sample.boundary, size, options
+        return ", ".join(filter(None, texts))
+
+    claim, result = one.claim, one.result
+    judged_on = [result.count, *map(described, one.samples)]
+    if one.contrary:
+        judged_on.append(f"but it {contrary(one.contrary, cube_name)}")
+    cells = {
+        "margin": signed(result.margin),
+        "what the paper says": claim.text,
+        "along": claim.measured_along or "",
+        "where": claim.place,
+        "what was measured": result.text,
+        "judged on": "" if result.margin is None else "; ".join(judged_on),
+        "threshold": "; ".join(filter(None, [f"{claim.threshold_of}'s", one.sensitivity])),
+        FIGURE: claim.figure or "",
+    }
+    failing = result.grade in (Grade.near_miss, Grade.fails)
+    return cells | ({WHY_NOT: claim.why_not or ""} if failing else {})
+
+
 class Format(NamedTuple):
     """How plain and marked text, links and tables are written.
 
@@ -202,75 +274,3 @@ def _embedded(key: Key, link: str, path: Path) -> str:
         f'<figure id="{link.removeprefix("#")}"><figcaption>{caption}</figcaption>'
         f'<img alt="{caption}" src="data:image/png;base64,{content}"></figure>'
     )
-
-
-def introduction(judgements: Sequence[Judgement]) -> dict[str, list[tuple[str, str]]]:
-    """Which claims a user may rely on: pairs of an assessment and its claims, topic by topic."""
-    topics: dict[str, list[tuple[str, str]]] = {}
-    for topic, (group, opening) in product(TOPICS, OPENINGS.items()):
-        claims = [
-            _quoted(one)
-            for one in judgements
-            if one.claim.topic == topic and reliance(one) == group
-        ]
-        if claims:
-            topics.setdefault(topic, []).append((opening, "; ".join(claims) + "."))
-    return topics
-
-
-def reliance(one: Judgement) -> str:
-    """The reliability of a claim, a name of :data:`OPENINGS`: good if nothing speaks against it."""
-    result = one.result
-    if result.margin is None:
-        return "not measured"
-    if result.grade is not Grade.holds:
-        return "near" if result.grade is Grade.near_miss else "gross"
-    if result.margin < GOOD:
-        return "narrow"
-    return "reserved" if one.contrary or result.judged < result.wanted else "good"
-
-
-def _quoted(one: Judgement) -> str:
-    result = one.result
-    notes = [
-        signed(result.margin),
-        result.count if result.judged < result.wanted else "",
-        f"but it {contrary(one.contrary, cube_name)}" if one.contrary else "",
-    ]
-    shown = ", ".join(filter(None, notes))
-    return f"“{one.claim.quoted}”" + (f" ({shown})" if shown else "")
-
-
-def cube_name(path: Path) -> str:
-    """The short name of a cube: the last two parts of its path, or of the path of its folder."""
-    parts = path.resolve().parts
-    parts = parts[:-1] if path.name == "cube.nc" else parts
-    return "/".join(parts[-2:]).removesuffix(".nc")
-
-
-def _row(one: Judgement, letters: Mapping[str, str]) -> dict[str, str]:
-    """The cells of a claim by the heading of their column; letters stand for model options."""
-
-    def described(sample: JudgedSamples) -> str:
-        letter = letters.get(sample.options)
-        size = f"{sample.size} unit cells" if sample.size else ""
-        options = f"options {letter}" if letter else ""
-        texts = cube_name(sample.cube), sample.experiment, sample.boundary, size, options
-        return ", ".join(filter(None, texts))
-
-    claim, result = one.claim, one.result
-    judged_on = [result.count, *map(described, one.samples)]
-    if one.contrary:
-        judged_on.append(f"but it {contrary(one.contrary, cube_name)}")
-    cells = {
-        "margin": signed(result.margin),
-        "what the paper says": claim.text,
-        "along": claim.measured_along or "",
-        "where": claim.place,
-        "what was measured": result.text,
-        "judged on": "" if result.margin is None else "; ".join(judged_on),
-        "threshold": "; ".join(filter(None, [f"{claim.threshold_of}'s", one.sensitivity])),
-        FIGURE: claim.figure or "",
-    }
-    failing = result.grade in (Grade.near_miss, Grade.fails)
-    return cells | ({WHY_NOT: claim.why_not or ""} if failing else {})

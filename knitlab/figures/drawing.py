@@ -123,7 +123,7 @@ def draw(
     refuse_others(selections, known, problem)
     folder = Path(cubes[0].encoding.get("source", "")).parent
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
-    slices: dict[str, None] = {}
+    slices: Iterable[str] = ()
     if name not in COMPARING:
         slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
         cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]

@@ -3,8 +3,8 @@
 Colours of values are about zero if some are negative, and by decades if they span several.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,10 +64,9 @@ def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
     axes.set_ylim(len(names) - 0.5, -0.5)
 
 
-@contextmanager
-def print_style() -> Iterator[None]:
+def print_style() -> AbstractContextManager[None]:
     """Matplotlib settings for print, restored afterwards."""
-    with mpl.rc_context(
+    return mpl.rc_context(
         {
             "backend": "Agg",
             "font.family": "sans-serif",
@@ -87,8 +86,7 @@ def print_style() -> Iterator[None]:
             "pdf.fonttype": 42,
             "svg.fonttype": "none",
         }
-    ):
-        yield
+    )
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from knitlab.sweep.workflow_file import workflow_file
 
 DISTANCES = ("distance", "distance_worst")
 """Variables of the cube: distance of a candidate, and the worst within its spread."""
-FIGURES = ["curves", "shape"]
+OF_TRIAL = ("converged", "snapped", "distance", "violation")
 
 
 class Candidate(NamedTuple):
@@ -99,9 +99,8 @@ def completed(
     if gauge_varies:
         unknown = np.full(cube["status"].shape, np.nan)
         cube = cube.assign({name: (dims, unknown.copy()) for name in declared(Gauge)})
-        stated = set(GAUGE_ATTRIBUTES.values())
-        others = {name: value for name, value in cube.attrs.items() if name not in stated}
-        cube = cube.drop_attrs(deep=False).assign_attrs(others)
+        for name in GAUGE_ATTRIBUTES.values():
+            cube.attrs.pop(name, None)
     for number, labels, _, case, gauge in candidates:
         trial = run_trial(folder / TRIALS, case, gauge, own)
         values: dict[str, Any] = {name: trial.values(name) for name, _ in own}
@@ -118,19 +117,14 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     found = find_designs([cube], request.wanted)
     reached, kept = found.reached[: len(targets)], found.reached[len(targets) :]
     worst = distance_of(targets, [each.worst for each in reached])
-    violation = np.array(
-        [
-            violation_of(constraints, [each.worst[row] for each in kept])
-            for row in range(len(found.table))
-        ]
-    )
-    distance = distance_of(targets, [each.off_by for each in reached])
-    added = dict(zip(DISTANCES, (distance, worst), strict=True))
-    added |= {"violation": violation} if constraints else {}
-    table = found.table.drop(columns=DISTANCES[0])
-    column = list(found.table.columns).index(DISTANCES[0])
-    for name, values in reversed(added.items()):
-        table.insert(column, name, values)
+    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(found.table))
+    violation = np.array([violation_of(constraints, row) for row in off_by.T.tolist()])
+    table = found.table
+    table["distance"] = distance_of(targets, [each.off_by for each in reached])
+    column = list(table.columns).index("distance") + 1
+    if constraints:
+        table.insert(column, "violation", violation)
+    table.insert(column, "distance_worst", worst)
     order = np.lexsort((worst, violation))
     return Found(
         table.iloc[order].reset_index(drop=True),
@@ -152,11 +146,7 @@ def with_distances(cube: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
 def write_workflow(
     folder: Path, request: DesignRequest, space: SearchSpace, candidate: Candidate
 ) -> Path:
-    """Write a workflow that reproduces a candidate exactly; returns its path.
-
-    Raises:
-        CannotWrite: if it cannot be written.
-    """
+    """Write a workflow that reproduces a candidate exactly; returns its path."""
     path = folder / f"candidate_{candidate.number}.toml"
     base = workflow_file(space.workflow)
     table: dict[str, Any] = read_toml(base)
@@ -170,7 +160,7 @@ def write_workflow(
         table.setdefault(SETTINGS[name].section, {})[name] = value
     table["design"].pop("set", None)
     table["title"] = f"{path.stem} of the design {request.name}"
-    table["figures"] = FIGURES
+    table["figures"] = ["curves", "shape"]
     for section, name in (("model", "stripe_files"), ("design", "pattern_files")):
         if files := table.get(section, {}).get(name):
             table[section][name] = [str((base.parent / file).resolve()) for file in files]
@@ -184,20 +174,16 @@ def trials_table(
 ) -> pd.DataFrame:
     """One row for each trial: design, values, distance, and how far it is from each target."""
     unknown = [None] * len(request.wanted)
-    return pd.DataFrame(
-        [
-            {
-                "candidate": number,
-                **dict(zip(dims, search.design, strict=True)),
-                **trial.values,
-                "converged": trial.converged,
-                "snapped": trial.snapped,
-                "distance": trial.distance,
-                "violation": trial.violation,
-                **{f"off_by_{k}": off for k, off in enumerate(trial.off_by or unknown, start=1)},
-                "case_id": trial.case_id,
-            }
-            for number, search in enumerate(searches, start=1)
-            for trial in search.trials
-        ]
-    )
+    rows: list[dict[str, Any]] = [
+        {
+            "candidate": number,
+            **dict(zip(dims, search.design, strict=True)),
+            **trial.values,
+            **{name: getattr(trial, name) for name in OF_TRIAL},
+            **{f"off_by_{k}": off for k, off in enumerate(trial.off_by or unknown, start=1)},
+            "case_id": trial.case_id,
+        }
+        for number, search in enumerate(searches, start=1)
+        for trial in search.trials
+    ]
+    return pd.DataFrame(rows)

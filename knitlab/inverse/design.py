@@ -13,15 +13,7 @@ from tqdm import tqdm
 
 from knitlab.cube.cube_file import CUBE, open_cube, write_cube
 from knitlab.cube.find import Found, find_designs
-from knitlab.inverse.candidates import (
-    candidates_of,
-    candidates_plan,
-    completed,
-    ranked,
-    trials_table,
-    with_distances,
-    write_workflow,
-)
+from knitlab.inverse import candidates
 from knitlab.inverse.objective import Objective, all_met, check_targets
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import SEARCHES, TRIALS, DesignSearch, SearchResult, run_searches
@@ -100,17 +92,10 @@ def run_design(
     minutes: float | None = None,
     show_progress: bool = False,
 ) -> Designed:
-    """Search for designs that meet the targets, and test them.
+    """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
 
-    Args:
-        request: the request.
-        folder: results folder; trials of an interrupted design in it are reused.
-        own: the user's functions of shapes that targets may refer to.
-        workers: number of processes on this machine; 0 simulates in this process.
-        budget: largest number of simulations of the coarse sweep and the searches together; the
-            tests of the candidates with their siblings are extra.
-        minutes: time after which no further trial starts, if any.
-        show_progress: whether to draw a progress bar.
+    Trials of an interrupted design in the folder are reused. Without workers, simulations run in
+    this process. The tests of the candidates with their siblings are not part of the budget.
 
     Raises:
         BadInput: if the request cannot be run, the folder holds another request, or a search
@@ -133,13 +118,7 @@ def run_design(
         raise fault(str(folder), problem)
     # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
-        coarse = not request.cubes and len(space.designs) > request.starts
-        if coarse and budget <= len(space.designs):
-            problem = (
-                f"is used up by the coarse sweep of {len(space.designs)} designs; raise it, or"
-            )
-            raise fault(f"budget {budget}", f"{problem} give cubes to start from")
-        starts, simulations, unknown = _starts(request, space, own, folder / TRIALS, run)
+        starts, simulations, unknown = _starts(request, space, own, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
             temporary.write_text(request.text)
         left = max(budget - simulations, 1)
@@ -158,22 +137,22 @@ def run_design(
             for number, design in enumerate(designs)
         ]
         results = _searched(searches, folder, workers, show_progress)
-        candidates = candidates_of(space, results)
-        if not candidates:
+        winners = candidates.candidates_of(space, results)
+        if not winners:
             problem = "no start converges; try other designs, bounds or settings"
             raise fault(request.name, problem)
         # An earlier cube may hold candidates that are no longer any.
         for old in (folder / CUBE, *folder.glob("candidate_*.toml")):
             old.unlink(missing_ok=True)
-        plan = candidates_plan(request, space, candidates)
+        plan = candidates.candidates_plan(request, space, winners)
         tested = run_plan(plan, folder, replace(run, refresh=True))
         if tested.stopped:
             raise KeyboardInterrupt
-    cube = completed(tested.cube, space, candidates, own, folder)
-    found = ranked(cube, request)
-    cube = with_distances(cube, found.table)
+    cube = candidates.completed(tested.cube, space, winners, own, folder)
+    found = candidates.ranked(cube, request)
+    cube = candidates.with_distances(cube, found.table)
     write_cube(cube, folder / CUBE)
-    trials = trials_table(request, space.dims, results)
+    trials = candidates.trials_table(request, space.dims, results)
     with atomic_write(folder / "trials.csv") as temporary:
         trials.to_csv(temporary, index=False)
     return Designed(
@@ -184,7 +163,7 @@ def run_design(
         tuple(results),
         trials,
         simulations + len(trials),
-        tuple(write_workflow(folder, request, space, candidate) for candidate in candidates),
+        tuple(candidates.write_workflow(folder, request, space, winner) for winner in winners),
         unknown,
     )
 
@@ -195,17 +174,20 @@ def _starts(
     own: ShapeFunctions,
     folder: Path,
     options: RunOptions,
+    budget: int,
 ) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
-    """Designs to refine: the nearest to the targets, by cubes or by a coarse sweep into a folder.
+    """Designs to refine, the nearest to the targets first, by cubes or a coarse sweep.
 
-    Returns:
-        At most as many designs as the request wants, the nearest first; the number of simulations
-        of the sweep; and the allowed designs that no cube has, which are not considered.
+    Also returns the number of simulations of the sweep, and the allowed designs that no cube has,
+    which are not considered.
     """
-    if len(space.designs) <= request.starts and not request.cubes:
-        return space.designs, 0, ()
     cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
     if not cubes:
+        if (count := len(space.designs)) <= request.starts:
+            return space.designs, 0, ()
+        if budget <= count:
+            problem = f"is used up by the coarse sweep of {count} designs; raise it, or give cubes"
+            raise fault(f"budget {budget}", f"{problem} to start from")
         plan = make_plan(space.workflow, {**space.settings, **request.choices})
         if run_plan(plan, folder, options).stopped:
             raise KeyboardInterrupt

@@ -40,11 +40,8 @@ def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
 
 def violation_of(targets: Sequence[Target], off_by: Sequence[float]) -> float:
     """Largest excess of a distance over its allowance, in tolerances; 0 if all targets are met."""
-    excesses = [
-        (off - target.allowance) / scale_of(target)
-        for off, target in zip(off_by, targets, strict=True)
-    ]
-    return max([0.0, *excesses])
+    excess = [off - target.allowance for off, target in zip(off_by, targets, strict=True)]
+    return max([0.0, *(e / scale_of(target) for e, target in zip(excess, targets, strict=True))])
 
 
 def aimed(target: Target) -> Target:
@@ -74,14 +71,10 @@ class Objective:
         return (*self.targets, *self.subject_to)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of their variables."""
-        return tuple(dict.fromkeys(target.name for target in self.wanted))
-
-    @property
     def has_gradient(self) -> bool:
-        """Whether all these variables have derivatives."""
-        return set(self.names) <= {*ALONG_STRAIN, *OF_DESIGN, *dict(self.own)}
+        """Whether all variables have derivatives."""
+        names = {target.name for target in self.wanted}
+        return names <= {*ALONG_STRAIN, *OF_DESIGN, *dict(self.own)}
 
     def off_by(self, trial: Trial) -> list[float]:
         """Distance of a trial from each target and constraint, in the unit of its variable."""
@@ -93,11 +86,11 @@ class Objective:
         return distances
 
     def distance(self, off_by: Sequence[float]) -> float:
-        """Distance from the targets alone, see :func:`distance_of`."""
+        """Distance from the targets alone."""
         return float(distance_of(self.targets, off_by[: len(self.targets)]))
 
     def violation(self, off_by: Sequence[float]) -> float:
-        """Violation of the constraints, see :func:`violation_of`."""
+        """Violation of the constraints alone."""
         return violation_of(self.subject_to, off_by[len(self.targets) :])
 
     def residuals(self, trial: Trial) -> Residuals:
@@ -105,11 +98,7 @@ class Objective:
         return self._stacked(trial, None)[0]
 
     def jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`residuals` by the variables.
-
-        Raises:
-            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
-        """
+        """Derivatives of :meth:`residuals` by the variables; NoDerivative as at a snap."""
         return self._stacked(trial, self._slopes(trial))[1]
 
     def constraints(self, trial: Trial) -> Residuals:
@@ -128,7 +117,7 @@ class Objective:
                 needed |= (weights != 0).any(axis=1)
         # Variables without a value at zero strain take that of the next strain.
         needed[1:2] |= needed[:1]
-        return trial.slopes(self.names, needed)
+        return trial.slopes([*dict.fromkeys(target.name for target in self.wanted)], needed)
 
     def _stacked(
         self, trial: Trial, slopes: dict[str, Slopes] | None
@@ -158,10 +147,7 @@ class Objective:
     def _read(
         self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None
     ) -> tuple[Float[np.ndarray, " point"], Residuals, Jacobian]:
-        """Strains of a target's window, values at these, and derivatives (0 without slopes).
-
-        A single number, such as a reduction, has no strains.
-        """
+        """Strains of a window, none for a number; values at these; derivatives, or 0."""
         values = trial.values(target.name)
         by = np.zeros((len(values), self.acts_on.shape[1]))
         if slopes is not None:
@@ -185,11 +171,7 @@ def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " 
 
 
 def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) -> None:
-    """Check that the test of a case has the variables of targets, and windows where needed.
-
-    Raises:
-        BadInput: with every fault.
-    """
+    """Raise BadInput unless a case has the variables of targets, with windows where needed."""
     faults = ErrorCollector()
     stored = variables_of(case)
     known = {

@@ -23,10 +23,7 @@ CHOICES = ("n_stripe", "n_subunit", PATTERN)
 """What may vary as a list: designs are made of all combinations."""
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
 """Parameters of stripes and gauge that variables change."""
-VARIABLES = (
-    *PARAMETERS,
-    *(f"{name}_factor" for name in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)),
-)
+VARIABLES = (*PARAMETERS, *(f"{each}_factor" for each in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)))
 """Continuous variables, given with bounds."""
 
 
@@ -42,16 +39,8 @@ Given = Annotated[
 class DesignFile(StrictModel):
     """Targets for a knit, and what may be varied to meet them, as a file gives it.
 
-    Attributes:
-        title: what it is for.
-        workflow: name or path of the workflow that everything else is taken from.
-        targets: what is wanted.
-        subject_to: what must be met.
-        cubes: cubes of designs to start from; without any, a coarse sweep is run.
-        starts: designs that are refined, the nearest first.
-        robustness: siblings that each candidate is tested with.
-        vary: lists of :data:`CHOICES`, and lowest and highest values of :data:`VARIABLES`, by name.
-        settings: settings that replace the workflow's.
+    Keys are the arguments of :func:`knitlab.design`; ``vary`` holds lists of :data:`CHOICES`, and
+    lowest and highest values of :data:`VARIABLES`, by name.
     """
 
     title: str = ""
@@ -98,11 +87,7 @@ class DesignRequest(DesignFile):
 
 
 def read_request(path: Path) -> DesignRequest:
-    """Read the TOML file of a design; paths in it are relative to its folder.
-
-    Raises:
-        BadInput: with every fault of it.
-    """
+    """Read the TOML file of a design, as :func:`checked_request`; paths are relative to it."""
     table = read_toml(path)
     if isinstance(table.get("cubes"), list):
         table["cubes"] = [str((path.parent / str(cube)).resolve()) for cube in table["cubes"]]
@@ -114,12 +99,9 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request that the keys of a :class:`DesignFile` describe.
+    """The request that the keys of a :class:`DesignFile` describe; BadInput with all its faults.
 
-    Faults are named with a prefix, ``source``; paths of curves are relative to a folder.
-
-    Raises:
-        BadInput: with every fault of it.
+    These are named with a prefix, ``source``; paths of curves are relative to a folder.
     """
     try:
         file = DesignFile.model_validate(table)
@@ -149,37 +131,27 @@ def checked_request(
 
 
 def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
-    """What a variable may be.
-
-    Raises:
-        BadInput: if there is no such variable, or it cannot be that.
-    """
-    if name not in CHOICES:
-        if name not in VARIABLES:
-            raise fault(where, unknown(name, (*CHOICES, *VARIABLES), "variable"))
-        if not _are_bounds(value):
-            example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
-            raise fault(where, f"is {value!r}; {example}")
-        return tuple(map(float, value))
+    """What a variable may be; BadInput if there is no such variable, or it cannot be that."""
     listed = list(value) if isinstance(value, list | tuple) else [value]
     if name == PATTERN:
         if not (listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed)):
             raise fault(where, f"is {value!r}; list names of patterns")
         return tuple(dict.fromkeys(listed))
-    if not (listed and all(type(one) is int and one > 0 for one in listed)):
-        raise fault(where, f"is {value!r}; list whole numbers of stitches")
-    return tuple(sorted(set(listed)))
-
-
-def _are_bounds(value: Any) -> bool:
-    numbers = isinstance(value, list | tuple) and len(value) == 2
-    if not numbers or not all(isinstance(one, int | float) for one in value):
-        return False
-    return bool(0 < value[0] < value[1] < math.inf)
+    if name in CHOICES:
+        if not (listed and all(type(one) is int and one > 0 for one in listed)):
+            raise fault(where, f"is {value!r}; list whole numbers of stitches")
+        return tuple(sorted(set(listed)))
+    if name not in VARIABLES:
+        raise fault(where, unknown(name, (*CHOICES, *VARIABLES), "variable"))
+    numbers = len(listed) == 2 and all(isinstance(one, int | float) for one in listed)
+    if not (numbers and 0 < listed[0] < listed[1] < math.inf):
+        example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
+        raise fault(where, f"is {value!r}; {example}")
+    return tuple(map(float, listed))
 
 
 def _problem_of_setting(name: str, file: DesignFile) -> str:
-    """Why a search cannot take a setting, if so: it does not exist, varies, or is not its own."""
+    """Why a search cannot take a setting, if so."""
     if name not in SETTINGS:
         return unknown(name, SETTINGS, "setting")
     if name in file.vary:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pydantic import TypeAdapter
 from scipy.optimize import least_squares, minimize
 
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.inverse.objective import Objective, all_met
 from knitlab.inverse.search_space import DesignLabels, Point, SearchSpace
 from knitlab.inverse.trial import Trial, run_trial
@@ -35,28 +35,22 @@ PENALTY = 10.0
 """Weight of a violated constraint relative to the distance, without gradients."""
 INSET = 1e-3
 """Least distance of a start from the bounds, over their distance."""
-DECIMALS = 12
-"""Decimal places of the coordinates of a point."""
 MOST_FAILED = 3
 """Number of trials that may fail before gradients are given up."""
 UNIFORM = 12**-0.5
 """Standard deviation of a uniform distribution between the bounds, over their distance."""
-ATTEMPTS = 3
-"""How often a search is started if its worker dies."""
 HARDLY = 0.5
 """Fraction of that above which a value counts as hardly determined."""
+ATTEMPTS = 3
+"""How often a search is started if its worker dies."""
 
 
 @dataclass(frozen=True)
 class TrialRecord:
     """The record of a trial: its point in the search space, its case, and how far off it is.
 
-    Attributes:
-        values: values of the variables, in their units.
-        off_by: distance from each target and constraint, in the unit of the variable.
-        distance: root mean square of those from targets, over tolerances.
-        violation: largest excess of those from constraints, in tolerances.
-        met: whether all targets and constraints are met.
+    ``off_by`` are distances from each target and constraint, in the unit of the variable;
+    ``distance`` and ``violation`` are those of the :class:`.Objective`.
     """
 
     point: list[float]
@@ -79,11 +73,8 @@ class SearchResult:
     """The result of a search from one start.
 
     Attributes:
-        design: the labels of its design.
-        trials: all trials, in order.
         best: index of the best trial; ``None`` if none converged.
         ended: why the search ended.
-        methods: methods of the search.
         held_by: active bounds, such as ``rib_theta_0 <= 2.5``.
         determined_to: relative change of each variable, with the others adapting, that increases
             the distance by one; at most that to its bounds.
@@ -118,13 +109,12 @@ class SearchEnded(Exception):
 
 @dataclass(eq=False)
 class DesignSearch:
-    """The search from one design, and its trials so far.
+    """The search from one design, and its trials so far, of which ``budget`` are allowed.
 
     Attributes:
         folder: results folder of the request, with those of trials and searches.
-        budget: largest number of trials.
         deadline: time after which no further trial starts, by :func:`time.time` [s].
-        report: called after each trial with its distance, if given.
+        report: called after each trial with its distance.
         rough: whether a trial snapped or failed, so that gradients may mislead.
     """
 
@@ -134,22 +124,14 @@ class DesignSearch:
     folder: Path
     budget: int
     deadline: float = np.inf
-    report: Callable[[float], None] | None = None
+    report: Callable[[float], None] = field(init=False)
     records: list[TrialRecord] = field(default_factory=list)
     rough: bool = False
     _last: tuple[bytes, Trial, TrialRecord] | None = None
 
-    @property
-    def start(self) -> Case:
-        """The case at the start."""
-        return self.space.case(self.design, self.space.start(self.design))[0]
-
-    def run(self) -> SearchResult:
-        """Search from the tabulated values.
-
-        Raises:
-            CannotWrite: if a trial cannot be written.
-        """
+    def run(self, report: Callable[[float], None]) -> SearchResult:
+        """Search from the tabulated values."""
+        self.report = report
         # Inside the bounds, as a trust region cannot leave a bound that it starts on.
         start = np.clip(self.space.start(self.design), INSET, 1 - INSET)
         methods, ended = list[str](), "the search converged"
@@ -169,13 +151,9 @@ class DesignSearch:
         return self._with_conditions(result)
 
     def trial(self, point: Point) -> tuple[Trial, TrialRecord]:
-        """The trial at a point.
-
-        Raises:
-            SearchEnded: if the targets are met closely, or the budget is spent.
-        """
+        """The trial at a point; SearchEnded if the targets are met closely or none is left."""
         # Rounded, as methods that shift a point back and forth change its last digits.
-        point = np.round(np.clip(point, 0, 1), DECIMALS)
+        point = np.round(np.clip(point, 0, 1), 12)
         key = point.tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1:]
@@ -188,8 +166,7 @@ class DesignSearch:
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
         self._last = key, trial, record
-        if self.report is not None:
-            self.report(np.inf if record.distance is None else record.distance)
+        self.report(np.inf if record.distance is None else record.distance)
         if record.met and (record.distance or 0.0) <= SMALL_DISTANCE:
             raise SearchEnded("the targets are met")
         return trial, record
@@ -215,7 +192,6 @@ class DesignSearch:
         )
 
     def _by_gradients(self, start: Point) -> None:
-        """Search with adjoint gradients until the method ends or a derivative is missing."""
         if self.records[-1].distance is None:
             self.rough = True
             return
@@ -260,25 +236,22 @@ class DesignSearch:
             rows = objective.constraints(trial)
             return rows if record.distance is not None else np.full_like(rows, -FAILED_DISTANCE)
 
-        def within_slopes(point: Point) -> Float[np.ndarray, "row variable"]:
-            return objective.constraints_jacobian(self.trial(point)[0])
-
         minimize(
             squared,
             start,
             jac=True,
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(start),
-            constraints={"type": "ineq", "fun": within, "jac": within_slopes},
+            constraints={
+                "type": "ineq",
+                "fun": within,
+                "jac": lambda point: objective.constraints_jacobian(self.trial(point)[0]),
+            },
             options={"ftol": TOLERANCE, "maxiter": self.budget},
         )
 
     def _without_gradients(self) -> None:
-        """Sample around the best trial with an evolution strategy until the budget is spent.
-
-        Raises:
-            SearchEnded: if the library is not installed, or the budget is spent.
-        """
+        """Sample around the best trial with an evolution strategy."""
         try:
             from cmaes import CMA
         except ImportError:
@@ -351,20 +324,22 @@ def run_searches(
 
     A search that was killed repeats its trials from their files and continues; one whose worker
     died is tried again. After each trial ``progress`` is called with its design and distance.
-
-    Raises:
-        BadInput: with the reason of every search that failed.
+    Raises BadInput with the reason of every search that failed.
     """
-    starts = {start.case_id: start for start in (search.start for search in searches)}
+    first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
+    starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))
-
-    def reported(case_id: str, distance: float) -> None:
-        progress(by_start[case_id].design, distance)
 
     task = Task(partial(_run_search, by_start), folder)
     failed: dict[str, str] = {}
     pending = list(starts)
-    with pool_of(task, min(workers, len(searches)), None, False, reported) as pool:
+    with pool_of(
+        task,
+        min(workers, len(searches)),
+        None,
+        False,
+        lambda case_id, distance: progress(by_start[case_id].design, distance),
+    ) as pool:
         for attempt in range(1, ATTEMPTS + 1):
             errors = {
                 batch[0].case_id: error
@@ -385,10 +360,7 @@ def run_searches(
 def _run_search(
     searches: dict[str, DesignSearch], folder: Path, batch: Sequence[Case], progress: Progress
 ) -> None:
-    """Run the search that starts with the only case of a batch, and write its result."""
     (start,) = batch
-    search = searches[start.case_id]
-    search.report = lambda distance: progress(start.case_id, distance)
-    result = RESULT.dump_json(search.run(), indent=1)
+    result = searches[start.case_id].run(partial(progress, start.case_id))
     with atomic_write(folder / SEARCHES / f"{start.case_id}.json") as temporary:
-        temporary.write_bytes(result)
+        temporary.write_bytes(RESULT.dump_json(result, indent=1))

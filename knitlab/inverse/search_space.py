@@ -28,7 +28,6 @@ class SearchSpace:
     """The variables of a search and their bounds.
 
     Attributes:
-        workflow: name or path of the workflow.
         settings: settings that replace the workflow's, the strains of the test included.
         dims: what the labels of designs are: n_stripe, n_subunit and, if it varies, pattern.
         lower, upper: logarithms of the bounds of the variables.
@@ -53,11 +52,7 @@ class SearchSpace:
         return np.clip((logarithms - self.lower) / (self.upper - self.lower), 0, 1)
 
     def bounds_at(self, point: Point, downhill: Point) -> list[str]:
-        """The active bounds at a point, such as ``rib_k_t <= 0.1``.
-
-        A bound that is reached is active unless the distance decreases away from it; ``downhill``
-        is the direction of decrease.
-        """
+        """The bounds reached, such as ``rib_k_t <= 0.1``, unless downhill leads away from them."""
         active = []
         for name, fraction, slope, low, high in zip(
             self.names, point, downhill, np.exp(self.lower), np.exp(self.upper), strict=True
@@ -69,11 +64,7 @@ class SearchSpace:
         return active
 
     def plan(self, design: DesignLabels, values: Mapping[str, float]) -> Plan:
-        """The plan of one case: a design with values of the variables.
-
-        Raises:
-            BadInput: if a value is out of range, such as a rest angle that reaches π.
-        """
+        """The plan of one case; BadInput if a value is out of range."""
         return make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
 
     def labels(self, design: DesignLabels) -> dict[str, int | str]:
@@ -97,23 +88,19 @@ class SearchSpace:
 
     def acts_on(self) -> Float[np.ndarray, "parameter variable"]:
         """Derivatives of the logarithm of each parameter by each coordinate of a point."""
-        changed = [[_changes(name, parameter) for name in self.names] for parameter in PARAMETERS]
+        quantities = [name.removesuffix("_factor") for name in self.names]
+        changed = [
+            [parameter in (each, f"rib_{each}", f"garter_{each}") for each in quantities]
+            for parameter in PARAMETERS
+        ]
         return np.reshape(changed, (len(PARAMETERS), len(self.names))) * (self.upper - self.lower)
 
 
-def _changes(variable: str, parameter: str) -> bool:
-    quantity = variable.removesuffix("_factor")
-    return parameter in (quantity, f"rib_{quantity}", f"garter_{quantity}")
-
-
 def search_space(request: DesignRequest) -> SearchSpace:
-    """The space that a request allows.
+    """The space that a request allows; the last strain follows from the targets if not given.
 
-    Unless the request gives it, the last strain of the test follows from the targets.
-
-    Raises:
-        BadInput: if it has no possible design, if a bound cannot be simulated, or if the test ends
-            before the window of a target.
+    Raises BadInput if it has no possible design, a bound cannot be simulated, or the test ends
+    before the window of a target.
     """
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}

@@ -39,9 +39,9 @@ def scale_of(target: Target) -> float:
 def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]:
     """Pairs of targets of one variable whose allowed values have nothing in common.
 
-    Values are compared at the strains that both windows share, and those of a mean, minimum or
-    maximum with the range that the other target allows over its whole window. Other reductions
-    over different windows are not compared.
+    They are compared at the strains that both windows share, and those of a mean, minimum or
+    maximum with the range allowed over the whole window of the other. Other reductions over
+    different windows are not compared.
     """
     for one, other in combinations(targets, 2):
         if one.name == other.name and _contradict(one, other):
@@ -82,8 +82,7 @@ def _strains(window: StrainWindow | None) -> Float[np.ndarray, " point"]:
 class Conflict(NamedTuple):
     """Two targets of which no trial meets both.
 
-    Distances of the converged trials are over the tolerance of each target; ``candidates`` are the
-    numbers of their searches.
+    Distances of trials are over the tolerance of each; ``candidates`` numbers their searches.
     """
 
     targets: tuple[str, str]

@@ -11,32 +11,18 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from knitlab.cube.case_file import (
-    StoredCase,
-    check_case_file,
-    configurations,
-    read_case,
-    read_code,
-    write_case_file,
-)
+from knitlab.cube import case_file
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import STRAIN, without_gap_at_zero
 from knitlab.equilibrium.adjoint import Adjoint, Measure
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.inverse.request import PARAMETERS
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.unit_cells import CellGrid
+from knitlab.simulation import sensitivity
 from knitlab.simulation.case import Case
-from knitlab.simulation.sensitivity import (
-    STRIPE_PARAMETERS,
-    adjoint_of,
-    logarithmic,
-    measured_by,
-    quantities,
-)
 from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cube import known_in_advance, sizes_of
 
@@ -61,7 +47,7 @@ Slopes = Float[np.ndarray, "strain parameter"]
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A simulated case: the contents of its case file, and the user's functions of its shapes."""
+    """A simulated case: its case file, and the user's functions of its shapes."""
 
     case: Case
     gauge: Gauge
@@ -86,14 +72,10 @@ class Trial:
 
     @cached_property
     def _shapes(self) -> Configuration:
-        return configurations(self.results)
+        return case_file.configurations(self.results)
 
     def values(self, name: str) -> Float[np.ndarray, " strain"]:
-        """A variable: one value for each strain, or a single one.
-
-        Raises:
-            KeyError: if the case does not have it.
-        """
+        """A variable: one value for each strain, or a single one."""
         if function := dict(self.own).get(name):
             return np.array([float(function(self._shapes[k])) for k in range(len(self.strains))])
         if name in self.results:
@@ -109,13 +91,9 @@ class Trial:
     def slopes(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
         """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
 
-        Args:
-            names: names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions; the same in
-                every call. Those of the design have one strain.
-            needed: whether each strain is needed; derivatives at the others are 0.
-
-        Raises:
-            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
+        Names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions are the same in every
+        call; those of the design have one strain. Derivatives at strains not needed are 0. Raises
+        NoDerivative if a state is not a stable equilibrium, such as at a snap.
         """
         key = needed.tobytes()
         if key not in self._slopes:  # a constrained search needs them twice
@@ -123,9 +101,9 @@ class Trial:
         return self._slopes[key]
 
     def _derived(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
-        case, stripes = self.case, len(STRIPE_PARAMETERS)
+        case, stripes = self.case, len(sensitivity.STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
-        adjoint = adjoint_of(case, shapes[0])
+        adjoint = sensitivity.adjoint_of(case, shapes[0])
         along = tuple(name for name in names if name not in OF_DESIGN)
         of_design = tuple(name for name in names if name in OF_DESIGN)
         slopes: dict[str, Slopes] = {
@@ -154,28 +132,21 @@ class Trial:
 def state_slopes(
     case: Case, adjoint: Adjoint, strain: float, shape: Configuration, measure: Measure
 ) -> Float[np.ndarray, "quantity stripe_parameter"]:
-    """Logarithmic derivatives p ∂f/∂p of a measure of the state of a test at one strain.
-
-    Raises:
-        NoDerivative: if the state is not a stable equilibrium.
-    """
+    """Logarithmic derivatives p ∂f/∂p of a measure of a state; NoDerivative if it is unstable."""
     derivatives = (
         adjoint.of_strained(strain, shape, measure) if strain else adjoint.of_relaxed(measure)
     )
-    return logarithmic(derivatives, case.stripe_pair)
+    return sensitivity.logarithmic(derivatives, case.stripe_pair)
 
 
 @lru_cache(maxsize=64)
 def measure_of_strained(
     shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions
 ) -> Measure:
-    """A measure of :data:`ALONG_STRAIN` and own functions, by name.
-
-    It is the same function for the same arguments, as JAX traces each once.
-    """
+    """A measure of :data:`ALONG_STRAIN` and own functions; one for JAX to trace once."""
     functions = dict(own)
     known = tuple(name for name in names if name not in functions)
-    combined = measured_by(shape, cells, known) if known else None
+    combined = sensitivity.measured_by(shape, cells, known) if known else None
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         values = combined(relaxed, strained, fabric) if combined else ()
@@ -188,11 +159,8 @@ def measure_of_strained(
 
 @lru_cache(maxsize=64)
 def _measure_of_relaxed(shape: MeshShape, cells: CellGrid, names: tuple[str, ...]) -> Measure:
-    """A measure of quantities of :data:`OF_DESIGN`; of a size in cloth its relaxed over flat cell.
-
-    Each is up to a factor that does not depend on stripe parameters.
-    """
-    known = quantities(shape, cells)
+    """A measure of :data:`OF_DESIGN`; of a size in cloth its relaxed over flat cell."""
+    known = sensitivity.quantities(shape, cells)
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         flat = {"relaxed_cell_x": fabric.cell_x.mean(), "relaxed_cell_y": fabric.cell_y.mean()}
@@ -207,12 +175,9 @@ def _measure_of_relaxed(shape: MeshShape, cells: CellGrid, names: tuple[str, ...
 
 
 def run_trial(folder: Path, case: Case, gauge: Gauge, own: ShapeFunctions = ()) -> Trial:
-    """Simulate a case, or read its file in a folder if the same code has simulated it before.
-
-    Raises:
-        CannotWrite: if its file cannot be written.
-    """
-    sound = check_case_file(folder, case.case_id) is StoredCase.sound
-    if not sound or read_code(folder, case.case_id) != code_fingerprint():
-        write_case_file(folder, case.case_id, simulated(case, lambda name, states: None))
-    return Trial(case, gauge, read_case(folder, case.case_id), own)
+    """Simulate a case, or read its file in a folder if the same code has simulated it before."""
+    name = case.case_id
+    sound = case_file.check_case_file(folder, name) is case_file.StoredCase.sound
+    if not sound or case_file.read_code(folder, name) != code_fingerprint():
+        case_file.write_case_file(folder, name, simulated(case, lambda name, states: None))
+    return Trial(case, gauge, case_file.read_case(folder, name), own)

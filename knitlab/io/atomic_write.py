@@ -43,11 +43,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def write_atomically(path: Path, contents: bytes) -> None:
-    """Replace a small file by contents that are known, which is faster than a folder for it.
-
-    Raises:
-        CannotWrite: if the folder cannot be written, or is full.
-    """
+    """Replace a small file by known contents, faster than by a folder; CannotWrite as above."""
     temporary = path.parent / f"{UNFINISHED}{token_hex(8)}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -67,52 +67,32 @@ def faults_of(
 
     For a misspelt or misplaced key they suggest one of the known keys, given with its table.
     """
-    return [
-        Fault(
-            _path(source, entry["loc"]),
-            _misplaced(str(entry["loc"][-1]), known)
-            if known and entry["type"] == "extra_forbidden"
-            else _problem(entry),
-        )
-        for entry in _reported(error)
-    ]
-
-
-def _misplaced(key: str, known: Mapping[str, str]) -> str:
-    if key not in known:
-        return unknown(key, known, "setting")
-    return f"belongs to {f'[{known[key]}]' if known[key] else 'the top level'}; move it"
-
-
-def _reported(error: ValidationError) -> list[ErrorDetails]:
-    """Pydantic's errors, without those that only follow from others: lists left empty by them."""
     found = error.errors()
+    # Without those that only follow from others: lists that these left empty.
     inner = {entry["loc"][:-1] for entry in found}
     return [
-        entry for entry in found if not (entry["type"] == "too_short" and entry["loc"] in inner)
+        Fault(": ".join(filter(None, (source, ".".join(map(str, entry["loc"]))))), problem)
+        for entry, problem in ((entry, _problem(entry, known or {})) for entry in found)
+        if entry["type"] != "too_short" or entry["loc"] not in inner
     ]
 
 
-def _path(source: str, location: tuple[int | str, ...]) -> str:
-    return ": ".join(part for part in (source, ".".join(map(str, location))) if part)
-
-
-def _problem(entry: ErrorDetails) -> str:
-    kind, given = entry["type"], entry["input"]
+def _problem(entry: ErrorDetails, known: Mapping[str, str]) -> str:
+    kind, given, key = entry["type"], entry["input"], entry["loc"][-1] if entry["loc"] else ""
     if kind == "missing":
         return "is missing; add it"
+    if kind == "extra_forbidden" and key in known:
+        table = known[str(key)]
+        return f"belongs to {f'[{table}]' if table else 'the top level'}; move it"
     if kind == "extra_forbidden":
-        return "is not a known key; remove it or check its spelling"
+        remedy = "is not a known key; remove it or check its spelling"
+        return unknown(str(key), known, "setting") if known else remedy
     if isinstance(given, list) and kind in SINGLE_VALUES:
-        if isinstance(entry["loc"][-1], int):
+        if isinstance(key, int):
             return f"is a list within a list, {given!r}; remove one pair of brackets"
         return f"is a list, {given!r}; give one value"
-    if kind == "value_error":
-        return _uncapitalised(str(entry["ctx"]["error"]))
-    return f"{_uncapitalised(entry['msg'])}, but is {given!r}"
-
-
-def _uncapitalised(text: str) -> str:
+    of_value = kind == "value_error"
+    text = str(entry["ctx"]["error"]) if of_value else f"{entry['msg']}, but is {given!r}"
     return text[:1].lower() + text[1:]
 
 

@@ -11,10 +11,9 @@ from knitlab.io.shipped import PACKAGE
 MODEL_VERSION = 1
 """Version of the model. Raise it by one where results change on purpose: all are stale then.
 
-The fingerprint also has the syntax trees of :data:`COMPUTING` without comments, docstrings and
-annotations (:func:`normalised`). A changed number, operator, message or name there
-makes results stale without a new version. What changes results and is not in those trees needs one:
-another version of a library, or a type of a field by which pydantic converts its value.
+A changed number, operator, message or name in :data:`COMPUTING` makes results stale without a new
+version. What changes results and is not in :func:`normalised` code needs one: another version of a
+library, or a type of a field by which pydantic converts its value.
 """
 COMPUTING = (
     "fabric",
@@ -34,8 +33,7 @@ OF_NO_CASE = (
     "measure/marker_grid.py",
     "measure/records.py",
 )
-"""Modules of these that compute nothing of a case: they serve measured fabrics and cubes, or keep
-programs."""
+"""Modules of these that compute nothing of a case."""
 DIGITS = 12
 NOT_EXECUTED = {"annotation", "returns", "type_comment", "ctx", "kind", "simple"}
 """Fields of nodes that hold annotations, or repeat what the place of the node says."""
@@ -52,9 +50,9 @@ def code_fingerprint() -> str:
 def package_fingerprint() -> str:
     """Fingerprint of the text of the whole package."""
     digest = hashlib.sha256()
-    for name in sorted(_names(PACKAGE, PACKAGE.rglob("*.py"))):
-        digest.update(name.encode())
-        digest.update((PACKAGE / name).read_bytes())
+    for file in sorted(PACKAGE.rglob("*.py")):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode())
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:DIGITS]
 
 
@@ -67,14 +65,10 @@ def fingerprint_of(package: Path) -> str:
     return text_fingerprint("\n".join([f"model version {MODEL_VERSION}", *code]))
 
 
-def _names(package: Path, files: Iterable[Path]) -> set[str]:
-    return {file.relative_to(package).as_posix() for file in files}
-
-
 def computing_files(package: Path) -> list[str]:
     """Paths, within a package, of the modules that compute the numbers of a case."""
-    files = [file for part in COMPUTING for file in (package / part).glob("*.py")]
-    return sorted(_names(package, files) - set(OF_NO_CASE))
+    files = [file for folder in COMPUTING for file in (package / folder).glob("*.py")]
+    return sorted({file.relative_to(package).as_posix() for file in files} - set(OF_NO_CASE))
 
 
 def text_fingerprint(text: str) -> str:
@@ -83,18 +77,9 @@ def text_fingerprint(text: str) -> str:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits.
-
-    Raises:
-        OSError: if it cannot be read.
-    """
+    """SHA-256 of a file, in hexadecimal digits; OSError if it cannot be read."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def bytes_digest(contents: bytes) -> str:
-    """SHA-256 of the contents of a file, in hexadecimal digits."""
-    return hashlib.sha256(contents).hexdigest()
 
 
 def digests(paths: Iterable[Path]) -> dict[str, str]:
@@ -107,9 +92,8 @@ def digests(paths: Iterable[Path]) -> dict[str, str]:
 def normalised(source: str) -> str:
     """The syntax tree of a module as text, without what is not executed.
 
-    Comments, docstrings, layout, spelling of literals, annotations, the order of imports and
-    imports of names that only annotations use are left out. Fields of a class are kept, without
-    their types. Empty fields of nodes are left out too, because versions of Python differ in them.
+    That is comments, docstrings, annotations, the order of imports and imports for annotations.
+    Empty fields of nodes are left out too, because versions of Python differ in them.
     """
     module = _Module()
     body = module.text(ast.parse(source))
@@ -118,16 +102,12 @@ def normalised(source: str) -> str:
 
 
 class _Module:
-    """Text of the nodes of one module.
-
-    Attributes:
-        imports: text of each import of the module, and the name that it is for; None if it may also
-            be there for its effect, or for other modules.
-        used: names that are executed, and texts, such as those of ``__all__``.
-    """
+    """Text of the nodes of one module, and its imports."""
 
     def __init__(self) -> None:
+        # Each with its name; None if it may also be there for its effect, or for other modules.
         self.imports: list[tuple[str | None, str]] = []
+        # Names that are executed, and texts, such as those of ``__all__``.
         self.used: set[object] = set()
 
     def text(self, value: object) -> str:

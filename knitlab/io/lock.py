@@ -1,8 +1,7 @@
 """Locks of a results folder: one run at a time, or several shards side by side. Needs no JAX.
 
-A run holds ``.lock`` until it ends. A shard holds a lock of its own, so that others can run beside
-it. The gate is a lock that is held only for moments: while a run starts and checks which others are
-running, and while a shard writes what all shards share.
+A run holds ``.lock`` until it ends, a shard a lock of its own. The gate is a lock that is held for
+moments: while a run checks which others run, and while a shard writes what all shards share.
 """
 
 import getpass
@@ -28,13 +27,12 @@ GATE_SECONDS = 900.0
 
 @contextmanager
 def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
-    """Lock a results folder for a run, or for one shard of a number of shards beside the others.
+    """Lock a results folder for a run, or for a shard (number, count) beside the others.
 
     The lock ends with the process, however it ends.
 
     Raises:
-        BadInput: if another run, the same shard or a shard of another split runs in the folder; the
-            message names its process.
+        BadInput: if another run, the same shard or a shard of another split runs in the folder.
         CannotWrite: if the folder cannot be written.
     """
     with gate(folder):
@@ -51,18 +49,13 @@ def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
 
 @contextmanager
 def gate(folder: Path) -> Iterator[None]:
-    """Exclude the other processes of a results folder for a moment.
-
-    Raises:
-        BadInput: if another process does not leave the gate.
-        CannotWrite: if the folder cannot be written.
-    """
+    """Exclude the other processes of a results folder for a moment; errors as of a lock."""
     with _acquired(folder, GATE_NAME, GATE_SECONDS):
         yield
 
 
 def running_shards(folder: Path) -> list[tuple[int, int]]:
-    """The shards that run in a folder, as pairs of their number and the number of shards."""
+    """The shards (number, count) that run in a folder."""
     found = []
     for path in sorted(folder.glob(".lock-shard-*")):
         if not (name := SHARD_LOCK.fullmatch(path.name)):

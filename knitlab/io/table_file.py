@@ -20,12 +20,10 @@ LEAST_POINTS = 4
 
 
 def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
-    """Headers, which may contain duplicates, and the rows below them, as text.
-
-    Lines that start with # are ignored. A message shows the example of a table.
+    """Headers, which may contain duplicates, and the rows below them, as text, without # lines.
 
     Raises:
-        BadInput: if it cannot be read, or is not a table.
+        BadInput: if it cannot be read, or is not a table; the message shows the example.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -119,12 +117,7 @@ def _in_unit(value: float, unit: str, target: str) -> float:
 
 @dataclass(frozen=True)
 class TensionCurve:
-    """Tension of one row of the network against strain.
-
-    Attributes:
-        strain: of the period, ascending from 0 or more [1].
-        force: on one row [N].
-    """
+    """Tension of one row of the network [N] against strain, ascending from 0 or more [1]."""
 
     strain: Float[np.ndarray, " point"]
     force: Float[np.ndarray, " point"]
@@ -133,30 +126,28 @@ class TensionCurve:
 def read_tension_curve(
     path: Path, width: float | None = None, thickness: float | None = None
 ) -> TensionCurve:
-    """Read a tension curve: a column of strain, and one of force or of stress.
+    """Read a tension curve: a column of strain, and one of force or of stress, in any unit.
 
-    Force is for one row of the network. Stress is force over the width [mm] of a row [N/mm] or,
-    with the thickness [mm] of the fabric, over its cross-section [MPa]; any unit of these
-    dimensions is accepted. Other columns are ignored.
+    Force is for one row of the network. Stress is force over the width [mm] of a row or, with the
+    thickness [mm] of the fabric, over its cross-section.
 
     Raises:
         BadInput: with every fault of the file.
     """
     headers, table = read_table(path, EXAMPLE)
-    columns: dict[str, int] = {}
-    units: dict[str, str] = {}
+    columns: dict[str, tuple[pd.Series, str]] = {}
     faults = []
     for place, header in enumerate(headers):
         match = COLUMN.fullmatch(header)
-        name = (match["name"] if match else header).strip().lower()
+        name, unit = (match["name"], match["unit"].strip()) if match else (header, "")
+        name = name.strip().lower()
         if name not in ("strain", "force", "stress"):
             continue
-        unit = match["unit"].strip() if match else ""
         if not unit:
             faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if name in columns:
             faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
-        columns[name], units[name] = place, unit
+        columns[name] = table[place], unit
     loads = [name for name in ("force", "stress") if name in columns]
     if "strain" not in columns:
         faults.append(Fault(f"{path}: column strain", f"is missing; {EXAMPLE}"))
@@ -167,11 +158,12 @@ def read_tension_curve(
         raise BadInput(faults)
 
     (load,) = loads
-    strain, strain_faults = numbers_of(path, "strain", table[columns["strain"]])
-    forces, force_faults = numbers_of(path, load, table[columns[load]])
-    per_row, row_faults = _newton_per_row(path, load, units[load], width, thickness)
+    (strain_text, strain_unit), (load_text, load_unit) = columns["strain"], columns[load]
+    strain, strain_faults = numbers_of(path, "strain", strain_text)
+    forces, force_faults = numbers_of(path, load, load_text)
+    per_row, row_faults = _newton_per_row(path, load, load_unit, width, thickness)
     place_of_strain = f"{path}: column strain"
-    of_one, unit_faults = factor_of(place_of_strain, units["strain"], "1", "such as [1] or [%]")
+    of_one, unit_faults = factor_of(place_of_strain, strain_unit, "1", "such as [1] or [%]")
     faults = [*strain_faults, *force_faults, *row_faults, *unit_faults]
     if not faults and (why := _strain_problem(strain)):
         faults = [Fault(place_of_strain, why)]
@@ -187,11 +179,9 @@ def _strain_problem(strain: Float[np.ndarray, " point"]) -> str | None:
     if strain.min() < 0:
         return f"goes down to {strain.min():g}; give tension alone, from 0 up"
     if len(falls):
-        at = falls[0]
-        return (
-            f"decreases from {strain[at]:g} to {strain[at + 1]:g} at point {at + 2};"
-            " give the loading curve alone"
-        )
+        before, after = strain[falls[0] : falls[0] + 2]
+        problem = f"decreases from {before:g} to {after:g} at point {falls[0] + 2}"
+        return f"{problem}; give the loading curve alone"
     return None
 
 
@@ -200,11 +190,9 @@ def _newton_per_row(
 ) -> tuple[float, list[Fault]]:
     place = f"{path}: column {load}"
     if load == "force":
-        faults = [
-            Fault(f"{option} {value:g}", "is for stress, but the curve holds force; leave it out")
-            for option, value in (("width", width), ("thickness", thickness))
-            if value is not None
-        ]
+        problem = "is for stress, but the curve holds force; leave it out"
+        given = {"width": width, "thickness": thickness}.items()
+        faults = [Fault(f"{name} {its:g}", problem) for name, its in given if its is not None]
         factor, found = factor_of(place, unit, "N", "of force, such as [N]")
         return factor, faults + found
     if width is None:

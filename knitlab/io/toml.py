@@ -18,11 +18,7 @@ class StrictModel(BaseModel):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The table in a TOML file.
-
-    Raises:
-        BadInput: if it cannot be read, or is not TOML.
-    """
+    """The table in a TOML file; BadInput if it cannot be read, or is not TOML."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -32,14 +28,9 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_checked(schema: type[Schema], path: Path, named_by: str = "") -> Schema:
-    """The contents of a TOML file that a setting names, checked by a schema.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """The contents of a TOML file that a setting names; BadInput has every fault of the file."""
     try:
         return schema.model_validate(read_toml(path))
     except ValidationError as error:
-        raise BadInput(
-            faults_of(error, f"{named_by}: {path}" if named_by else str(path))
-        ) from error
+        source = f"{named_by}: {path}" if named_by else str(path)
+        raise BadInput(faults_of(error, source)) from error

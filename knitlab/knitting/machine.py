@@ -74,6 +74,9 @@ class Machine:
     racking_time: Annotated[PositiveFloat, Unit("s")]
     carrier_time: Annotated[PositiveFloat, Unit("s")]  # to move a carrier in or out
 
+    def __repr__(self) -> str:
+        return f"<Machine {self.model}: {self.needles} needles>"
+
     @property
     def pitch(self) -> float:
         """Distance of two needles [mm]."""

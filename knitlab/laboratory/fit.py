@@ -22,7 +22,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
 from knitlab.cube.schema import VARIABLES
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.laboratory.simulated_test import (
     QUANTITIES,
     SimulatedTest,

@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.equilibrium.equilibrium import find_equilibrium
+from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
 from knitlab.equilibrium.loading import tensile
-from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.stiffness import free_stiffness
-from knitlab.equilibrium.system import System, run_each
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_test import relax
 from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case

@@ -21,7 +21,7 @@ from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
 from knitlab.io.atomic_write import atomic_write
-from knitlab.measure.fit_statistics import Comparison, compare
+from knitlab.measure.fit_statistics import CONFIDENCE, Comparison, compare
 
 Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""
@@ -46,7 +46,6 @@ BOUNDS = {
 STARTING_ANGLES = (0.4, 0.8, 1.4)
 STARTING_FACTORS = (0.3, 3.0)
 STARTING_STRAINS = (0.1, 1.0)
-CONFIDENCE = 0.95
 ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
@@ -66,18 +65,13 @@ class Calibration:
         period: relaxed peak-to-peak distance of the stripe, as given [mm].
         values: k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs, the stiffening
             strain [1], by name.
-        standard_errors: standard error of each, in its unit.
-        intervals: 95 % confidence interval of each, in its unit; that of the angle is within 0
-            to π.
-        correlations: correlations of the fitted parameters, in the order of ``values``.
-        strain: strains of the curve [1].
-        force: measured forces [N].
-        fitted_force: forces of the fitted zigzag [N].
+        standard_errors, intervals: standard error and 95 % confidence interval of each.
+        correlations: those of the parameters, in the order of ``values``.
+        strain, force, fitted_force: the curve, and forces of the fitted zigzag [1, N].
         starts: number of starts, and number of starts that ended at this fit.
         converged: whether the optimiser met its tolerances.
         iterations: number of Jacobians from the best start.
         warnings: warnings about parameters that the curve does not determine.
-        law: law of the springs.
     """
 
     period: float
@@ -109,9 +103,8 @@ class Calibration:
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
         """The fitted stripe, for a design with this model option.
 
-        In a stripe table the period is that of the relaxed stripe if ``cell_size`` is
-        ``"relaxed"``. If it is ``"flat"``, the period is that of the flat stripe, which is longer
-        by 1/sin(θ0/2). With it the network has the springs and folds of the fitted zigzag.
+        The period in its table is that of the relaxed stripe if ``cell_size`` is ``"relaxed"``; if
+        it is ``"flat"``, that of the flat stripe, which is longer by 1/sin(θ0/2).
         """
         flat = cell_size == "flat"
         period = self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
@@ -138,18 +131,10 @@ class Calibration:
 def calibrate(period: float, strain: Points, force: Points, law: Law = "linear") -> Calibration:
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
-    For stiffening springs the stiffening strain is fitted too. Gradients are exact. The best fit of
-    several starts is used. Standard errors and correlations are those of the linearised fit,
-    with the noise taken from the residual.
-
-    Args:
-        period: relaxed peak-to-peak distance, w or h [mm].
-        strain: strains of the period, not negative [1].
-        force: force on one row of the network [N].
-        law: law of the springs.
-
-    Raises:
-        ValueError: if there are not more points than parameters, or no force.
+    For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
+    used; standard errors and correlations are those of the linearised fit, with the noise taken
+    from the residual. The curve is the force on one row of the network [N] over strains of the
+    relaxed period, w or h [mm]; ValueError if it has too few points, or no tension.
     """
     fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
     curve = law if isinstance(law, SpringCurve) else None
@@ -186,26 +171,32 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
         for start in starts
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    agreeing = sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)
-    covariance = _covariance(best)
+    _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
+    # Round-off must not count as information.
+    singular = np.maximum(singular, np.finfo(float).eps * singular[0])
+    freedom = len(strain) - len(fitted)
+    covariance = 2 * best.cost / freedom * (right.T / singular**2) @ right
     errors = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(errors, errors)
-    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(fitted))
-    lows, values, highs = _values(best.x + np.outer([-1, 0, 1], reach))
+    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, freedom)
+    limits = best.x + np.outer([-1, 0, 1], reach)
+    with np.errstate(over="ignore"):
+        limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
+    lows, values, highs = limits
     intervals = np.stack([lows, highs], axis=-1)
     # An interior angle of a fold is between 0 and π.
     intervals[2] = np.clip(intervals[2], 0, np.pi)
     standard_errors = errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
     return Calibration(
-        period=period,
-        values=dict(zip(fitted, values.tolist(), strict=True)),
-        standard_errors=dict(zip(fitted, standard_errors.tolist(), strict=True)),
-        intervals=dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
-        correlations=correlations,
-        strain=strain,
-        force=force,
-        fitted_force=forces(best.x),
-        starts=(len(fits), agreeing),
+        period,
+        dict(zip(fitted, values.tolist(), strict=True)),
+        dict(zip(fitted, standard_errors.tolist(), strict=True)),
+        dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
+        correlations,
+        strain,
+        force,
+        forces(best.x),
+        starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
         warnings=_warnings(best, errors, correlations),
@@ -215,23 +206,22 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
 
 def report(calibration: Calibration) -> list[str]:
     """The fit in lines of text: parameters with errors, correlations, misfit."""
-    lines = [
-        f"{name:8s} {calibration.values[name]:.5g} ± {calibration.standard_errors[name]:.2g}"
-        f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
-        for name, (low, high) in calibration.intervals.items()
-    ]
-    pairs = zip(
-        itertools.combinations(calibration.values, 2),
-        calibration.correlations[np.triu_indices(len(calibration.values), 1)],
-        strict=True,
-    )
-    lines += [f"correlation of {one} and {other}: {value:+.4f}" for (one, other), value in pairs]
     tried, agreeing = calibration.starts
-    lines.append(
+    return [
+        *(
+            f"{name:8s} {calibration.values[name]:.5g} ± {calibration.standard_errors[name]:.2g}"
+            f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
+            for name, (low, high) in calibration.intervals.items()
+        ),
+        *(
+            f"correlation of {one} and {other}: {calibration.correlations[row, column]:+.4f}"
+            for (row, one), (column, other) in itertools.combinations(
+                enumerate(calibration.values), 2
+            )
+        ),
         f"misfit   {calibration.misfit:.2g} N rms over {len(calibration.strain)} points;"
-        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps"
-    )
-    return lines
+        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps",
+    ]
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
@@ -274,24 +264,19 @@ def write_stripe_table(path: Path, stripes: Iterable[tuple[Stripe, str]]) -> Non
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
 
-def write_stripe_file(
-    path: Path,
-    knit: Knit,
-    stitches: int,
-    calibration: Calibration,
-    curve: Path,
-    cell_size: CellSize,
-) -> None:
-    """Write the stripe fitted to the curve of a file, for designs with this ``cell_size``."""
+def source_of(calibration: Calibration, curve: Path, cell_size: CellSize) -> str:
+    """The source of a stripe that was fitted to the curve of a file, for its table."""
     errors = ", ".join(
         f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
     )
-    warned = "".join(f"; {warning}" for warning in calibration.warnings)
-    source = (
-        f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for cell_size"
-        f" {cell_size}; standard errors {errors}{warned}"
+    return "; ".join(
+        (
+            f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for"
+            f" cell_size {cell_size}",
+            f"standard errors {errors}",
+            *calibration.warnings,
+        )
     )
-    write_stripe_table(path, [(calibration.stripe(knit, stitches, cell_size), source)])
 
 
 @partial(jax.jit, static_argnums=0)
@@ -313,33 +298,19 @@ def _unknowns(values: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*a
     return np.where(AS_LOGARITHM[: values.shape[-1]], np.log(values), values)
 
 
-def _values(unknowns: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*any fitted"]:
-    with np.errstate(over="ignore"):
-        return np.where(AS_LOGARITHM[: unknowns.shape[-1]], np.exp(unknowns), unknowns)
-
-
 def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "start 4"]:
     """Starts around the stiffness estimated from the curve's size and from its first half."""
     half = strain <= (strain[0] + strain[-1]) / 2
     opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
     starts = []
-    for angle, stiff, soft, stiffening in itertools.product(
-        STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, STARTING_STRAINS
-    ):
+    choices = STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, STARTING_STRAINS
+    for angle, stiff, soft, stiffening in itertools.product(*choices):
         cell = period / (4 * np.sin(angle / 2))
         # For a fold that opens slightly: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
         k_t = max(opening, 1e-9) * cell * np.cos(angle / 2) / (2 * np.tan(angle / 2))
         k_s = np.max(np.abs(force)) / (0.1 * cell)
         starts.append((stiff * k_s, soft * k_t, angle, stiffening))
     return np.array(starts)
-
-
-def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "fitted fitted"]:
-    freedom = len(fit.fun) - len(fit.x)
-    _, singular, right = np.linalg.svd(fit.jac, full_matrices=False)
-    # Round-off must not count as information.
-    singular = np.maximum(singular, np.finfo(float).eps * singular[0])
-    return 2 * fit.cost / freedom * (right.T / singular**2) @ right
 
 
 def _warnings(
@@ -352,15 +323,12 @@ def _warnings(
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
     to_bound = np.abs(bounds - fit.x).min(axis=0)
     for name, error, distance in zip(fitted, errors, to_bound, strict=True):
-        low, high = BOUNDS[name]
+        undetermined = "the curve does not determine it"
         if distance < AT_BOUND:
-            warnings.append(
-                f"{name} is at its bound ({low:g} to {high:g}): the curve does not determine it"
-            )
+            low, high = BOUNDS[name]
+            warnings.append(f"{name} is at its bound ({low:g} to {high:g}): {undetermined}")
         if error > USELESS_ERROR:
-            warnings.append(
-                f"{name} is uncertain by more than half; the curve does not determine it"
-            )
+            warnings.append(f"{name} is uncertain by more than half; {undetermined}")
     for one, other in itertools.combinations(range(len(fitted)), 2):
         vague = max(errors[one], errors[other]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:

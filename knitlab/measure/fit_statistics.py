@@ -54,7 +54,6 @@ def compare(simpler: Points, other: Points, parameters: tuple[int, int]) -> Comp
 
 
 def _autocorrelation(residuals: Points) -> float:
-    """Autocorrelation of neighbours: slope of each residual against the one before."""
     square = float(residuals[:-1] @ residuals[:-1])
     return float(residuals[:-1] @ residuals[1:]) / square if square > 0 else 0.0
 
@@ -90,11 +89,7 @@ class LinearFit:
 
 
 def linear_fit(x: Points, y: Points) -> LinearFit:
-    """The line through at least three points.
-
-    Raises:
-        ValueError: if there are fewer, from which the error of a slope cannot be estimated.
-    """
+    """The line through at least three points; ValueError if there are fewer."""
     if len(x) < 3:
         raise ValueError(f"{len(x)} points give no confidence interval of a slope; give 3 at least")
     line = stats.linregress(x, y)
@@ -112,8 +107,8 @@ def linear_fit(x: Points, y: Points) -> LinearFit:
 def common_slope_probability(lines: Sequence[LinearFit]) -> float:
     """Probability of slopes as different as these if all lines had one slope (F test).
 
-    The points of all lines are assumed to have the same variance. Simulated points hardly scatter,
-    so that even slopes that are equal for all practical purposes differ significantly.
+    Variances are assumed equal. Simulated points hardly scatter, so that slopes that are equal for
+    all practical purposes differ significantly.
     """
     separate = sum(float((line.residuals**2).sum()) for line in lines)
     moments = [(line.x - line.x.mean(), line.y - line.y.mean()) for line in lines]

@@ -3,13 +3,12 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import element_vectors
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.fold_angle import fold_and_slope
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.pattern import KNIT_OF_LETTER, PatchGrid
-from knitlab.measure.unit_cells import CellGrid, central_cell
+from knitlab.measure.unit_cells import CellGrid, nodes_at
 
 
 def fold_angles(
@@ -17,8 +16,8 @@ def fold_angles(
 ) -> Float[np.ndarray, "*state hinge"]:
     """Signed fold angle of every hinge, on the branch nearest its rest angle [rad].
 
-    Flat is 0 and a mountain fold is positive. Beyond ±π the two cells have passed through each
-    other; the angle, like the energy, continues smoothly.
+    Flat is 0, a mountain fold positive. Beyond ±π, where cells have passed through each other, the
+    angle, like the energy, continues smoothly.
     """
     positions, lengths = np.asarray(configuration.positions), np.asarray(configuration.lengths)
     states, rest = lengths.shape[:-1], np.asarray(fabric.rest_fold)
@@ -32,11 +31,7 @@ def fold_angles(
 def hinges_past_pi(
     net: Network, fabric: Fabric, configuration: Configuration
 ) -> Int[np.ndarray, "*state"]:
-    """Number of hinges folded beyond ±π, where the fabric passes through itself [1].
-
-    Hinges without stiffness are not counted. The paper's model has no contact between layers that
-    would prevent it.
-    """
+    """Number of hinges with stiffness folded beyond ±π, where the fabric passes through itself."""
     past = np.abs(fold_angles(net, fabric, configuration)) > np.pi
     return (past & (np.asarray(fabric.fold_stiffness) > 0)).sum(axis=-1)
 
@@ -46,25 +41,22 @@ def widths_across_folds(
 ) -> dict[str, tuple[float, float]]:
     """Width of the patches across their folds (paper, "Relaxation"), at centre and edges [mm].
 
-    The width of a rib patch is the distance of its borders along the weft. At its centre it is
-    measured on its middle row, at its edges it is the mean of its first and last row. The width of
-    a garter patch is measured in the same way along the warp. Patches of a knit in the unit cell
-    nearest the middle are averaged.
-
-    Returns:
-        (centre, edge) of ``rib`` and ``garter``, if the unit cell has such patches.
+    The width of a rib patch is the distance of its borders along the weft: on its middle row at its
+    centre, and the mean of its first and last row at its edges; that of a garter patch likewise
+    along the warp. Patches of a knit in the unit cell nearest the middle are averaged.
     """
-    middle = central_cell(shape, cells, configuration)
     rows, columns = cells.middle
     widths: dict[str, list[tuple[float, float]]] = {}
     for row, column in np.ndindex(pattern.knit.shape):
-        low, high = pattern.row_borders[row : row + 2] - rows.start
-        left, right = pattern.column_borders[column : column + 2] - columns.start
-        inside = low >= 0 and left >= 0 and high < middle.shape[0] and right < middle.shape[1]
+        low, high = pattern.row_borders[row : row + 2]
+        left, right = pattern.column_borders[column : column + 2]
+        inside = rows.start <= low < high < rows.stop
+        inside &= columns.start <= left < right < columns.stop
         knit = KNIT_OF_LETTER[str(pattern.knit[row, column])]
         if not inside or knit == "plain":
             continue
-        nodes = middle[low : high + 1, left : right + 1]
+        patch = np.arange(low, high + 1), np.arange(left, right + 1)
+        nodes = np.asarray(nodes_at(shape, configuration, *patch))
         across = nodes[:, -1, 0] - nodes[:, 0, 0]
         width = across if knit == "rib" else nodes[-1, :, 1] - nodes[0, :, 1]
         widths.setdefault(knit, []).append((width[len(width) // 2], (width[0] + width[-1]) / 2))

@@ -1,10 +1,10 @@
 """Knit size: finished sizes in cloth, from simulated contractions and the gauge.
 
-Lengths of the network are those of the paper's tables, in which samples are several times smaller
-than in cloth. Simulations predict the contraction, relaxed over flat; the gauge gives the flat
-size: the number of stitches times the size of a stitch. The shipped gauge is that of the paper's
-finished samples, about 200 mm wide on 360 needles, used for the stitch before the fabric folds:
-absolute sizes are therefore indicative, while ratios between designs do not depend on it.
+Samples in the paper's tables are several times smaller than in cloth. Simulations predict the
+contraction, relaxed over flat; the gauge gives the flat size, the number of stitches times the size
+of a stitch. The shipped gauge is that of the paper's finished samples, about 200 mm wide on 360
+needles, used for the stitch before the fabric folds: absolute sizes are therefore indicative, while
+ratios between designs do not depend on it.
 """
 
 from collections.abc import Mapping
@@ -34,14 +34,10 @@ class Gauge:
 
 @dataclass(frozen=True)
 class Stitches:
-    """Stitches of a fabric.
+    """Stitches along the sides of a unit cell, on average over the central ones, and of the fabric.
 
-    Attributes:
-        courses_in_cell, wales_in_cell: stitches along the sides of a unit cell; the mean over the
-            central cells if these differ. The paper's unit cell, of 2 × 2 patches that are
-            n_subunit stitches wide and 2 n_subunit high, has (64, 32) for n_subunit 16 (Fig.
-            "knit stitches").
-        courses, wales: stitches along the sides of the whole fabric.
+    The paper's unit cell, of 2 × 2 patches that are n_subunit stitches wide and 2 n_subunit high,
+    has (64, 32) for n_subunit 16 (Fig. "knit stitches").
     """
 
     courses_in_cell: float
@@ -56,9 +52,8 @@ def knit_sizes(
     """Finished sizes in cloth of a fabric of patches: contraction × stitches × stitch size [mm].
 
     Given relaxed_cell, flat_cell and wavelength along x and y, the sizes by :data:`ALONG_X` and
-    :data:`ALONG_Y` are those of a unit cell, of the wave of its boundary, and of the sample, which
-    is missing for periodic fabric. Sizes of a graded sample follow from the contraction of its
-    central unit cells.
+    :data:`ALONG_Y` are those of a unit cell, of the wave of its boundary, and of the sample, NaN if
+    periodic. Those of a graded sample follow from the contraction of its central unit cells.
     """
     sizes: dict[str, float] = {}
     for axis, names, in_cell, whole, stitch in (

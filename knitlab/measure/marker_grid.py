@@ -1,13 +1,14 @@
 """Marker grids: assigning tracked points to the corners of unit cells.
 
-The markers of a fabric form a distorted grid, rotated relative to the camera, with some markers
-missing and in any order. The two directions of the grid are those of nearest neighbours. From the
-most regular point the grid is followed from neighbour to neighbour, first to those closest to their
-predicted positions, so that ambiguities in one place do not propagate.
+The markers form a distorted grid, rotated relative to the camera, with some missing and in any
+order. Its two directions are those of nearest neighbours. From the most regular point it is
+followed from neighbour to neighbour, first to those closest to their predicted positions, so that
+ambiguities in one place do not propagate.
 """
 
 import heapq
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -30,9 +31,8 @@ SECTOR = np.radians(25)
 """Largest angle between a step and the direction of the grid."""
 NEAR = 0.5
 """Largest distance of a marker from its predicted position, over the shorter step."""
-STEPS: tuple[Step, ...] = ((0, 1), (1, 0), (0, -1), (-1, 0))
-HOPS: tuple[Step, ...] = ((0, 2), (2, 0), (0, -2), (-2, 0), (1, 1), (-1, 1), (-1, -1), (1, -1))
-"""Steps over a missing marker."""
+STEPS = [step for step in product(range(-2, 3), repeat=2) if 1 <= sum(map(abs, step)) <= 2]
+"""Steps to neighbours, and over a missing marker."""
 MOST_STRAYS = 0.25
 """Largest fraction of markers that are not on the grid."""
 UNEVEN = 0.85
@@ -46,10 +46,7 @@ class NoGrid(ValueError):
 
 @dataclass(frozen=True)
 class MarkerGrid:
-    """The marker at each grid position, −1 if it is missing, and those that are not on the grid.
-
-    Rows follow the warp, columns the weft.
-    """
+    """The marker in each row along the warp and column along the weft, −1 if missing; strays."""
 
     marker: Int[np.ndarray, "row column"]
     strays: tuple[int, ...]
@@ -65,11 +62,7 @@ class MarkerGrid:
 def grid_of_places(
     rows: Int[np.ndarray, " marker"], columns: Int[np.ndarray, " marker"]
 ) -> MarkerGrid:
-    """The grid of markers with given rows and columns; those with negative ones are strays.
-
-    Raises:
-        NoGrid: if two markers have the same row and column.
-    """
+    """The grid of markers with given rows and columns, of which negative ones mark strays."""
     on_grid = (rows >= 0) & (columns >= 0)
     if not on_grid.any():
         raise NoGrid("no marker has a row and column; give them for each")
@@ -88,13 +81,7 @@ def grid_of_places(
 
 
 def find_grid(points: Points) -> MarkerGrid:
-    """Find the grid of markers at points (x, y), NaN if not seen, that run along weft and warp.
-
-    Directions may be off by up to 45°.
-
-    Raises:
-        NoGrid: if there are too few points, or they form no grid.
-    """
+    """Find the grid of points (x, y), NaN if not seen, that run along weft and warp within 45°."""
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
     if len(seen) < FEWEST:
         raise NoGrid(
@@ -119,11 +106,7 @@ def find_grid(points: Points) -> MarkerGrid:
 
 
 def _steps_of_grid(points: Points) -> Steps:
-    """Typical steps along the weft and the warp, in this order.
-
-    Raises:
-        NoGrid: if neighbours do not lie in two directions.
-    """
+    """Typical steps along the weft and the warp."""
     tree = cKDTree(points)
     _, near = tree.query(points, k=min(NEIGHBOURS + 1, len(points)))
     between = points[near[:, 1:]] - points[:, None]
@@ -152,41 +135,30 @@ def _followed(points: Points, steps: Steps) -> dict[int, Step]:
     """Grid positions of the points reachable from the one with the most regular neighbours."""
     tree = cKDTree(points)
     reach = NEAR * np.linalg.norm(steps, axis=1).min()
-    neighbours = points[:, None] + np.concatenate([steps, -steps])
-    start = int(tree.query(neighbours)[0].sum(axis=1).argmin())
-    places: dict[int, Step] = {start: (0, 0)}
-    taken: set[Step] = {(0, 0)}
-    local = {start: steps}
-    doubts: list[tuple[float, int, int, Step]] = []
-
-    def look_around(point: int) -> None:
-        """Add the neighbours of a point to the queue, by their distance from the prediction."""
-        for step in STEPS + HOPS:
-            expected = points[point] + step[1] * local[point][0] + step[0] * local[point][1]
-            distance, neighbour = tree.query(expected, distance_upper_bound=reach)
+    nearest = tree.query(points[:, None] + np.concatenate([steps, -steps]))
+    start = int(nearest[0].sum(axis=1).argmin())
+    expected = points[:, None] + np.array(STEPS) @ steps[::-1]
+    distances, neighbours = tree.query(expected, distance_upper_bound=reach)
+    places: dict[int, Step] = {}
+    queue = [(0.0, start, (0, 0))]
+    while queue:
+        _, point, place = heapq.heappop(queue)
+        if point in places or place in places.values():
+            continue
+        places[point] = place
+        for (rows, columns), distance, neighbour in zip(
+            STEPS, distances[point], neighbours[point], strict=True
+        ):
             if np.isfinite(distance) and neighbour != point:
-                # Hops come after all steps, whose distance is within reach.
-                late = reach * (step in HOPS)
-                heapq.heappush(doubts, (distance + late, point, int(neighbour), step))
-
-    look_around(start)
-    while doubts:
-        _, origin, point, step = heapq.heappop(doubts)
-        place = places[origin][0] + step[0], places[origin][1] + step[1]
-        if point not in places and place not in taken:
-            places[point] = place
-            taken.add(place)
-            local[point] = _learned(local[origin], step, points[point] - points[origin])
-            look_around(point)
+                # Steps over a missing marker come after all others, whose distance is in reach.
+                late = reach * (abs(rows) + abs(columns) - 1)
+                step_to = place[0] + rows, place[1] + columns
+                heapq.heappush(queue, (distance + late, int(neighbour), step_to))
     return places
 
 
 def _check_even(corners: Float[np.ndarray, "row column 2"]) -> None:
-    """Check that all steps of a grid are similar.
-
-    Raises:
-        NoGrid: if one differs, so that a row or column may have been skipped.
-    """
+    """Refuse a grid with a step that differs, as a row or column may have been skipped."""
     for axis, direction in ((0, "row"), (1, "column")):
         steps = np.diff(corners, axis=axis)
         typical = np.nanmedian(steps.reshape(-1, 2), axis=0)
@@ -197,12 +169,3 @@ def _check_even(corners: Float[np.ndarray, "row column 2"]) -> None:
                 f"the {direction}s of the markers are ambiguous near row {row}, column"
                 f" {column}: a step there differs from the others; give a table of their places"
             )
-
-
-def _learned(steps: Steps, step: Step, seen: Float[np.ndarray, "2"]) -> Steps:
-    """Local steps of the grid: the mean of the previous steps and the current one."""
-    learned = steps.copy()
-    for direction, count in ((0, step[1]), (1, step[0])):
-        if count and not step[1 - direction]:
-            learned[direction] = (steps[direction] + seen / count) / 2
-    return learned

@@ -6,7 +6,6 @@ it.
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -44,19 +43,20 @@ class Cycle:
 def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
     """The cycles of a test in order, from its extension at ascending times.
 
-    A change of extension after a reversal by less than ``least_turn`` of its full range is ignored.
-    There are no records before the first loading, nor a final loading by less than that.
+    A reversal by less than ``least_turn`` of the full range is ignored, and so are records before
+    the first loading and a final loading by less than that.
     """
     span = np.ptp(extension)
     if not span > 0:
         return []
     turns = _turns(extension, least_turn * span)
-    separated = []
-    for place, (low, high) in enumerate(pairwise(turns)):
-        if extension[high] > extension[low]:
-            last = turns[min(place + 2, len(turns) - 1)]
-            separated.append(Cycle(float(time[low]), float(time[high]), float(time[last])))
-    return separated
+    # A test may end without unloading.
+    triples = zip(turns, turns[1:], [*turns[2:], *turns[-1:]], strict=False)
+    return [
+        Cycle(*map(float, time[[low, high, last]]))
+        for low, high, last in triples
+        if extension[high] > extension[low]
+    ]
 
 
 def _turns(extension: Record, least: float) -> list[int]:
@@ -83,9 +83,9 @@ def _turns(extension: Record, least: float) -> list[int]:
 
 
 class Resampled(NamedTuple):
-    """Values at given strains, NaN if no record is near, and their standard errors.
+    """Values at given strains, NaN if no record is near, their standard errors, and the noise.
 
-    Errors, and the standard deviations of a single record, are NaN if there are too few records.
+    Errors, and noise, the standard deviation of a record, are NaN if there are too few records.
     """
 
     values: Float[np.ndarray, "strain *series"]
@@ -99,18 +99,14 @@ def resampled(
     """Records resampled at given ascending strains, with standard errors.
 
     A parabola is fitted to the records within half the distance to the next strains, for every
-    series separately, as records may be missing (NaN) in one only; with few records, a line or a
-    mean. If even that is impossible, the value is interpolated linearly between the nearest records
-    on both sides, and has no error.
+    series separately, as records may be missing (NaN) in one only; to few records, a line or a
+    mean. Else the value is interpolated between the nearest records on both sides, without error.
     """
     middles = (at[1:] + at[:-1]) / 2
-    low, high = (
-        np.append(2 * at[0] - middles[0], middles),
-        np.append(middles, 2 * at[-1] - middles[-1]),
-    )
+    ends = np.concatenate([[2 * at[0] - middles[0]], middles, [2 * at[-1] - middles[-1]]])
     series = np.reshape(values, (len(strain), math.prod(np.shape(values)[1:])))
     fits = np.full((3, len(at), series.shape[1]), np.nan)
-    for fit, centre, first, last in zip(fits.swapaxes(0, 1), at, low, high, strict=True):
+    for fit, centre, first, last in zip(fits.swapaxes(0, 1), at, ends[:-1], ends[1:], strict=True):
         window, width = (strain >= first) & (strain <= last), last - first
         fit[:] = _at_zero((strain[window] - centre) / width, series[window])
         for column in np.flatnonzero(np.isnan(fit[0])):
@@ -153,13 +149,10 @@ def _at_zero(
 
 def _between(centre: float, strain: Record, values: Record, reach: float) -> float:
     """The value interpolated between the nearest records on both sides within reach; else NaN."""
-    before, after = strain <= centre, strain >= centre
-    if not (before.any() and after.any()):
+    before, after = np.flatnonzero(strain <= centre), np.flatnonzero(strain >= centre)
+    if not (before.size and after.size):
         return np.nan
-    nearest = [
-        np.flatnonzero(before)[np.argmax(strain[before])],
-        np.flatnonzero(after)[np.argmin(strain[after])],
-    ]
+    nearest = [before[np.argmax(strain[before])], after[np.argmin(strain[after])]]
     (first, second), ends = strain[nearest], values[nearest]
     if max(centre - first, second - centre) > reach:
         return np.nan

@@ -21,8 +21,7 @@ Series = Float[Array | np.ndarray, "*state"]
 def lattice_vectors(corners: CornerGrid) -> CellTensor:
     """Lattice vectors of every unit cell, as the columns (v1, v2) of a matrix [mm].
 
-    A cell is approximated by a parallelogram: v1 is the mean of its lower and upper
-    edge, v2 of its left and right edge (paper, Fig. "lattice vectors").
+    v1 is the mean of lower and upper edge, v2 of left and right (paper, Fig. "lattice vectors").
     """
     xp = array_library(corners)
     along_x = xp.diff(corners, axis=-2)
@@ -40,19 +39,13 @@ def deformation_gradient(reference: ReferenceTensor, current: CellTensor) -> Cel
 
 
 def local_strain(reference: ReferenceGrid, current: CornerGrid) -> tuple[CellField, CellField]:
-    """Local normal strains ε_xx = ∂u_x/∂X and ε_yy = ∂u_y/∂Y of every unit cell [1].
-
-    The reference is the relaxed shape.
-    """
+    """ε_xx = ∂u_x/∂X and ε_yy = ∂u_y/∂Y of every unit cell, from its relaxed reference [1]."""
     gradient = deformation_gradient(lattice_vectors(reference), lattice_vectors(current))
     return gradient[..., 0, 0] - 1, gradient[..., 1, 1] - 1
 
 
 def central_mean(strain: CellField) -> Series:
-    """Mean over the central unit cells (paper, ε̄) [1].
-
-    Cells that lost a marker are NaN and are ignored; if all are, so is the mean.
-    """
+    """Mean over the central unit cells (paper, ε̄), without those that lost a marker (NaN) [1]."""
     rows, columns = central(strain.shape[-2]), central(strain.shape[-1])
     middle = strain[..., rows, columns]
     xp = array_library(strain)
@@ -69,10 +62,7 @@ def mean_cell_size(corners: CornerGrid) -> tuple[Series, Series]:
 
 
 def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
-    """ν = −ε̄_xx / ε̄_yy [1]; NaN where there is no axial strain (paper, "Kinematics").
-
-    The strain yy is along the wales, the direction of the applied strain.
-    """
+    """ν = −ε̄_xx / ε̄_yy, where yy is along the wales; NaN without that (paper, "Kinematics") [1]."""
     stretched = mean_strain_yy != 0
     xp = array_library(mean_strain_yy)
     return xp.where(stretched, -mean_strain_xx / xp.where(stretched, mean_strain_yy, 1), xp.nan)

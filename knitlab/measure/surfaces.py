@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.unit_cells import nodes_at
 
@@ -28,10 +28,7 @@ Periods = tuple[float, float]
 
 
 def self_intersections(shape: MeshShape, configurations: Configuration) -> list[int]:
-    """Number of pairs of grid cells that pass through each other in each of several states [1].
-
-    In periodic fabric each pair counts once per period.
-    """
+    """Number of pairs of grid cells that pass through each other, per period, in each state [1]."""
     rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
     nodes = np.asarray(nodes_at(shape, configurations, rows, columns))
     corners = nodes[:, :-1, :-1], nodes[:, :-1, 1:], nodes[:, 1:, 1:], nodes[:, 1:, :-1]
@@ -43,9 +40,8 @@ def self_intersections(shape: MeshShape, configurations: Configuration) -> list[
 def crossings(quads: Quads, periods: Periods | Float[np.ndarray, "2"] = (0.0, 0.0)) -> int:
     """Number of pairs of quadrilaterals, or of one and an image, that pass through each other.
 
-    Each is treated as two triangles. A pair counts if a side or the diagonal of one crosses a
-    triangle of the other by more than 1e-9 times the size of a quadrilateral; neighbours that touch
-    along a side or at a corner do not count.
+    A pair counts if a side or the diagonal of one crosses one of two triangles of the other by more
+    than 1e-9 times the size of a quadrilateral; neighbours that touch do not count.
     """
     low, high = quads.min(axis=1), quads.max(axis=1)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low, axis=-1).max())
@@ -68,10 +64,7 @@ def crossings(quads: Quads, periods: Periods | Float[np.ndarray, "2"] = (0.0, 0.
 
 
 def gap_between(one: Quads, other: Quads, reach: float, periods: Periods = (0.0, 0.0)) -> float:
-    """Shortest distance between two surfaces, 0 where they pass through each other [mm].
-
-    Distances are searched up to ``reach``; the result is not larger.
-    """
+    """Shortest distance between two surfaces, 0 if they cross and at most ``reach`` [mm]."""
     shifts = [np.array([*np.multiply(turn, periods), 0.0]) for turn in (-1, 0, 1)]
     other = np.concatenate([other + shift for shift in (shifts if any(periods) else shifts[1:2])])
     centres = one.mean(axis=1), other.mean(axis=1)
@@ -90,13 +83,11 @@ def gap_between(one: Quads, other: Quads, reach: float, periods: Periods = (0.0,
 
 
 def _near(tree: cKDTree, points: Points, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of a point of a tree and another point within reach of it."""
     near = tree.sparse_distance_matrix(cKDTree(points), reach, output_type="coo_matrix")
     return near.row, near.col
 
 
 def _cross(quads: Quads, others: Quads) -> Bool[np.ndarray, " pair"]:
-    """Which pairs of quadrilaterals pass through each other."""
     if not len(quads):
         return np.zeros(0, bool)
     tolerance = TOUCHING * float(np.linalg.norm(quads[:, 0] - quads[:, 2], axis=-1).max())
@@ -138,17 +129,13 @@ def _unit(vector: Float[np.ndarray, "3 pair"]) -> Float[np.ndarray, "3 pair"]:
 
 
 def triangle_distance(one: Triangles, other: Triangles) -> Float[np.ndarray, " pair"]:
-    """Shortest distance between triangles that do not pass through each other [mm].
-
-    It is that between two edges, or between a corner and a face.
-    """
+    """Shortest distance between triangles that do not pass through each other [mm]."""
     distances = [
         segment_distance(one[:, a], one[:, b], other[:, c], other[:, d])
         for (a, b), (c, d) in itertools.product(EDGES, EDGES)
     ]
-    for corner in range(3):
-        distances.append(_distance_to_face(one[:, corner], other))
-        distances.append(_distance_to_face(other[:, corner], one))
+    for face, corners in ((other, one), (one, other)):
+        distances += [_distance_to_face(corners[:, corner], face) for corner in range(3)]
     return np.min(distances, axis=0)
 
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 
 
 @dataclass(frozen=True)
 class CellGrid:
-    """Grid lines, ascending from 0 to the last, between which unit cells lie; these may differ."""
+    """Grid lines, ascending from 0, between which unit cells lie; these may differ."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
@@ -43,9 +43,8 @@ class CellGrid:
 def central(count: int) -> slice:
     """The central ones of ``count`` unit cells along one direction, over which is averaged.
 
-    They are the cells whose middle is in the middle third, or if there are none the two next to the
-    middle: 1 of 1, 2 of 2, 1 of 3, 2 of 4, 1 of 5, 3 of 11, 8 of 22. The paper averages over a
-    central block whose size it shows but does not state.
+    Their middle is in the middle third; if none is, they are the two next to the middle: 1 of 1,
+    2 of 2, 1 of 3, 2 of 4, 1 of 5, 3 of 11, 8 of 22. The paper does not state its number.
     """
     first = min(math.ceil(count / 3 - 0.5), (count - 1) // 2)
     return slice(first, count - first)
@@ -57,10 +56,7 @@ def nodes_at(
     rows: Int[np.ndarray, " row"],
     columns: Int[np.ndarray, " column"],
 ) -> Float[Array | np.ndarray, "*state row column 3"]:
-    """Positions of the nodes at rows and columns of the grid, in one state or several [mm].
-
-    In periodic fabric, nodes beyond the last are images of the first.
-    """
+    """Positions of nodes; beyond the last of periodic fabric, images of the first [mm]."""
     turns_y, rows = np.divmod(rows, shape.nodes_y)
     turns_x, columns = np.divmod(columns, shape.nodes_x)
     # Numbers of periods L_x in x, and L_y in y.
@@ -75,11 +71,3 @@ def unit_cell_corners(
 ) -> Float[Array | np.ndarray, "*state corner_y corner_x 2"]:
     """Positions (x, y) of the corners of the unit cells, in one state or several [mm]."""
     return nodes_at(shape, configuration, np.array(cells.rows), np.array(cells.columns))[..., :2]
-
-
-def central_cell(
-    shape: MeshShape, cells: CellGrid, configuration: Configuration
-) -> Float[np.ndarray, "row column 3"]:
-    """Nodes of the unit cell nearest the middle, including its last row and column [mm]."""
-    rows, columns = (np.arange(lines.start, lines.stop) for lines in cells.middle)
-    return np.asarray(nodes_at(shape, configuration, rows, columns))

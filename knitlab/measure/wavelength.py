@@ -2,11 +2,9 @@
 
 The line is a boundary between unit cells. The bending of the whole sample is removed with a
 Savitzky–Golay filter, the rest is resampled evenly, and the peak of its discrete Fourier transform
-gives λ = 1/ν̃_peak.
-
-The resolution of the transform is coarse: for m waves its points are 1/m apart. So the line is
-tapered and padded with zeros, which interpolates the spectrum, and the top of the peak is found
-from three points of its logarithm, which for a tapered wave is nearly a parabola.
+gives λ = 1/ν̃_peak. For m waves the points of the transform are only 1/m apart: the line is tapered
+and padded with zeros, which interpolates the spectrum, and the top of the peak is that of a
+parabola through three points of its logarithm.
 """
 
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.unit_cells import CellGrid
 
@@ -38,11 +36,7 @@ Direction = Literal["x", "y"]
 
 @dataclass(frozen=True)
 class Wave:
-    """The wave in a line [mm].
-
-    Its amplitude is half the height of the sinusoid from trough to crest; ``across`` is the line
-    without its trend, at coordinates ``along`` it that are evenly spaced from its first point.
-    """
+    """The wave in a line [mm]; ``across`` is the line without its trend, at points ``along`` it."""
 
     wavelength: float
     amplitude: float
@@ -55,8 +49,7 @@ def boundary_line(
 ) -> Float[np.ndarray, "point 2"]:
     """The boundary between unit cells nearest the middle, seen from above (along, across) [mm].
 
-    It runs along the weft x or the warp y, from edge to edge, or across :data:`PERIODIC_CELLS`
-    cells of periodic fabric.
+    In periodic fabric it crosses :data:`PERIODIC_CELLS` cells.
     """
     nodes, sides = np.asarray(configuration.positions)[..., :2], configuration.lengths
     if direction == "x":
@@ -83,11 +76,8 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
     """The strongest wave in a line of points (along, across) in any order [mm].
 
     Points at the same coordinate, where the fabric folds over, are averaged. Only waves within a
-    factor of two of the stated number of waves along the line are searched.
-
-    Raises:
-        ValueError: if there are fewer than two waves, the points are too few to resolve them, or
-            a point is not finite.
+    factor of two of the stated number of waves along the line are searched. Raises ValueError for
+    fewer than two waves, too few points to resolve them, or a point that is not finite.
     """
     if waves < FEWEST_WAVES:
         raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")
@@ -111,10 +101,7 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
 def spectrum(
     across: Float[np.ndarray, " point"], extent: float
 ) -> tuple[Float[np.ndarray, " wavenumber"], Float[np.ndarray, " wavenumber"]]:
-    """Wavenumbers ν̃ [1/mm] and the amplitude of a sinusoid at each [mm].
-
-    The line is sampled evenly over its extent, including its first and last point [mm].
-    """
+    """Wavenumbers ν̃ [1/mm], and the amplitude of a sinusoid at each, of an even line [mm]."""
     taper = np.hanning(len(across))
     transform = np.fft.rfft((across - across.mean()) * taper, PADDING * len(across))
     spacing = extent / (len(across) - 1)
@@ -122,7 +109,7 @@ def spectrum(
 
 
 def _trend(raw: Float[np.ndarray, " point"], wavelength: float) -> Float[np.ndarray, " point"]:
-    """The trend: variation slower than the wave, whose length is relative to that of the line."""
+    """Variation slower than the wave, whose length is relative to that of the line."""
     from scipy.signal import savgol_filter  # slow to import, and only simulations need it
 
     window = min(round(TREND_WINDOW * wavelength * len(raw)), len(raw))

@@ -18,10 +18,7 @@ GRADIENT_ROUND_OFF = 1e-8
 
 @dataclass(frozen=True)
 class ChainState:
-    """Equilibrium of a zigzag at one strain: nodes [mm], and the reaction along x at the right [N].
-
-    The residual is the largest force on a free coordinate [N].
-    """
+    """Equilibrium of a zigzag: nodes [mm], reaction at the right, largest force left [N]."""
 
     nodes: Float[np.ndarray, "node 2"]
     force: float
@@ -35,11 +32,10 @@ def pull_chain(
 ) -> list[ChainState]:
     """Stretch a zigzag of several periods: the leftmost node is fixed, the rightmost displaced.
 
-    At every strain, over the relaxed length, the energy is minimised over the free nodes by
-    :func:`scipy.optimize.minimize` (trust-region Newton, exact JAX gradient and Hessian), starting
+    At every strain, over the relaxed length, the energy is minimised over the free nodes, starting
     from the previous state stretched to the new length. The minimiser compares energies, which
-    limits its accuracy to half of the digits; :func:`scipy.optimize.root` then improves the result
-    to full accuracy, which is a largest residual force on a free node within ``tolerance`` [N].
+    limits its accuracy to half of the digits; a root finder then reduces the largest force on a
+    free node to ``tolerance`` [N].
     """
     nodes = np.asarray(relaxed_chain(chain, periods))
     length = nodes[-1, 0]

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,10 +98,8 @@ def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
 
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
     """Fields of grid cells that never change; patches count from the bottom left along courses."""
-    from knitlab.fabric.pattern import recorded_pattern
-
     along_y, along_x = case.unit_cells
-    pattern = recorded_pattern(case.record, (repeats[0] * along_y, repeats[1] * along_x))
+    pattern = replace(case, unit_cells=(repeats[0] * along_y, repeats[1] * along_x)).sample
     across = pattern.knit.shape[1]
     found = {
         KNIT: np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0),

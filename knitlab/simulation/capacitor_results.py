@@ -1,25 +1,16 @@
 """Results of a capacitor in a finished test: capacitance in every state, and figures of merit."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from knitlab.equilibrium.state import State
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
-from knitlab.measure.capacitance.capacitor import (
-    Capacitances,
-    capacitances,
-    electrode_length,
-    mean_fold,
-)
-from knitlab.measure.capacitance.sensor import (
-    hysteresis,
-    sensing_range,
-    sensor_values,
-    strain_unfolded,
-)
+from knitlab.measure.capacitance import capacitor as model
+from knitlab.measure.capacitance import sensor
 from knitlab.measure.capacitance.wedge import side_by_side, wedge_capacitance
 from knitlab.simulation.case import Case
 
@@ -32,20 +23,27 @@ def capacitor_values(
 ) -> dict[str, Any]:
     """Capacitance along the test of a case, by the names of the schema.
 
-    Converged states are given, the relaxed one first, and those of unloading from the last strain
-    but one.
+    Converged states are those of loading, the relaxed one first, and of unloading from the last
+    strain but one.
     """
     capacitor, electrodes = case.capacitor_given, case.electrodes
     configurations = Configuration.stacked([state.configuration for state in reached])
+    capacitances = partial(
+        model.capacitances,
+        electrodes,
+        *case.assemble(),
+        capacitor=capacitor,
+        refinement=case.options.cells_per_period // CELLS_PER_PERIOD,
+    )
     strain = np.array(case.applied_strain[: len(reached)])
-    length = electrode_length(electrodes, case.mesh_shape, configurations[0])
+    length = model.electrode_length(electrodes, case.mesh_shape, configurations[0])
     # For periodic fabric only one period of the electrodes is modelled, not their stated length.
     factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
-    of_fabric = _capacitances(case, configurations)
+    of_fabric = capacitances(configurations)
     leads = capacitor.lead_capacitance
     capacitance = factor * of_fabric.capacitance + leads
-    fold = mean_fold(electrodes, *case.assemble(), configurations)
-    unfolded = strain_unfolded(strain, fold, capacitor.unfolded)
+    fold = model.mean_fold(electrodes, *case.assemble(), configurations)
+    unfolded = sensor.strain_unfolded(strain, fold, capacitor.unfolded)
     values: dict[str, Any] = {
         "capacitance": capacitance,
         "mutual_capacitance": factor * of_fabric.mutual,
@@ -70,20 +68,14 @@ def capacitor_values(
             different = moved > SAME * case.assemble()[1].cell_sides.min()
             values_unloading = of_fabric.capacitance[same].copy()
             if different.any():
-                values_unloading[different] = _capacitances(case, unloading[different]).capacitance
+                values_unloading[different] = capacitances(unloading[different]).capacitance
             back[same] = factor * values_unloading + leads
         values["capacitance_unloading"] = back
-        values["hysteresis"] = hysteresis(capacitance, back)
-    kept = sensing_range(strain, capacitance, unfolded)
+        values["hysteresis"] = sensor.hysteresis(capacitance, back)
+    kept = sensor.sensing_range(strain, capacitance, unfolded)
     if kept.any():
         values["capacitance_ratio"] = capacitance / capacitance[kept][0]
         values["applied_strain_opened"] = strain[kept][0]
         values["sensing_end"] = strain[kept][-1]
-    return values | sensor_values(strain[kept], capacitance[kept], capacitor.linearity, leads)
-
-
-def _capacitances(case: Case, configurations: Configuration) -> Capacitances:
-    refinement = case.options.cells_per_period // CELLS_PER_PERIOD
-    return capacitances(
-        case.electrodes, *case.assemble(), configurations, case.capacitor_given, refinement
-    )
+    merits = sensor.sensor_values(strain[kept], capacitance[kept], capacitor.linearity, leads)
+    return values | merits

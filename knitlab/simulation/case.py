@@ -17,14 +17,7 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.inertia import Inertia, inertia
 from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.network import MeshShape, Network, mesh_shape
-from knitlab.fabric.pattern import (
-    CELLS_PER_PERIOD,
-    BadPattern,
-    Grading,
-    PatchGrid,
-    SingleFold,
-    graded_pattern,
-)
+from knitlab.fabric.pattern import CELLS_PER_PERIOD, Grading, PatchGrid, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import SpringKind, Stripe, StripePair
 from knitlab.measure.capacitance.capacitor import Capacitor
@@ -34,7 +27,7 @@ from knitlab.measure.unit_cells import CellGrid, central
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
 Name = TypeVar("Name")
-
+Given = TypeVar("Given")
 
 OF_NO_TEST = ("design", "capacitor")
 """Fields of a case that do not change its tests, only what is measured in them."""
@@ -49,24 +42,16 @@ class Case:
     """One design under one protocol: all that can change its numbers, and nothing else.
 
     Attributes:
-        design: its labels, by the dimension of the cube that they lie along.
-        weft, warp: the stripe of its rib and of its garter patches; one stripe is both if pure.
-        sheet: the walls.
-        options: of the model: the choices that the paper leaves open.
+        design: labels by dimension of the cube.
+        weft, warp: stripes of the rib and garter patches, equal if pure; in a graded fabric, those
+            of the design that ``grading`` varies, as ``periods``.
         pattern: patch map of a unit cell, top course first.
         periods: periods of a stripe that fill a patch, P.
         unit_cells: unit cells of the sample along (y, x).
         applied_strain: strains of the tensile test, ascending from 0.
-        solver: settings of the equilibrium solver; ``None`` if the test is one by dynamics.
-        dynamics: settings of the dynamics; ``None`` if nothing moves in time.
-        sensitivities: whether derivatives of its results by the stripe parameters are computed.
-        unloading: whether the fabric is let go again, through the same strains.
-        robustness: number of siblings tested beside it, to see how far its results spread.
-        grading: sizes and stripes of rows and columns of the pattern, if they differ; ``weft``,
-            ``warp`` and ``periods`` are then those of the design that it varies.
-        folds: single folds of the pattern.
+        solver, dynamics: ``None`` if the test does not use them.
+        robustness: number of siblings, from which the spread of its results is found.
         cell_patches: patches of a unit cell along (y, x), if it is not the whole pattern.
-        plain: numbers of plain knit, if the pattern has any.
     """
 
     design: dict[str, Label]
@@ -102,17 +87,16 @@ class Case:
     def case_id(self) -> str:
         """Identifier: the design, and a hash of all that differs from its default in code.
 
-        A field that is added later changes the identifier of no case that has its default, which is
-        the value of every earlier case. A default in code is therefore never changed: another one
-        would give two results one identifier. What users get is the value in ``params/``.
+        A field that is added later changes no identifier of a case that has its default, as every
+        earlier case has. A default in code is therefore never changed: another one would give two
+        results one identifier. What users get is the value in ``params/``.
         """
         differing = self._fields(exclude_defaults=True)
         return "-".join([*map(str, self.design.values()), _digest(differing)[:12]])
 
     def _fields(self, *, exclude_defaults: bool = False) -> dict[str, Any]:
         """Its fields and those of its tables, without numbers that its model does not use."""
-        # Much faster than dataclasses.asdict, which also copies what cannot change.
-        # mypy takes the hash of an instance for that of its class.
+        # Much faster than dataclasses.asdict; mypy takes the hash of an instance for its class's.
         schema = _schema(type(self))  # type: ignore[arg-type]
         fields: dict[str, Any] = schema.dump_python(self, exclude_defaults=exclude_defaults)
         for table, name in self._unused():
@@ -172,21 +156,6 @@ class Case:
         rows, columns = sample.row_borders[::height], sample.column_borders[::width]
         return CellGrid(tuple(rows.tolist()), tuple(columns.tolist()))
 
-    def check_cells(self) -> None:
-        """Refuse unit cells that do not fill the pattern.
-
-        Raises:
-            BadPattern: if they do not.
-        """
-        height, width = len(self.pattern), len(self.pattern[0])
-        if self.cell_patches and (height % self.cell_patches[0] or width % self.cell_patches[1]):
-            raise BadPattern(
-                [
-                    f"cell = {list(self.cell_patches)} does not fill the pattern of {height} by"
-                    f" {width} patches; give numbers that divide them"
-                ]
-            )
-
     def _per_central_cell(self, of_rows: Any, of_columns: Any) -> tuple[float, float]:
         """Mean over the central unit cells of sums over their rows, and over their columns."""
         grid = self.cell_grid
@@ -215,7 +184,6 @@ class Case:
 
     @property
     def _stripes(self) -> tuple[tuple[Stripe, ...], tuple[Stripe, ...]]:
-        """Its stripes along the weft and along the warp."""
         if self.grading is None:
             return (self.weft,), (self.warp,)
         return self.grading.weft, self.grading.warp
@@ -257,20 +225,19 @@ class Case:
 
     @property
     def electrodes(self) -> Electrodes:
-        """What is plated on it.
-
-        Raises:
-            BadLayout: if the fabric cannot carry its layout.
-        """
+        """What is plated on it; BadLayout if the fabric cannot carry it."""
         layout = self.capacitor_given.layout
         return place_electrodes(layout, self.sample, self.options, self.stitches_per_cell)
+
+    def _given(self, value: Given | None, name: str) -> Given:
+        if value is None:
+            raise TypeError(f"case {self.case_id} has no {name}")
+        return value
 
     @property
     def capacitor_given(self) -> Capacitor:
         """Its capacitor; a TypeError if it has none."""
-        if self.capacitor is None:
-            raise TypeError(f"case {self.case_id} has no capacitor")
-        return self.capacitor
+        return self._given(self.capacitor, "capacitor")
 
     @property
     def stitches_per_cell(self) -> StitchCounts:
@@ -285,16 +252,12 @@ class Case:
     @property
     def equilibrium_solver(self) -> SolverSettings:
         """Settings of the equilibrium solver; a TypeError if it is solved by dynamics."""
-        if self.solver is None:
-            raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
-        return self.solver
+        return self._given(self.solver, "settings of the equilibrium solver")
 
     @property
     def motion(self) -> DynamicsSettings:
         """Settings of the dynamics; a TypeError if nothing of it moves in time."""
-        if self.dynamics is None:
-            raise TypeError(f"case {self.case_id} has no settings of the dynamics")
-        return self.dynamics
+        return self._given(self.dynamics, "settings of the dynamics")
 
     @property
     def relaxes_by_dynamics(self) -> bool:
@@ -344,22 +307,16 @@ def by_test(named: Iterable[tuple[Name, Case]]) -> list[list[Name]]:
 
 
 def _digest(record: dict[str, Any]) -> str:
-    """A hash of the canonical JSON of a record."""
     canonical = json.dumps(record, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
 def case_of(record: dict[str, Any]) -> Case:
-    """The case that a record describes.
-
-    Raises:
-        ValidationError: if the record is not of a case of this version.
-    """
+    """The case that a record describes; ValidationError if it is of another version."""
     case: Case = _schema(Case).validate_python(record)
     return case
 
 
 @cache
 def _schema(kind: type[Any]) -> TypeAdapter[Any]:
-    """Pydantic's schema of a class of cases, which is slow to make."""
-    return TypeAdapter(kind)
+    return TypeAdapter(kind)  # slow to make

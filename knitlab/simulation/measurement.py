@@ -8,16 +8,10 @@ import xarray as xr
 
 from knitlab.cube.schema import VARIABLES, Status, Variable, described
 from knitlab.equilibrium.state import History, State, TensileTest
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.io.fingerprint import code_fingerprint
+from knitlab.measure import strain
 from knitlab.measure.folds import hinges_past_pi, widths_across_folds
-from knitlab.measure.strain import (
-    central_mean,
-    local_strain,
-    lowest_poisson_ratio,
-    mean_cell_size,
-    poisson_ratio_of_test,
-)
 from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import unit_cell_corners
 from knitlab.measure.wavelength import POINTS, Direction, boundary_wave
@@ -69,24 +63,17 @@ def measured(
 
     Values are missing at strains that did not converge or were not tried; ``residual_force`` and
     ``iterations`` have values at every strain that was tried. Variables of the whole test are
-    missing unless all strains converged.
-
-    Args:
-        case: the case.
-        test: its test.
-        chain: for a pure stripe, its two-dimensional zigzag at every strain.
-        siblings: tests of its siblings.
+    missing unless all strains converged. A pure stripe has a two-dimensional zigzag, ``chain``, at
+    every strain.
     """
     reached = [state for state in test.states if state.converged]
     complete = len(reached) == len(case.applied_strain)
-    flat_cell_x, flat_cell_y = case.flat_cell
     values: dict[str, Any] = {
         "status": np.int8(Status.ok if complete else Status.not_converged),
         "case_id": case.case_id,
         "code": code_fingerprint(),
         "periods": case.periods,
-        "flat_cell_x": flat_cell_x,
-        "flat_cell_y": flat_cell_y,
+        **dict(zip(("flat_cell_x", "flat_cell_y"), case.flat_cell, strict=True)),
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
         "factorisations": [float(state.factorisations) for state in test.states],
@@ -104,9 +91,8 @@ def measured(
             values |= capacitor_values(case, reached, test.unloaded)
         if case.robustness:
             results = [_results(sibling.case, sibling.test) for sibling in siblings]
-            energies = [float(reached[0].energy.total)]
-            energies += [sibling.branch_energy for sibling in siblings]
-            values |= spread(values, results, energies)
+            energies = [sibling.branch_energy for sibling in siblings]
+            values |= spread(values, results, [float(reached[0].energy.total), *energies])
     if case.relaxes_by_dynamics:
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:
@@ -127,16 +113,16 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     reached = [state for state in test.states if state.converged]
     configurations = Configuration.stacked([state.configuration for state in reached])
     corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
-    strain_xx, strain_yy = local_strain(corners[0], corners)
-    mean_xx, mean_yy = (np.asarray(central_mean(strain)) for strain in (strain_xx, strain_yy))
-    ratio = poisson_ratio_of_test(mean_xx, mean_yy)
+    strain_xx, strain_yy = strain.local_strain(corners[0], corners)
+    mean_xx, mean_yy = (np.asarray(strain.central_mean(each)) for each in (strain_xx, strain_yy))
+    ratio = strain.poisson_ratio_of_test(mean_xx, mean_yy)
     applied = np.array(case.applied_strain)[: len(ratio)]
     ratio[mean_yy < LEAST_FOLLOWED * applied] = np.nan
     if case.all_corners_held:
         # Its transverse strain is only round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
-    cell_x, cell_y = mean_cell_size(corners[0])
+    cell_x, cell_y = strain.mean_cell_size(corners[0])
     complete = len(reached) == len(case.applied_strain)
     return {
         "reaction_force": np.array(
@@ -149,32 +135,31 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
         "poisson_ratio": ratio,
         "relaxed_cell_x": float(cell_x),
         "relaxed_cell_y": float(cell_y),
-        **(lowest_poisson_ratio(applied, ratio) if complete else {}),
+        **(strain.lowest_poisson_ratio(applied, ratio) if complete else {}),
     }
 
 
 def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     configurations = Configuration.stacked([state.configuration for state in reached])
-    values: dict[str, Any] = {
-        f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
-        for part in ("stretch", "fold", "wall", "contact")
-    }
-    values |= _lengths(case, configurations)
-    values["hinges_past_pi"] = hinges_past_pi(*case.assemble(), configurations).astype(float)
     intersecting = self_intersections(case.mesh_shape, configurations)
-    values["self_intersections"] = np.array(intersecting, float)
-    return values | {"position": configurations.positions}
+    return {
+        f"energy_{name}": [float(getattr(state.energy, name)) for state in reached]
+        for name in ("stretch", "fold", "wall", "contact")
+    } | {
+        **_lengths(case, configurations),
+        "hinges_past_pi": hinges_past_pi(*case.assemble(), configurations).astype(float),
+        "self_intersections": np.array(intersecting, float),
+        "position": configurations.positions,
+    }
 
 
 def _lengths(case: Case, configurations: Configuration, of: str = "") -> dict[str, Any]:
-    """Periods of periodic fabric, under the names of the schema."""
     if not case.mesh_shape.periodic:
         return {}
     return {f"{of}length_{axis}": configurations.lengths[:, k] for k, axis in enumerate("xy")}
 
 
 def _relaxed_patches(case: Case, relaxed: Configuration) -> dict[str, Any]:
-    """Waves of the boundaries between unit cells, and widths of the patches."""
     shape, cells = case.mesh_shape, case.cell_grid
     values: dict[str, Any] = {}
     directions: tuple[Direction, ...] = ("x", "y")

@@ -8,13 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.equilibrium.adjoint import Adjoint
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import Adjoint, NoDerivative
 from knitlab.equilibrium.loading import drive_along, reaction_force
 from knitlab.equilibrium.state import State
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
 from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio
@@ -76,10 +74,6 @@ def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray
 
     They are the change of J for a relative change of p, and thus comparable between parameters. In
     a graded fabric p changes by the same factor in all stripes of a knit.
-
-    Args:
-        derivative: derivatives of every quantity J with respect to each parameter.
-        stripes: the parameters.
     """
 
     def by_log_of(by_number: Array, number: Array) -> Float[np.ndarray, " quantity"]:
@@ -95,9 +89,7 @@ def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray
 def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
     """Derivatives along the test of a case with respect to its stripe parameters.
 
-    Raises:
-        NoDerivative: if the relaxed shape is not a stable equilibrium, or if the case has contact,
-            which these derivatives leave out.
+    Raises NoDerivative if the relaxed shape is not a stable equilibrium, or the case has contact.
     """
     if case.options.contact != "none":
         raise NoDerivative("derivatives leave out contact")

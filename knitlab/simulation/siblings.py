@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.equilibrium.settings import Start
 from knitlab.equilibrium.state import TensileTest
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
@@ -23,10 +23,7 @@ SPREAD = ("poisson_ratio", "reaction_force")
 
 @dataclass(frozen=True)
 class SiblingTest:
-    """A sibling, its test, and the energy of the fabric as designed, relaxed from its shape.
-
-    That energy is NaN if one of both did not converge [N mm].
-    """
+    """A sibling, its test, and the energy of the original relaxed from its shape, or NaN [N mm]."""
 
     case: Case
     test: TensileTest
@@ -34,10 +31,7 @@ class SiblingTest:
 
 
 def sibling(case: Case, number: int) -> Case:
-    """A sibling of a case, by its number from 1 on.
-
-    Stripe numbers are up to 2 % larger or smaller, and every second one has another start.
-    """
+    """A sibling, from 1 on: stripes differ by up to 2 %, and every second has another start."""
     pair, second = divmod(number - 1, 2)
     changes = np.random.default_rng(pair).uniform(-1, 1, size=(2, len(STRIPE_QUANTITIES)))
     # The second of a pair differs the other way, so that a spread is not to one side by chance.
@@ -45,19 +39,10 @@ def sibling(case: Case, number: int) -> Case:
     solver = case.solver
     if case.options.boundary == "clamped" and number % 2 and case.method == "equilibrium":
         settings = case.equilibrium_solver
-        other: Start = "periodic" if settings.start == "flat" else "flat"
-        solver = replace(settings, start=other)
-    changed = replace(
-        case.with_stripes(
-            lambda stripe: _scaled(stripe, rib), lambda stripe: _scaled(stripe, garter)
-        ),
-        solver=solver,
-        sensitivities=False,
-        unloading=False,
-        capacitor=None,
-        robustness=0,
-    )
-    return changed.without_unused()
+        solver = replace(settings, start="periodic" if settings.start == "flat" else "flat")
+    scaled = case.with_stripes(partial(_scaled, factors=rib), partial(_scaled, factors=garter))
+    plain_test = replace(scaled, sensitivities=False, unloading=False, capacitor=None, robustness=0)
+    return replace(plain_test, solver=solver).without_unused()
 
 
 def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
@@ -73,10 +58,10 @@ def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
 def spread(
     values: dict[str, Any], siblings: Sequence[dict[str, Any]], energies: Sequence[float]
 ) -> dict[str, Any]:
-    """Lowest and highest results of a case and its siblings, under the registry's names.
+    """Lowest and highest results of a case and its siblings, by the names of the schema.
 
     A sibling counts at the strains that it reached. Energies are the relaxed one of the case, then
-    those that its siblings led it to; NaN for what did not converge [N mm].
+    those that its siblings led it to, NaN if they did not converge [N mm].
     """
     spreads: dict[str, Any] = {"relaxed_branches": float(branches(energies))}
     for name in SPREAD:

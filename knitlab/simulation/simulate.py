@@ -11,7 +11,7 @@ from knitlab.cube.case_file import write_case_file
 from knitlab.equilibrium.state import Outcome, TensileTest
 from knitlab.fabric.zigzag import zigzag
 from knitlab.io.provenance import provenance
-from knitlab.measure.zigzag_tension import ChainState, pull_chain
+from knitlab.measure.zigzag_tension import pull_chain
 from knitlab.simulation.case import Case, by_test
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.tensile_tests import Progress, sibling_tests, tensile_tests
@@ -27,12 +27,8 @@ WHY = {
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
     """Relax and stretch the fabrics of one mesh shape together, and write their case files.
 
-    Cases that differ in their electrodes alone share a test.
-
-    Args:
-        results: results folder of the workflow.
-        cases: cases of one mesh shape.
-        progress: called with a case's identifier and how many of its states are done.
+    Cases that differ in their electrodes alone share a test. ``progress`` is called with a case's
+    identifier and how many of its states are done.
     """
     for case, dataset in _simulated(cases, progress):
         write_case_file(results, case.case_id, dataset)
@@ -54,7 +50,12 @@ def _simulated(cases: Sequence[Case], progress: Progress) -> Iterator[tuple[Case
 
     first = [those[0] for those in sharing.values()]
     tests, siblings = tensile_tests(first, report), sibling_tests(first, report)
-    chains = [_zigzag_test(case) if case.pure else [] for case in first]
+    chains = [
+        pull_chain(zigzag(case.weft, case.options), case.periods, case.applied_strain)
+        if case.pure
+        else []
+        for case in first
+    ]
     wall_seconds = time.perf_counter() - began
     for those, test, chain, its in zip(sharing.values(), tests, chains, siblings, strict=True):
         for case in those:
@@ -68,18 +69,14 @@ def _simulated(cases: Sequence[Case], progress: Progress) -> Iterator[tuple[Case
             yield case, dataset
 
 
-def _zigzag_test(case: Case) -> list[ChainState]:
-    return pull_chain(zigzag(case.weft, case.options), case.periods, case.applied_strain)
-
-
 def failure_reason(case: Case, test: TensileTest) -> str:
     """Why a test did not reach its last strain; empty if it did."""
     last = test.states[-1]
     if last.converged:
         return ""
     strain = case.applied_strain[len(test.states) - 1]
-    dynamics = case.method == "dynamics"
-    state, steps = ("state", "time steps") if dynamics else ("equilibrium", "steps")
+    by_dynamics = case.method == "dynamics"
+    state, steps = ("state", "time steps") if by_dynamics else ("equilibrium", "steps")
     return (
         f"no {state} at applied strain {strain:g}: {last.residual:.1e} N left after"
         f" {last.iterations} {steps} ({WHY[last.outcome]})"

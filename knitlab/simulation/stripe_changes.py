@@ -20,12 +20,9 @@ Table = TypeVar("Table", Sheet, PlainKnit)
 def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
     """A stripe with parameters replaced and multiplied.
 
-    Changes are values by names such as ``rib_k_s``, and factors by names such as
-    ``rib_k_s_factor`` for one knit or ``k_s_factor`` for both; a stiffening strain, for one
-    knit or for both, replaces any other spring law.
-
-    Raises:
-        BadInput: if the rest angle would reach π, which is flat.
+    Changes are values such as ``rib_k_s``, and factors such as ``rib_k_s_factor`` for one knit or
+    ``k_s_factor`` for both; a stiffening strain, for one knit or for both, replaces any other
+    spring law. Raises BadInput if the rest angle would reach π, which is flat.
     """
     numbers: dict[str, Any] = {
         name: _changed(getattr(stripe, name), changes, f"{stripe.knit}_{name}", f"{name}_factor")

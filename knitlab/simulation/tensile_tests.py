@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.equilibrium.relaxation import imperfect_sheet, relax_near, starts_from_periodic
+from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.state import TensileTest
-from knitlab.equilibrium.system import run_each
-from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.configuration import Configuration
+from knitlab.equilibrium.tensile_test import (
+    imperfect_sheet,
+    relax_near,
+    starts_from_periodic,
+    stretch,
+)
+from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
 from knitlab.simulation.siblings import SiblingTest, sibling
@@ -26,7 +30,6 @@ Progress = Callable[[str, float], None]
 """Function of a case's identifier and of the number of its finished states, with a fraction."""
 SECONDS_BETWEEN_REPORTS = 1.0
 USUAL_FACTORISATIONS = 20
-"""Number of factorisations after which half of a state is reported as done."""
 
 
 def tensile_tests(
@@ -39,11 +42,15 @@ def tensile_tests(
     if cases[0].method == "dynamics" and imperfection is None:
         return dynamic_tests(cases, progress)
     sheets = starts(cases, imperfection)
-    moved = relaxed_by_dynamics(cases, sheets, progress)
-    searches = []
-    for case, start, relaxed in zip(cases, sheets, moved, strict=True):
-        reporter = Reporter(partial(progress, case.case_id))
-        search = partial(
+    moved: list[Relaxed | None] = [None] * len(cases)
+    if cases[0].relaxes_by_dynamics:
+        from knitlab.dynamics.damped_test import relax_by_dynamics
+
+        report = _by_number(cases, progress)
+        moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets)]
+    reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
+    searches = [
+        partial(
             stretch,
             applied_strain=case.applied_strain,
             settings=case.equilibrium_solver,
@@ -54,7 +61,8 @@ def tensile_tests(
             contact=contact_of(case),
             factorised=reporter.factorised,
         )
-        searches.append(search)
+        for case, start, relaxed, reporter in zip(cases, sheets, moved, reporters, strict=True)
+    ]
     fabrics = [case.assemble()[1] for case in cases]
     tests = run_each(cases[0].mesh_shape, fabrics, searches)
     return [
@@ -74,8 +82,7 @@ def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
 class Reporter:
     """Reports the number of finished states, with a fraction of the next one.
 
-    The number of factorisations of a state is not known beforehand. The fraction that is reported
-    after n factorisations is n / (n + 20), which increases for any number.
+    That is n / (n + 20) after n factorisations, as their number is not known beforehand.
     """
 
     def __init__(self, report: Callable[[float], None]) -> None:
@@ -98,10 +105,7 @@ class Reporter:
 
 
 def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Configuration | None]:
-    """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
-
-    That is an imperfect sheet, by a seed, or a tiling of relaxed periodic fabric.
-    """
+    """What samples relax from: the flat sheet (``None``), an imperfect one, or a tiling [mm]."""
     shapes: list[Configuration | None] = [None] * len(cases)
     if imperfection is not None:
         shapes = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
@@ -121,19 +125,13 @@ def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Confi
     )
     for number, tiling in zip(tiled, tilings, strict=True):
         contact = contact_of(cases[number])
-        if tiling is not None and (
-            contact is None or contact.holds(np.asarray(tiling.flattened()))
-        ):
+        if tiling and (contact is None or contact.holds(np.asarray(tiling.flattened()))):
             shapes[number] = tiling
     return shapes
 
 
 def contact_of(case: Case) -> "Barrier | None":
-    """The contact of the fabric of a case; ``None`` if it may pass through itself.
-
-    Raises:
-        BadInput: if the library of the contact is not installed.
-    """
+    """The contact of the fabric of a case; ``None`` if it may pass through itself."""
     if case.options.contact == "none":
         return None
     if find_spec("ipctk") is None:
@@ -146,44 +144,24 @@ def contact_of(case: Case) -> "Barrier | None":
     return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
 
 
-def relaxed_by_dynamics(
-    cases: Sequence[Case], sheets: Sequence[Configuration | None], progress: Progress
-) -> "list[Relaxed | None]":
-    """What samples of one batch relax to by dynamics, from sheets [mm]; ``None`` if not by them."""
-    if not cases[0].relaxes_by_dynamics:
-        return [None] * len(cases)
-    from knitlab.dynamics.damped_test import relax_by_dynamics
-
-    return [
-        *relax_by_dynamics(
-            moving_fabrics(cases),
-            lambda number, fraction: progress(cases[number].case_id, fraction),
-            sheets,
-        )
-    ]
-
-
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
     """Tensile tests by damped dynamics, all cases in one vmapped program."""
     from knitlab.dynamics.damped_test import stretch_by_dynamics
 
-    return stretch_by_dynamics(
-        moving_fabrics(cases),
-        [case.applied_strain for case in cases],
-        lambda number, done: progress(cases[number].case_id, done),
-    )
+    strains, report = [case.applied_strain for case in cases], _by_number(cases, progress)
+    return stretch_by_dynamics(moving_fabrics(cases), strains, report)
+
+
+def _by_number(cases: Sequence[Case], progress: Progress) -> Callable[[int, float], None]:
+    return lambda number, states: progress(cases[number].case_id, states)
 
 
 def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
     """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
     from knitlab.dynamics.damped_test import MovingFabrics
 
-    return MovingFabrics(
-        cases[0].mesh_shape,
-        [case.assemble()[1] for case in cases],
-        [case.inertia() for case in cases],
-        cases[0].motion,
-    )
+    fabrics, inertias = [case.assemble()[1] for case in cases], [case.inertia() for case in cases]
+    return MovingFabrics(cases[0].mesh_shape, fabrics, inertias, cases[0].motion)
 
 
 def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:

@@ -36,23 +36,16 @@ CONTACT = 4.0
 PROCESS_BYTES = 500e6
 """Memory of a worker with its compiled programs."""
 BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}
-"""Memory for each unknown of a batch, of equilibria mostly for element Hessians, indices and
-factors, to some 30 %."""
+"""Memory for each unknown of a batch, to some 30 %."""
 PARTS_OF_SHARE = 8
-"""Parts that the work of a shard has at least, if its cases are small enough: batches are cut into
-such parts, so that shards differ by less than one of them."""
+"""Parts, at least, that batches are cut into for each shard if their cases are small enough."""
 DIGITS = 6
-"""Digits of estimated times by which shards are balanced: the last digits of a float may differ
-from machine to machine, and the split must not."""
+"""Digits of the estimated times that balance shards: the last ones may differ between machines."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases that one worker simulates together, by one vmapped program, as identifiers.
-
-    All of them together have a number of unknowns, take a time on one core [s], and memory of their
-    worker [bytes].
-    """
+    """Cases that one vmapped program simulates together, as identifiers; time on one core."""
 
     cases: tuple[str, ...]
     unknowns: int
@@ -62,22 +55,16 @@ class Batch:
 
 @dataclass(frozen=True)
 class Shard:
-    """One of the ``count`` parts of a plan, numbered from 1 on.
-
-    Machines run them that do not talk to each other.
-    """
+    """One of the ``count`` parts of a plan, numbered from 1 on."""
 
     number: int
     count: int
 
     def __post_init__(self) -> None:
-        """Refuse numbers that no shard has."""
         whole = all(type(value) is int for value in (self.number, self.count))
         if not (whole and 1 <= self.number <= self.count):
-            raise fault(
-                f"shard {self}",
-                "is not a part of a plan; give a whole number from 1 to the number of shards",
-            )
+            problem = "is not a part of a plan; give a whole number from 1 to the number of shards"
+            raise fault(f"shard {self}", problem)
 
     @classmethod
     def of(cls, text: str) -> "Shard":
@@ -111,8 +98,7 @@ def batched(cases: Mapping[str, Case]) -> tuple[Batch, ...]:
 
 
 def _batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
-    """The batch of some cases that share a mesh shape."""
-    # Cases that share a test take the time and the memory of one.
+    """The batch of cases of one mesh shape; those that share a test cost as much as one."""
     sharing = by_test((case_id, cases[case_id]) for case_id in members)
     first = cases[members[0]]
     unknowns = first.mesh_shape.unknowns * len(sharing)
@@ -122,15 +108,14 @@ def _batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
 
 
 def seconds(cases: Iterable[Case]) -> float:
-    """Time of cases on one core, accurate to a factor of about two [s]."""
+    """Time of cases on one core, to a factor of about two [s]."""
     return sum(SECONDS_OF_WORK[case.method] * work(case, case.states) for case in cases)
 
 
 def work(case: Case, states: float) -> float:
-    """Work in the first ``states`` states of a case.
+    """Work in the first states of a case: steps of 1000 unknowns, or time steps of one node.
 
-    It is counted in steps of a test of 1000 unknowns, or by dynamics in time steps of one node. The
-    states of its siblings are counted after its own; a fraction is part of the next state.
+    The states of its siblings are counted after its own; a fraction is part of the next state.
     """
     if case.method == "dynamics":
         time_step = _time_step(case, case.motion)
@@ -166,18 +151,13 @@ def _time_step(case: Case, motion: DynamicsSettings) -> float:
 
 
 def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:
-    """Number of workers whose batches fit into a memory [bytes] together, at most those wished.
-
-    Any of the batches may run at the same time. The memory is by default that of this machine.
-    """
+    """Number of workers whose batches fit into a memory [bytes], by default of this machine."""
     memory = float(psutil.virtual_memory().total) if memory is None else memory
     needs = sorted((batch.estimated_bytes for batch in batches), reverse=True)
     if needs and needs[0] > memory:
-        raise fault(
-            f"batch of {max(batch.unknowns for batch in batches):,} unknowns",
-            f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB;"
-            " take fewer unit_cells or a larger machine",
-        )
+        largest = f"batch of {max(batch.unknowns for batch in batches):,} unknowns"
+        sizes = f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB"
+        raise fault(largest, f"{sizes}; take fewer unit_cells or a larger machine")
     while workers > 1 and sum(needs[:workers]) > memory:
         workers -= 1
     return workers
@@ -186,11 +166,9 @@ def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | Non
 def split(
     batches: Sequence[Batch], cases: Mapping[str, Case], count: int
 ) -> list[tuple[Batch, ...]]:
-    """The batches of each of several shards of a plan; every case is in exactly one shard.
+    """The batches of each of several shards of a plan, whatever is done already.
 
-    The split depends on the plan alone, whatever is done already. The longest part goes first, each
-    to the shard that has least to do, so that shards differ in estimated time by at most one part:
-    about an eighth of a shard, or one case.
+    The longest part goes first, each to the shard that has least to do.
     """
     share = math.fsum(batch.estimated_seconds for batch in batches) / count
     parts = [part for batch in batches for part in _parts(batch, cases, share / PARTS_OF_SHARE)]

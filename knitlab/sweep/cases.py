@@ -1,10 +1,10 @@
-"""The cases of a design space: what a workflow and the parameters make of each design.
+"""The designs of a workflow, which of them are possible, and the case of each.
 
 Settings that have no meaning together are refused.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,7 +24,6 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES, changed_stripe, changed_table
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.design_space import DesignSpace, Source, sample_size
 from knitlab.sweep.parameters import Parameters, StripeFile
 from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.settings import PATTERN
@@ -32,10 +31,11 @@ from knitlab.sweep.workflow import (
     DesignSection,
     ElectrodesSection,
     ModelSection,
+    StripesSection,
     Workflow,
     pattern_name,
 )
-from knitlab.sweep.workflow_text import SweepAxis, WorkflowText, combinations
+from knitlab.sweep.workflow_text import WorkflowText
 
 # A pure stripe has its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
@@ -44,8 +44,103 @@ PATTERN_FILES = "design.pattern_files"
 USUAL_STRAIN = 2.0
 """Largest usual applied strain: that of pure stripes, which unfold furthest."""
 FAR = 10.0
-"""Factor above the largest, or below the smallest, value of the tables of an unusual value."""
+"""Factor beyond the values of the tables from which a value is unusual."""
 Table = TypeVar("Table")
+Design = tuple[Label, ...]
+Pair = tuple[int, int]
+Source = Callable[[str], str]
+"""Names where a ``section.key`` comes from, for a fault."""
+DEFAULT_SET = "paper"
+
+
+@dataclass(frozen=True)
+class DesignSpace:
+    """Labels of the designs to simulate, and impossible combinations of their grid with the reason.
+
+    They are (n_stripe, n_subunit) of a checkerboard, (knit, n, boundary) of a pure stripe.
+    """
+
+    designs: tuple[Design, ...]
+    excluded: dict[Design, str]
+
+
+def design_space(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
+    """Resolve a workflow's ``[design]``; impossible combinations of a grid are excluded.
+
+    Raises:
+        BadInput: if a set or a member of it does not exist, or if no design is left.
+    """
+    name, sets = section.set or DEFAULT_SET, parameters.designs.root
+    if name not in sets:
+        raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
+    if section.n_stripe is None or section.n_subunit is None:
+        return _members(section, name, sets[name].pairs, source)
+    pairs = sorted({(n, m) for n in section.n_stripe for m in section.n_subunit})
+    reasons = {pair: parameters.stripes.impossible(*pair) for pair in pairs}
+    excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
+    if len(excluded) == len(pairs):
+        asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
+        raise BadInput(Fault(asked, reason) for reason in dict.fromkeys(excluded.values()))
+    return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
+
+
+def _members(
+    section: DesignSection, name: str, pairs: tuple[Pair, ...], source: Source
+) -> DesignSpace:
+    faults = []
+    for key, place in (("n_stripe", 0), ("n_subunit", 1)):
+        wanted = getattr(section, key)
+        if wanted is None:
+            continue
+        members = sorted({pair[place] for pair in pairs})
+        other = "n_subunit" if key == "n_stripe" else "n_stripe"
+        remedy = f"choose from {members}, or give {other} too for a grid of your own"
+        faults += [
+            Fault(source(f"design.{key}"), f"set {name!r} has no {key} = {value}; {remedy}")
+            for value in wanted
+            if value not in members
+        ]
+        pairs = tuple(pair for pair in pairs if pair[place] in wanted)
+    if faults:
+        raise BadInput(faults)
+    return DesignSpace(tuple(sorted(pairs)), {})
+
+
+def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
+    """Resolve a workflow's ``[stripes]``: all stripes of the tables, or those of given sizes.
+
+    If only one knit has a stripe of some size, this size is excluded for the other knit.
+    """
+    there = {knit: sorted(map(int, parameters.stripes.table(knit).n)) for knit in section.knit}
+    sizes = sorted(set().union(*there.values()))
+    if section.n and (strangers := sorted(set(section.n) - set(sizes))):
+        problem = f"there is no stripe of n = {strangers}; choose from {sizes}"
+        raise fault(source("stripes.n"), problem)
+    asked = [
+        (knit, n, boundary)
+        for knit in dict.fromkeys(section.knit)
+        for n in sorted(set(section.n or sizes))
+        for boundary in dict.fromkeys(section.boundaries)
+    ]
+    excluded: dict[Design, str] = {
+        (knit, n, boundary): f"there is no {knit} stripe of n = {n}; choose from {there[knit]}"
+        for knit, n, boundary in asked
+        if n not in there[knit] and section.n
+    }
+    return DesignSpace(tuple(design for design in asked if design[1] in there[design[0]]), excluded)
+
+
+def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int, int]:
+    """Repeats of a pattern of (courses, wales) in a sample along (y, x) (paper, "Kinematics").
+
+    Two courses count as long as a wale is wide.
+    """
+    if section.needles is None:
+        return section.unit_cells or (1, 1)
+    courses, wales = stitches
+    along_x = max(1, int(section.needles * section.scale // wales))
+    length = section.aspect * along_x * wales
+    return max(1, round(length * GARTER_STITCHES_PER_RIB_STITCH / courses)), along_x
 
 
 def with_stripe_files(
@@ -62,10 +157,7 @@ def with_stripe_files(
 def with_pattern_files(
     section: DesignSection, parameters: Parameters, text: WorkflowText
 ) -> tuple[Parameters, list[Path]]:
-    """The parameters with the patterns of a workflow's ``pattern_files``.
-
-    Beside them the files that its patterns are read from, but for ``patterns.toml``.
-    """
+    """The parameters with a workflow's ``pattern_files``, and the files of its patterns."""
     patterns = dict(parameters.patterns)
     files = [text.folder(PATTERN_FILES) / name for name in section.pattern_files]
     for path in files:
@@ -78,22 +170,6 @@ def with_pattern_files(
     return replace(parameters, patterns=patterns), files
 
 
-def cases(
-    workflow: Workflow,
-    axes: tuple[SweepAxis, ...],
-    space: DesignSpace,
-    parameters: Parameters,
-    source: Source,
-) -> Iterator[Case]:
-    """Every case of a workflow: every design under every combination of the axes' values.
-
-    Raises:
-        BadInput: if settings contradict each other.
-    """
-    for labels, chosen in combinations(workflow, axes):
-        yield from _cases(chosen, labels, space, parameters, source)
-
-
 def overridden(table: Table, section: StrictModel) -> Table:
     """A table of settings with what a workflow's section gives in place of them."""
     given = section.model_dump(include=set(declared(type(table))), exclude_none=True)
@@ -101,13 +177,18 @@ def overridden(table: Table, section: StrictModel) -> Table:
     return replace(table, **given)  # type: ignore[type-var]
 
 
-def _cases(
+def cases(
     workflow: Workflow,
     labels: dict[str, Label],
     space: DesignSpace,
     parameters: Parameters,
     source: Source,
 ) -> Iterator[Case]:
+    """The case of every design, labelled with the values of the axes too.
+
+    Raises:
+        BadInput: if settings contradict each other.
+    """
     protocol, changes = workflow.protocol, workflow.model.changes
     model_options = overridden(parameters.model, workflow.model)
     solver = overridden(parameters.solver, workflow.solver)
@@ -149,7 +230,7 @@ def _cases(
                     **common,
                 )
                 case.sample.grid_folds()
-                case.check_cells()
+                _check_cells(rows, entry.cell)
                 _check_thickness(case, source)
             except BadPattern as error:
                 place = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
@@ -171,6 +252,13 @@ def _cases(
             )
             _check_thickness(case, source)
             yield case.without_unused()
+
+
+def _check_cells(rows: tuple[str, ...], cell: tuple[int, int] | None) -> None:
+    height, width = len(rows), len(rows[0])
+    if cell and (height % cell[0] or width % cell[1]):
+        problem = f"cell = {list(cell)} does not fill the pattern of {height} by {width} patches"
+        raise BadPattern([f"{problem}; give numbers that divide them"])
 
 
 def _pattern(
@@ -259,27 +347,22 @@ def unusual_values(
     workflow: Workflow, cases: Iterable[Case], parameters: Parameters
 ) -> tuple[str, ...]:
     """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
-    found: dict[str, None] = {}
+    sentences: list[str] = []
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
-            found[
-                f"strain_max = {strain:g} is {strain:.0%} of the length; usual are 0.2 to 0.6,"
-                " and 0.15 is 15 %"
-            ] = None
+            usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"
+            sentences.append(f"strain_max = {strain:g} is {strain:.0%} of the length; {usual}")
         for stripe in (case.weft, case.warp):
             table = parameters.stripes.table(stripe.knit)
             for name in STRIPE_QUANTITIES:
-                value = getattr(stripe, name)
-                usual = [getattr(row, name) for row in table.n.values()]
-                if not min(usual) / FAR <= value <= max(usual) * FAR:
-                    unit = getattr(table.unit, name)
-                    found[
-                        f"{name} of {stripe.knit} {stripe.n} is {value:.4g} {unit}; usual are"
-                        f" {min(usual):g} to {max(usual):g} {unit}"
-                    ] = None
+                value, unit = getattr(stripe, name), getattr(table.unit, name)
+                known = [getattr(row, name) for row in table.n.values()]
+                if not min(known) / FAR <= value <= max(known) * FAR:
+                    usual = f"usual are {min(known):g} to {max(known):g} {unit}"
+                    its = f"{name} of {stripe.knit} {stripe.n}"
+                    sentences.append(f"{its} is {value:.4g} {unit}; {usual}")
     protocol = workflow.protocol
     if protocol.robustness and protocol.method != "equilibrium":
-        siblings = "siblings are tested in equilibrium only"
-        ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}: {siblings}"
-        found[ignored] = None
-    return tuple(found)
+        ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}"
+        sentences.append(f"{ignored}: siblings are tested in equilibrium only")
+    return tuple(dict.fromkeys(sentences))

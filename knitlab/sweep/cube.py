@@ -20,13 +20,11 @@ from knitlab.simulation.case import Case, Label
 from knitlab.simulation.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.plan import Plan
-from knitlab.sweep.results_folder import Cell, Design, cells
+from knitlab.sweep.results_folder import CaseState, Cell, Design, cells
 
 TEXT_VARIABLES = ("case_id", "code")
 MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
-"""Parameters in which designs of one cube may differ: strains, sample size (which the cube has for
-each design, as ``unit_cells_y`` and ``unit_cells_x``), solver settings, and whether sensitivities,
-unloading or siblings are requested."""
+"""Parameters in which designs of one cube may differ."""
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
 GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}
@@ -52,23 +50,17 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
         raise fault(str(path), problem) from error
     dims = design_dims(cube)
     if dims != plan.dims:
-        raise fault(
-            str(path),
-            f"has the dimensions {', '.join(dims)}, but the workflow has {', '.join(plan.dims)};"
-            " name another results folder",
-        )
+        problem = f"has the dimensions {', '.join(dims)}, but the workflow has"
+        raise fault(str(path), f"{problem} {', '.join(plan.dims)}; name another results folder")
     if not {*UNIT_CELLS, "code"} <= set(cube):
         raise fault(str(path), "is of another version of knitlab; name another results folder")
     others = set(cells(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
-    changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
-    if others and changed:
-        listed = "; ".join(map(str, changed))
-        raise fault(
-            str(path),
-            f"holds {len(others)} designs computed otherwise ({listed}); name another"
-            " results folder, or list the values of a setting to make it a dimension",
-        )
+    listed = "; ".join(str(change) for change in changed if change.key[0] not in MAY_DIFFER)
+    if others and listed:
+        problem = f"holds {len(others)} designs computed otherwise ({listed}); name another results"
+        problem += " folder, or list the values of a setting to make it a dimension"
+        raise fault(str(path), problem)
     return cube
 
 
@@ -76,17 +68,15 @@ def build_cube(
     plan: Plan,
     results: Path,
     old: xr.Dataset | None,
-    *,
-    kept: Collection[str] = (),
-    damaged: Collection[str] = (),
-    failed: Collection[str] = (),
+    states: Mapping[str, CaseState],
+    failed: Collection[str],
 ) -> xr.Dataset:
     """Cube of a plan, from its case files and the previous cube, which has the same dimensions.
 
     A planned case has the results of its file, else those that the old cube has for its design,
     else it is ``failed`` or ``pending``. Cells of the old cube that are not in the plan are kept;
-    combinations that were never requested are ``excluded``. Cases of which the old cube has the
-    results of their file are ``kept``; ``damaged`` files must not be read.
+    combinations that were never requested are ``excluded``. Files of cases that are done already in
+    the old cube, or damaged, are not read.
     """
     known = cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
@@ -94,10 +84,10 @@ def build_cube(
         design = tuple(case.design.values())
         cell = known.get(design)
         has_results = cell is not None and cell.has_results
-        if cell is not None and has_results and case_id in kept and cell.case_id == case_id:
+        state, path = states.get(case_id), case_path(results, case_id)
+        if cell and has_results and state is CaseState.done and cell.case_id == case_id:
             continue
-        path = case_path(results, case_id)
-        if case_id not in damaged and path.is_file():
+        if state is not CaseState.damaged and path.is_file():
             entries[design] = _read_entry(path, case, plan.gauge)
         elif not has_results:
             status = Status.failed if case_id in failed else Status.pending
@@ -115,13 +105,9 @@ def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
     """Variables of the cube, in the order of the registry."""
     case = next(iter(plan.cases.values()))
     # A swept setting, such as contact, may give some cases variables that others lack.
-    wanted = {
-        name
-        for each in plan.cases.values()
-        for name, variable in variables_of(each).items()
-        if variable.in_cube
-    }
-    wanted |= set() if old is None else set(map(str, old.data_vars))
+    wanted = set() if old is None else set(map(str, old.data_vars))
+    for each in plan.cases.values():
+        wanted |= {name for name, variable in variables_of(each).items() if variable.in_cube}
     kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
     named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]
     # A stripe number that is swept is a coordinate.
@@ -178,11 +164,7 @@ def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
 
 
 def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:
-    """Knit sizes [mm] of a simulated case at a gauge, by the names of the schema.
-
-    They follow from the variables of its file. A pure stripe, whose stitches are not defined by
-    patches, has none.
-    """
+    """Knit sizes [mm] of a simulated case at a gauge; a pure stripe has none."""
     if case.pure:
         return {}
     names = (
@@ -242,8 +224,7 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     coordinates = {
         **dict(zip(plan.dims, labels, strict=True)),
         "applied_strain": strains,
-        "cell_y": np.arange(sizes["cell_y"]),
-        "cell_x": np.arange(sizes["cell_x"]),
+        **{dim: np.arange(sizes[dim]) for dim in ("cell_y", "cell_x")},
         **fixed_coordinates({dim for name in names for dim in VARIABLES[name].dims}),
     }
     cube = described(xr.Dataset(variables, coordinates))

@@ -1,13 +1,9 @@
-"""Fields of schemas, derived from the tables that declare settings.
-
-A settings table such as :class:`.SolverSettings` declares the name, the range, the unit and the
-default of each of its settings. The schemas of parameter files and of workflows follow from it.
-"""
+"""Schemas of parameter files and workflows, derived from dataclasses that declare settings."""
 
 import dataclasses
 from collections.abc import Callable, Collection
 from functools import cache
-from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import Field, PositiveFloat, ValidationError, create_model
 
@@ -19,17 +15,15 @@ Types = dict[str, Any]
 """Declared types of settings, with range and unit, by name."""
 Fields = dict[str, tuple[Any, Any]]
 """Types and defaults of a schema's fields, by name; without a default a field is required."""
-Value = TypeVar("Value")
-UnitText = TypeVar("UnitText")
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 
 
-class ParameterValue(StrictModel, Generic[Value, UnitText]):
+class ParameterValue(StrictModel):
     """A value with its unit and source."""
 
-    value: Value
-    unit: UnitText
+    value: Any
+    unit: str
     source: str = Field(min_length=1)
 
 
@@ -42,9 +36,8 @@ class FactorOn:
 
 def declared(table: type, without: Collection[str] = ()) -> Types:
     """The settings that a dataclass declares, but for some of its fields."""
-    hints = get_type_hints(table, include_extras=True)
-    names = [field.name for field in dataclasses.fields(table)]
-    return {name: hints[name] for name in names if name not in without}
+    hints, fields = get_type_hints(table, include_extras=True), dataclasses.fields(table)
+    return {field.name: hints[field.name] for field in fields if field.name not in without}
 
 
 def factors(quantities: Types) -> Types:
@@ -75,17 +68,15 @@ def optional(types: Types) -> Fields:
 def with_defaults(table: type) -> Fields:
     """Fields with the defaults of a dataclass."""
     defaults = {field.name: field.default for field in dataclasses.fields(table)}
-    return {
-        name: (kind, ... if defaults[name] is dataclasses.MISSING else defaults[name])
-        for name, (kind, _) in required(declared(table)).items()
-    }
+    defaults = {name: its for name, its in defaults.items() if its is not dataclasses.MISSING}
+    types = required(declared(table))
+    return {name: (kind, defaults.get(name, ...)) for name, (kind, _) in types.items()}
 
 
 def entries(types: Types) -> Fields:
     """Tables ``{value, unit, source}`` of a parameter file."""
-    form: Any = ParameterValue
-    stated = units(types)
-    return {name: (form[kind, stated[name][0]], ...) for name, (kind, _) in required(types).items()}
+    stated = {name: required({"value": its}) | units({"unit": its}) for name, its in types.items()}
+    return {name: (with_fields(fields)(ParameterValue), ...) for name, fields in stated.items()}
 
 
 def units(types: Types) -> Fields:
@@ -111,17 +102,11 @@ def with_fields(fields: Fields) -> Callable[[Model], Model]:
 
 
 def checked(name: str, table: Table, kind: type[Table]) -> Table:
-    """A table of settings of some name, as its dataclass or one that this is derived from.
-
-    Raises:
-        BadInput: with every value that is out of range.
-    """
-    values = {
-        field: checked(f"{name}.{field}", value, type(value))
-        if dataclasses.is_dataclass(value)
-        else value
-        for field, value in ((field, getattr(table, field)) for field in declared(kind))
-    }
+    """A table of settings as a dataclass; BadInput has every value that is out of range."""
+    values = {field: getattr(table, field) for field in declared(kind)}
+    for field, value in values.items():
+        if dataclasses.is_dataclass(value):
+            values[field] = checked(f"{name}.{field}", value, type(value))
     try:
         # mypy takes the hash of an instance for that of its class.
         read = _schema(kind).model_validate(values)  # type: ignore[arg-type]

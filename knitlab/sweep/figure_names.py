@@ -29,12 +29,7 @@ FIGURE_SUFFIXES = (".pdf", ".svg", ".png")
 
 
 def check_figure_suffix(output: Path) -> None:
-    """Check that the suffix of a file is a format of a figure.
-
-    Raises:
-        BadInput: if it is not.
-    """
+    """Check that the suffix of a file is a format of a figure; else BadInput."""
     if output.suffix.lower() not in FIGURE_SUFFIXES:
-        raise fault(
-            f"output {output}", f"has no suffix of a figure; give {', '.join(FIGURE_SUFFIXES)}"
-        )
+        problem = f"has no suffix of a figure; give {', '.join(FIGURE_SUFFIXES)}"
+        raise fault(f"output {output}", problem)

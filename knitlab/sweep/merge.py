@@ -9,42 +9,18 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.cube.case_file import (
-    StoredCase,
-    case_path,
-    check_case_file,
-    checksum_path,
-    read_case,
-    read_code,
-)
+from knitlab.cube import case_file, cube_file
 from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import (
-    CUBE,
-    design_dims,
-    is_measured,
-    joined_cubes,
-    open_cube,
-    write_cube,
-)
+from knitlab.cube.cube_file import CUBE
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.lock import held
+from knitlab.sweep import results_folder
 from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube
 from knitlab.sweep.plan import joined_plan
 from knitlab.sweep.reproduce import comparison
-from knitlab.sweep.results_folder import (
-    PLAN,
-    CaseState,
-    Cell,
-    Design,
-    Failure,
-    cells,
-    earlier_failures,
-    read_plan,
-    survey,
-    write_failures,
-)
+from knitlab.sweep.results_folder import PLAN, Cell, Design, Failure
 
 CASES = "cases"
 COMPARED = ("poisson_ratio", "reaction_force")
@@ -54,11 +30,7 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class Merge:
-    """The result of a merge: the folder that was merged into, and its cube as written.
-
-    Case files that it did not have were ``copied``, named by their identifiers; those that are
-    damaged in the sources are left out.
-    """
+    """The result of a merge: its folder and cube, and the case files copied and left out."""
 
     folder: Path
     cube: xr.Dataset
@@ -86,14 +58,15 @@ class FolderContents:
 
     @classmethod
     def of(cls, path: Path) -> "FolderContents":
-        """Read a results folder; BadInput if it cannot be read, or holds an experiment."""
-        cube = open_cube(path) if (path / CUBE).exists() else None
-        if cube is not None and is_measured(cube):
+        """Read a results folder; BadInput if it holds an experiment."""
+        cube = cube_file.open_cube(path) if (path / CUBE).exists() else None
+        if cube is not None and cube_file.is_measured(cube):
             raise fault(str(path), "holds an experiment; only simulations are merged")
-        record = read_plan(path) if (path / PLAN).exists() else None
+        record = results_folder.read_plan(path) if (path / PLAN).exists() else None
         names = [file.stem for file in (path / CASES).glob("*.nc")]
-        sound = {name for name in names if check_case_file(path, name) is StoredCase.sound}
-        damaged = tuple(case_path(path, name) for name in names if name not in sound)
+        states = {name: case_file.check_case_file(path, name) for name in names}
+        sound = {name for name in names if states[name] is case_file.StoredCase.sound}
+        damaged = tuple(case_file.case_path(path, name) for name in names if name not in sound)
         return cls(path, record, cube, frozenset(sound), damaged)
 
     @property
@@ -105,14 +78,20 @@ class FolderContents:
 
     @cached_property
     def cells(self) -> dict[Design, Cell]:
-        """The designs of its cube."""
-        return cells(self.cube)
+        """The simulated designs of its cube."""
+        known = results_folder.cells(self.cube)
+        return {design: cell for design, cell in known.items() if cell.has_results}
+
+    @cached_property
+    def results(self) -> dict[str, Cell | None]:
+        """The cases that it has results of, and their cells if they are in its cube."""
+        return dict.fromkeys(self.sound) | {cell.case_id: cell for cell in self.cells.values()}
 
     @property
     def dims(self) -> tuple[str, ...]:
         """Dimensions of its designs; empty if it does not state any."""
         if self.cube is not None:
-            return design_dims(self.cube)
+            return cube_file.design_dims(self.cube)
         return () if self.record is None else tuple(self.record["dims"])
 
     @property
@@ -126,27 +105,29 @@ class FolderContents:
     @property
     def codes(self) -> set[str]:
         """Fingerprints of the codes that computed its cases."""
-        known = {cell.case_id: cell.code for cell in self.cells.values() if cell.has_results}
-        read = (read_code(self.path, case_id) or "" for case_id in self.sound - known.keys())
-        return {*known.values(), *read}
+        return {
+            cell.code if cell else case_file.read_code(self.path, case_id) or ""
+            for case_id, cell in self.results.items()
+        }
 
-    def numbers(self, cell: Cell) -> xr.Dataset:
-        """What is compared of a design of its cube."""
+    def numbers(self, case_id: str) -> xr.Dataset:
+        """What is compared of a case: from its file, or else from the cube."""
+        if case_id in self.sound:
+            return case_file.read_case(self.path, case_id)[list(COMPARED)]
+        cell = self.results[case_id]
         assert self.cube is not None
-        values = {name: ("applied_strain", self.cube[name].values[cell.place]) for name in COMPARED}
-        return xr.Dataset(values, {"applied_strain": self.cube["applied_strain"].values})
+        assert cell is not None
+        place = dict(zip(self.dims, cell.place, strict=True))
+        return self.cube[list(COMPARED)].isel(place, drop=True)
 
 
 def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = False) -> Merge:
-    """Join the case files, cubes, plans and failures of several results folders.
+    """Join the case files, cubes, plans and failures of several folders, see :func:`knitlab.merge`.
 
-    Everything is compared before anything is written; then case files are copied and the cube is
-    replaced, each atomically. The sources are not changed, and merging again changes nothing. See
-    :func:`knitlab.merge` for the arguments.
+    Everything is compared before anything is written, each file atomically.
 
     Raises:
-        BadInput: if the folders contradict each other or hold several workflows; the message names
-            what differs.
+        BadInput: if the folders contradict each other or hold several workflows.
         CannotWrite: if the merged folder cannot be written.
     """
     paths = dict.fromkeys(path.resolve() for each in folders for path in _results_folders(each))
@@ -164,13 +145,13 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
         _check_agreement(merged, any_code)
         copied = tuple(_copied(merged, target))
         cube = _joined(merged, target)
-        write_cube(cube, target / CUBE)
+        cube_file.write_cube(cube, target / CUBE)
         failures: dict[str, Failure] = {}
         for source in reversed(merged):
-            failures |= earlier_failures(source.path)
+            failures |= results_folder.earlier_failures(source.path)
         bad = cube["status"].isin([Status.not_converged, Status.failed]).values
-        not_ok = cube["case_id"].values[bad].tolist()
-        write_failures(target, [failures[name] for name in not_ok if name in failures])
+        not_ok = [failures[name] for name in cube["case_id"].values[bad] if name in failures]
+        results_folder.write_failures(target, not_ok)
     sound = {case_id for source in merged for case_id in source.sound}
     damaged = {path for source in sources for path in source.damaged if path.stem not in sound}
     sources_paths = tuple(source.path for source in sources)
@@ -198,7 +179,7 @@ def _copied(merged: Sequence[FolderContents], target: Path) -> Iterator[str]:
         if owner == target:
             continue
         # The checksum first, as where a case is simulated.
-        for path in (checksum_path, case_path):
+        for path in (case_file.checksum_path, case_file.case_path):
             with atomic_write(path(target, case_id)) as temporary:
                 shutil.copyfile(path(owner, case_id), temporary)
         yield case_id
@@ -207,7 +188,7 @@ def _copied(merged: Sequence[FolderContents], target: Path) -> Iterator[str]:
 def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
     """The cube of all folders and of the case files in the target, which gets their joint plan."""
     cubes = [source.cube for source in merged if source.cube is not None]
-    old = joined_cubes(cubes) if cubes else None
+    old = cube_file.joined_cubes(cubes) if cubes else None
     records = [source.record for source in merged if source.record]
     if not records:
         if old is None:
@@ -216,45 +197,29 @@ def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    states = survey(plan.designs, target, cells(old), check=False)
+    states = results_folder.survey(plan.designs, target, results_folder.cells(old), check=False)
     failed = {
         case_id
         for source in merged
-        for case_id, entry in earlier_failures(source.path).items()
+        for case_id, entry in results_folder.earlier_failures(source.path).items()
         if entry["status"] == Status.failed.name
     }
-    return build_cube(
-        plan,
-        target,
-        old,
-        kept=[name for name, state in states.items() if state is CaseState.done],
-        damaged=[name for name, state in states.items() if state is CaseState.damaged],
-        failed=failed,
-    )
+    return build_cube(plan, target, old, states, failed)
 
 
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
-    """Refuse folders that differ in dimensions, settings, gauges, codes or numbers of cases."""
+    """Refuse folders that differ in dimensions, settings, gauges, codes or results."""
     first, *others = folders
     faults: list[Fault] = []
     for other in others:
         if first.dims and other.dims and first.dims != other.dims:
-            along, own = ", ".join(other.dims), ", ".join(first.dims)
-            raise fault(
-                str(other.path),
-                f"has the dimensions {along}, but {first.path} has {own}; merge it into another"
-                " folder",
-            )
-        changed = [
-            str(change)
-            for change in differences(first.parameters, other.parameters)
-            if change.key[0] not in MAY_DIFFER
-        ]
-        if changed:
-            problem = (
-                f"was computed otherwise than {first.path} ({'; '.join(changed)}); merge it into"
-                " another folder, or run both as one workflow with a list of values"
-            )
+            problem = f"has the dimensions {', '.join(other.dims)}, but {first.path} has"
+            problem += f" {', '.join(first.dims)}; merge it into another folder"
+            raise fault(str(other.path), problem)
+        changed = differences(first.parameters, other.parameters)
+        if listed := "; ".join(str(its) for its in changed if its.key[0] not in MAY_DIFFER):
+            problem = f"was computed otherwise than {first.path} ({listed}); merge it into another"
+            problem += " folder, or run both as one workflow with a list of values"
             faults.append(Fault(str(other.path), problem))
     codes: dict[str, Path] = {}
     for folder in folders if not any_code else ():
@@ -262,8 +227,8 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
             codes.setdefault(code, folder.path)
     if len(codes) > 1:
         listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
-        problem = f"of different code ({listed}); run the older ones again, or allow any code"
-        faults.append(Fault("folders", f"hold cases {problem}"))
+        problem = f"hold cases of different code ({listed}); run the older ones again,"
+        faults.append(Fault("folders", f"{problem} or allow any code"))
     if not faults:
         faults = _contradictions(folders)
     if faults:
@@ -272,49 +237,39 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
 
 def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
     """Faults of designs that are another case, or the same case with other numbers."""
-    found: dict[str, Fault] = {}
-    in_cube: dict[Design, tuple[FolderContents, Cell]] = {}
-    in_file: dict[str, FolderContents] = {}
-
-    def compare(
-        case_id: str,
-        owner: FolderContents,
-        one: xr.Dataset,
-        folder: FolderContents,
-        two: xr.Dataset,
-    ) -> None:
-        # The strains of a cube are those of all its designs.
-        agree, sentence = comparison(*xr.align(two, one, join="outer"))
-        if not agree:
-            problem = (
-                f"has other numbers in {folder.path} than in {owner.path}"
-                f" ({sentence.partition(':')[0]}); compute it alone with knitlab reproduce, and"
-                " remove the wrong one"
-            )
-            found[case_id] = Fault(f"case {case_id}", problem)
-
+    faults: dict[str, Fault] = {}
+    of_design: dict[Design, tuple[FolderContents, Cell]] = {}
+    of_case: dict[str, FolderContents] = {}
     for folder in folders:
         for design, cell in folder.cells.items():
-            if not cell.has_results:
-                continue
-            owner, its = in_cube.setdefault(design, (folder, cell))
+            owner, its = of_design.setdefault(design, (folder, cell))
             if its.case_id != cell.case_id:
-                labels = zip(folder.dims, design, strict=True)
-                found[cell.case_id] = Fault(
-                    str(folder.path),
-                    f"has the design {'  '.join(f'{name} {label}' for name, label in labels)} as"
-                    f" {cell.case_id}, but {owner.path} has it as {its.case_id}, computed with"
-                    " other settings; merge it into another folder",
-                )
-            elif owner is not folder:
-                compare(cell.case_id, owner, owner.numbers(its), folder, folder.numbers(cell))
-        for case_id in folder.sound - found.keys():
-            owner = in_file.setdefault(case_id, folder)
-            sums = {checksum_path(each.path, case_id).read_text() for each in (owner, folder)}
-            if len(sums) > 1:
-                one, two = (read_case(each.path, case_id) for each in (owner, folder))
-                compare(case_id, owner, one, folder, two)
-    named = list(found.values())[:MOST_NAMED]
-    if len(found) > MOST_NAMED:
-        named.append(Fault("folders", f"contradict each other in {len(found)} cases in all"))
+                pairs = zip(folder.dims, design, strict=True)
+                labels = "  ".join(f"{name} {label}" for name, label in pairs)
+                problem = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
+                problem += f" {its.case_id}, computed with other settings;"
+                problem += " merge it into another folder"
+                faults[cell.case_id] = Fault(str(folder.path), problem)
+        for case_id in folder.results:
+            owner = of_case.setdefault(case_id, folder)
+            if owner is folder or case_id in faults or _same_file(case_id, owner, folder):
+                continue
+            # The strains of a cube are those of all its designs.
+            new, known = xr.align(folder.numbers(case_id), owner.numbers(case_id), join="outer")
+            agree, sentence = comparison(new, known)
+            if not agree:
+                problem = f"has other numbers in {folder.path} than in {owner.path}"
+                problem += f" ({sentence.partition(':')[0]});"
+                problem += " compute it alone with knitlab reproduce, and remove the wrong one"
+                faults[case_id] = Fault(f"case {case_id}", problem)
+    named = list(faults.values())[:MOST_NAMED]
+    if len(faults) > MOST_NAMED:
+        named.append(Fault("folders", f"contradict each other in {len(faults)} cases in all"))
     return named
+
+
+def _same_file(case_id: str, *folders: FolderContents) -> bool:
+    if not all(case_id in folder.sound for folder in folders):
+        return False
+    paths = [case_file.checksum_path(folder.path, case_id) for folder in folders]
+    return len({path.read_text() for path in paths}) == 1

@@ -5,16 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Field,
-    PositiveFloat,
-    PositiveInt,
-    RootModel,
-    model_serializer,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, RootModel, model_validator
 
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
@@ -55,11 +46,9 @@ class StripeUnits(StrictModel):
     stiffening_strain: Literal["1"] | None = None
 
 
+@with_fields(with_defaults(SpringCurve))
 class SpringCurveRow(StrictModel):
     """The table of a :class:`~knitlab.fabric.spring_law.SpringCurve`."""
-
-    strain: Annotated[tuple[float, ...], Field(strict=False)]
-    force: Annotated[tuple[float, ...], Field(strict=False)]
 
     @model_validator(mode="after")
     def _is_a_curve(self) -> "SpringCurveRow":
@@ -69,7 +58,7 @@ class SpringCurveRow(StrictModel):
     @property
     def curve(self) -> SpringCurve:
         """The curve of this table."""
-        return SpringCurve(self.strain, self.force)
+        return SpringCurve(**dict(self))
 
 
 @with_fields(required(QUANTITIES))
@@ -81,11 +70,7 @@ class StripeRow(StrictModel):
 
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeRow":
-        """The row of a stripe.
-
-        Raises:
-            ValidationError: if a number of the stripe is out of range.
-        """
+        """The row of a stripe; ValidationError if a number of it is out of range."""
         numbers = asdict(stripe)
         return cls.model_validate({name: numbers[name] for name in (*QUANTITIES, *SPRING_LAWS)})
 
@@ -94,10 +79,6 @@ class StripeRow(StrictModel):
         if self.stiffening_strain is not None and self.spring_curve is not None:
             raise ValueError("has both stiffening_strain and spring_curve; give one")
         return self
-
-    @model_serializer(mode="wrap")
-    def _without_a_law_that_it_has_not(self, serialise: Any) -> dict[str, Any]:
-        return {name: value for name, value in serialise(self).items() if value is not None}
 
 
 def _stitches(text: str) -> str:
@@ -132,13 +113,11 @@ class StripeTables(StrictModel):
 
     def with_stripes(self, stripes: Iterable[Stripe]) -> "StripeTables":
         """The tables, to which stripes are added, or whose stripes they replace."""
-        tables = self
+        tables = dict(self)
         for stripe in stripes:
-            table = tables.table(stripe.knit)
-            rows = table.n | {str(stripe.n): StripeRow.of(stripe)}
-            changed = table.model_copy(update={"n": rows})
-            tables = tables.model_copy(update={str(stripe.knit): changed})
-        return tables
+            rows = tables[stripe.knit].n | {str(stripe.n): StripeRow.of(stripe)}
+            tables[stripe.knit] = tables[stripe.knit].model_copy(update={"n": rows})
+        return StripeTables(**tables)
 
     def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
         """Why a design is impossible with these stripes, or None if it is possible."""
@@ -163,10 +142,10 @@ class StripeFile(StrictModel):
 
     def over(self, stripes: StripeTables) -> StripeTables:
         """The stripes, to which those of this file are added, or which they replace."""
-        tables = {}
-        for knit, table in (("rib", stripes.rib), ("garter", stripes.garter)):
-            own: StripeTable | None = getattr(self, knit)
-            tables[knit] = table if own is None else own.model_copy(update={"n": table.n | own.n})
+        tables = dict(stripes)
+        for knit, own in self:
+            if own is not None:
+                tables[knit] = own.model_copy(update={"n": tables[knit].n | own.n})
         return StripeTables(**tables)
 
 
@@ -177,6 +156,7 @@ class LayoutRow(StrictModel):
     source: str = Field(min_length=1)
 
 
+@with_fields(entries(declared(Capacitor, without=("layout",))))
 class ElectrodesFile(StrictModel):
     """``electrodes.toml``: named layouts, and the entries of a capacitor."""
 
@@ -209,10 +189,10 @@ class DesignSets(RootModel[dict[str, DesignSet]]):
 
 @dataclass(frozen=True)
 class Parameters:
-    """Everything under ``params/``.
+    """Everything under ``params/``, and the source of each value by the name of its setting.
 
     The capacitor has the layout where none is named. Paths of a pattern are relative to the folder
-    beside it. ``sources`` has the source of each value, by the name of its setting.
+    beside it.
     """
 
     stripes: StripeTables
@@ -261,20 +241,14 @@ TABLES: dict[str, type[Any]] = {
 """Tables of settings, by the attribute of the parameters that holds each."""
 
 
-def _file(table: str, base: type[StrictModel] = StrictModel) -> type[StrictModel]:
-    """Schema of a file that has an entry for each setting of a table."""
-    return with_fields(entries(declared(TABLES[table], without=("layout",))))(base)
-
-
-FILES: dict[str, type[BaseModel]] = {
+FILES: dict[str, type[Any]] = {
     "stripes": StripeTables,
-    "sheet": _file("sheet"),
-    "plain": _file("plain"),
-    "model": _file("model"),
-    "solver": _file("solver"),
-    "dynamics": _file("dynamics"),
-    "electrodes": _file("capacitor", ElectrodesFile),
-    "gauge": _file("gauge"),
+    **{
+        name: with_fields(entries(declared(table)))(StrictModel)
+        for name, table in TABLES.items()
+        if table is not Capacitor
+    },
+    "electrodes": ElectrodesFile,
     "designs": DesignSets,
     "patterns": PatternFile,
 }
@@ -298,12 +272,8 @@ def read_parameters(folder: Path) -> Parameters:
         ]
     if faults.all:
         raise BadInput(faults.all)
-    found = {
-        name: entry
-        for file in read.values()
-        for name, entry in file
-        if isinstance(entry, ParameterValue)
-    }
+    entries_of_files = [entry for file in read.values() for entry in file]
+    found = {name: its for name, its in entries_of_files if isinstance(its, ParameterValue)}
     layouts = {
         name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
         for name, row in read["electrodes"].layouts.items()

@@ -17,11 +17,8 @@ from knitlab.sweep.declared_fields import with_defaults, with_fields
 StripeOf = Callable[[Knit, int], Stripe]
 Counts = Annotated[tuple[PositiveInt, ...], Field(strict=False, min_length=1)]
 Letter = Literal["R", "G", "P"]
-OF_LINES = (
-    *("column_stitches", "row_courses", "column_periods", "row_periods"),
-    *("column_n_stripe", "row_n_stripe"),
-)
-"""Keys that give each row or column its own size or stripe."""
+SIZES_OF_LINES = (("column_stitches", "column_periods"), ("row_courses", "row_periods"))
+"""Keys that give each column or row its own size, in stitches or in periods."""
 
 
 @with_fields(with_defaults(SingleFold))
@@ -87,7 +84,7 @@ class Pattern(StrictModel):
             raise ValueError(f"{found}; give one of rows, map and image")
         if (self.image is None) != (not self.colours):
             raise ValueError("an image needs colours, and colours an image; give both or none")
-        for one, other in (("column_stitches", "column_periods"), ("row_courses", "row_periods")):
+        for one, other in SIZES_OF_LINES:
             if getattr(self, one) is not None and getattr(self, other) is not None:
                 raise ValueError(f"has both {one} and {other}; give one of them")
         if self.rows is not None:
@@ -97,7 +94,8 @@ class Pattern(StrictModel):
     @property
     def is_graded(self) -> bool:
         """Whether rows or columns have sizes or stripes of their own."""
-        return any(getattr(self, name) is not None for name in OF_LINES)
+        names = ("column_n_stripe", "row_n_stripe", *SIZES_OF_LINES[0], *SIZES_OF_LINES[1])
+        return any(getattr(self, name) is not None for name in names)
 
     @property
     def single_folds(self) -> tuple[SingleFold, ...]:
@@ -109,11 +107,7 @@ class Pattern(StrictModel):
         return [folder / name for name in (self.map, self.image) if name is not None]
 
     def patches(self, folder: Path) -> tuple[str, ...]:
-        """The rows of letters, top course first; paths are relative to the folder.
-
-        Raises:
-            BadInput: if its file cannot be read, or has another letter or colour.
-        """
+        """The rows of letters, top course first; BadInput if its file cannot be used."""
         if self.rows is not None:
             return tuple(row.upper() for row in self.rows)
         path = self.files(folder)[0]
@@ -136,9 +130,7 @@ class Pattern(StrictModel):
     def grading(
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
-        """Sizes and stripes of the rows and columns of letters; None if all are equal.
-
-        A row or column for which the pattern gives no n_stripe or n_subunit has those of a design.
+        """Sizes and stripes of the rows and columns of letters; None if all are as in a design.
 
         Raises:
             BadPattern: if rows or columns cannot be knitted; it lists them all.
@@ -166,32 +158,27 @@ class Pattern(StrictModel):
         """Values of all lines; the default if no values are given, or not one for each line."""
         values: Sequence[int] | None = getattr(self, key)
         if values is not None and len(values) != count:
-            problems.append(
-                f"{key} gives {len(values)} values, but the pattern has {count} {lines.name}s;"
-                " give one for each"
-            )
+            problem = f"{key} gives {len(values)} values, but the pattern has {count}"
+            problems.append(f"{problem} {lines.name}s; give one for each")
             values = None
         return values or (default,) * count
 
     def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
         """Courses and wales of the whole pattern, of given rows of letters and one design."""
-        found = []
-        for lines, count in ((ROWS, len(rows)), (COLUMNS, len(rows[0]))):
-            default = (lines.stitches * n_subunit,) * count
-            sizes = getattr(self, f"{lines.name}_{lines.unit}") or default
+
+        def total(lines: _Lines, count: int) -> int:
             if periods := getattr(self, f"{lines.name}_periods"):
                 n = getattr(self, f"{lines.name}_n_stripe") or (n_stripe,) * count
-                sizes = [lines.of_period(its) * p for its, p in zip(n, periods, strict=False)]
-            found.append(sum(sizes))
-        return found[0], found[1]
+                return sum(lines.of_period(its) * p for its, p in zip(n, periods, strict=False))
+            sizes = getattr(self, f"{lines.name}_{lines.unit}")
+            return sum(sizes or (lines.stitches * n_subunit,) * count)
+
+        return total(ROWS, len(rows)), total(COLUMNS, len(rows[0]))
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """The rows or the columns of a pattern: how messages call them, and their stripes.
-
-    A rib stitch counts as ``stitches`` of their stitches.
-    """
+    """The rows or the columns of a pattern; a rib stitch counts as ``stitches`` of theirs."""
 
     name: str
     place: str
@@ -212,10 +199,10 @@ class _Lines:
             whole, rest = divmod(size, period)
             if rest or not whole:
                 near = sorted({max(1, whole) * period, (whole + 1) * period})
+                stripes = f"{2 * size / period:g} stripes of n_stripe {n}"
+                rule = f"a patch holds an even number of them; take {' or '.join(map(str, near))}"
                 problems.append(
-                    f"{self.place} {number}: {size} {self.unit} are {2 * size / period:g} stripes"
-                    f" of n_stripe {n}, and a patch holds an even number of them; take"
-                    f" {' or '.join(map(str, near))}"
+                    f"{self.place} {number}: {size} {self.unit} are {stripes}, and {rule}"
                 )
             yield max(1, whole)
 
@@ -227,11 +214,9 @@ class _Lines:
             try:
                 yield stripe(self.knit, self.stitches * n)
             except KeyError:
-                problems.append(
-                    f"{self.place} {number}: there is no {self.knit} stripe of"
-                    f" {self.stitches * n} {self.unit}; choose another n_stripe, or give its"
-                    " numbers in stripe_files"
-                )
+                missing = f"no {self.knit} stripe of {self.stitches * n} {self.unit}"
+                remedy = "choose another n_stripe, or give its numbers in stripe_files"
+                problems.append(f"{self.place} {number}: there is {missing}; {remedy}")
 
 
 COLUMNS = _Lines("column", "column", "stitches", "rib", 1)

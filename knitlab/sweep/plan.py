@@ -14,30 +14,29 @@ from knitlab.cube.common_settings import common_settings
 from knitlab.cube.schema import Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
-from knitlab.io.fingerprint import (
-    code_fingerprint,
-    digests,
-    package_fingerprint,
-    text_fingerprint,
-)
+from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
+from knitlab.sweep import workflow_text
 from knitlab.sweep.batches import Batch, Shard, batched, split
 from knitlab.sweep.cases import (
+    Design,
+    DesignSpace,
     cases,
+    design_space,
     electrode_problems,
     overridden,
+    stripe_space,
     unusual_values,
     with_pattern_files,
     with_stripe_files,
 )
-from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow import CHANGES, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
-from knitlab.sweep.workflow_text import SweepAxis, WorkflowText, coordinate, read_workflow
+from knitlab.sweep.workflow_text import SweepAxis, WorkflowText
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Plan:
 
     Attributes:
         excluded: impossible designs of the grid, with the reason.
-        coordinates: coordinates of the settings that are given as lists.
+        coordinates: of the settings that are given as lists.
         overrides: values that replace the workflow's, by the name of their setting.
         inputs: SHA-256 of every file that the plan was made from, by path.
         stripes: fingerprint of the stripe tables, with the changes that all cases share.
@@ -120,11 +119,7 @@ class Plan:
         }
 
     def write(self, path: Path) -> None:
-        """Write the plan into a JSON file, one line for each case.
-
-        Raises:
-            CannotWrite: if it cannot be written.
-        """
+        """Write the plan into a JSON file, one line for each case."""
         record = self.record()
         cases = record.pop("cases").items()
         lines = (f"  {json.dumps(case_id)}: {json.dumps(case)}" for case_id, case in cases)
@@ -141,7 +136,7 @@ def make_plan(
     Raises:
         BadInput: with every fault of every file and override.
     """
-    text = read_workflow(workflow_file(workflow), overrides)
+    text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
     faults = ErrorCollector()
     parameters = shipped_parameters = read = None
@@ -152,9 +147,7 @@ def make_plan(
     with faults:
         parameters = shipped_parameters = read_parameters(folder)
     with faults:
-        read = text.checked()
-    with faults:
-        axes = text.checked_axes()
+        read, axes = text.checked()
     with faults:
         if parameters and (model := text.section("model")):
             parameters, files = with_stripe_files(model, parameters, text)
@@ -170,7 +163,9 @@ def make_plan(
     with faults:
         if parameters and read and not faults.all:
             made = {
-                case.case_id: case for case in cases(read, axes, space, parameters, text.source)
+                case.case_id: case
+                for labels, chosen in workflow_text.combinations(read, axes)
+                for case in cases(chosen, labels, space, parameters, text.source)
             }
             faults.all += _misplaced_electrodes(made, text)
     if parameters is None or shipped_parameters is None or read is None or faults.all:
@@ -182,7 +177,7 @@ def make_plan(
         cases=made,
         batches=batched(made),
         excluded=space.excluded,
-        coordinates={axis.name: coordinate(axis.setting) for axis in axes},
+        coordinates={axis.name: workflow_text.coordinate(axis.setting) for axis in axes},
         overrides=text.overrides,
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
@@ -223,8 +218,7 @@ def _stripes_fingerprint(
 def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
     """The plan with the cases of several recorded plans of one workflow and the same dimensions.
 
-    If the plans differ, it states no inputs: no workflow file gives all its cases. A message names
-    what they were read from.
+    If the plans differ, it states no inputs: no workflow file gives all its cases.
     """
     first = records[0]
     cases: dict[str, Case] = {}
@@ -248,7 +242,7 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         batches=batched(cases),
         excluded={design: why for design, why in excluded.items() if design not in designs},
         coordinates={
-            name: coordinate(SETTINGS[name])
+            name: workflow_text.coordinate(SETTINGS[name])
             for name in first["dims"]
             if name in SETTINGS and name not in ("n_stripe", "n_subunit")
         },

@@ -4,7 +4,6 @@ import sys
 import time
 from collections.abc import Mapping
 from threading import Event, Thread
-from types import TracebackType
 from typing import TextIO
 
 from tqdm import tqdm
@@ -23,8 +22,7 @@ class ProgressBar:
     """A bar over all states of some cases; a case that ends early counts in full.
 
     If the output is not a terminal, it writes a line every half minute. The elapsed time moves on
-    while no work is reported, as in a long relaxation, so that a run that works is told from one
-    that hangs.
+    while no work is reported, as in a long relaxation.
     """
 
     def __init__(self, cases: Mapping[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
@@ -53,12 +51,7 @@ class ProgressBar:
             self._clock.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._closed.set()
         if self._clock.is_alive():
             self._clock.join()
@@ -103,6 +96,3 @@ class _LogLines:
     def write(self, text: str) -> None:
         if line := text.strip():
             self._file.write(f"{line}\n")
-
-    def flush(self) -> None:
-        self._file.flush()

@@ -40,18 +40,9 @@ class RecordedCase:
     case_id: str
     folder: Path
 
-    @property
-    def kept(self) -> xr.Dataset | None:
-        """The contents of its case file, if it exists."""
-        if not case_path(self.folder, self.case_id).is_file():
-            return None
-        return read_case(self.folder, self.case_id)
-
 
 def find_case(results: Path, case_id: str) -> RecordedCase:
-    """The case with an identifier, or its first characters, from the files under a folder.
-
-    The folder holds a folder of results for each workflow, or is one of these.
+    """The case with an identifier, or its first characters, in a results folder or those in it.
 
     Raises:
         BadInput: if there is none, if several begin so, or if another version recorded it.
@@ -89,11 +80,7 @@ def _records(folder: Path, begins: str) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
-    """Run a case, and say in lines how every state was reached; no file is written.
-
-    Returns:
-        Whether every state converged, and agrees with the case file if there is one.
-    """
+    """Run a case, say how every state was reached, and return whether all converged and agree."""
     case = recorded.case
     say(f"{recorded.case_id}: {case.label}")
     if case.case_id != recorded.case_id:
@@ -124,11 +111,11 @@ def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
         )
     reason = failure_reason(case, test)
     say(reason or f"all {len(test.states)} states converged")
-    kept = recorded.kept
-    if kept is None:
+    path = case_path(recorded.folder, recorded.case_id)
+    if not path.is_file():
         return not reason
-    agree, sentence = comparison(results, kept)
-    say(f"{sentence} {case_path(recorded.folder, recorded.case_id)}")
+    agree, sentence = comparison(results, read_case(recorded.folder, recorded.case_id))
+    say(f"{sentence} {path}")
     return agree and not reason
 
 

@@ -1,9 +1,10 @@
-"""What a results folder holds of a plan: its record, the state of every case, and why some failed.
+"""A results folder: its recorded plan, the state of every case, failures, and its status.
 
 Needs no JAX.
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -14,11 +15,12 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
-from knitlab.cube.cube_file import design_dims
+from knitlab.cube.cube_file import CUBE, design_dims, open_cube
 from knitlab.cube.schema import RUN, Status
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
-from knitlab.io.fingerprint import code_fingerprint, digests
+from knitlab.io.errors import BadInput, fault
+from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint
+from knitlab.sweep.workflow_file import Overrides, read_overrides, workflow_file
 
 PLAN = "plan.json"
 FAILURES = "failures.jsonl"
@@ -57,23 +59,19 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
     if cube is None:
         return {}
     labels = [cube[dim].values.tolist() for dim in design_dims(cube)]
-    status, case_id, code = (cube[name].values for name in ("status", "case_id", "code"))
-    found = {}
+    case_id, code, status = (cube[name].values for name in ("case_id", "code", "status"))
+    designs = {}
     for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
         design = tuple(along[k] for along, k in zip(labels, place, strict=True))
-        found[design] = Cell(
-            place, str(case_id[place]), str(code[place]), Status(int(status[place]))
-        )
-    return found
+        its = str(case_id[place]), str(code[place]), Status(int(status[place]))
+        designs[design] = Cell(place, *its)
+    return designs
 
 
 def survey(
     designs: Mapping[str, Design], folder: Path, stored: Mapping[Design, Cell], check: bool
 ) -> dict[str, CaseState]:
-    """State of every planned case in a folder with a cube of stored cells, by identifier.
-
-    ``check`` compares every case file with its checksum, rather than only test that both exist.
-    """
+    """State of every planned case in a folder; ``check`` compares case files with checksums."""
     names = {path.name for path in (folder / "cases").glob("*")}
     states = {}
     for case_id, design in designs.items():
@@ -101,16 +99,15 @@ def read_plan(folder: Path) -> dict[str, Any]:
     path = folder / PLAN
     try:
         record = json.loads(path.read_text())
-        complete = all(name in record for name in ("cases", "dims", "inputs", "overrides"))
     except FileNotFoundError:
         raise fault(str(path), "does not exist; plan or run the workflow first") from None
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (ValueError, TypeError):
-        complete = False
-    if not complete:
-        raise fault(str(path), "is not a plan; plan the workflow again")
-    return dict(record)
+    except ValueError:
+        record = None
+    if isinstance(record, dict) and {"cases", "dims", "inputs", "overrides"} <= record.keys():
+        return record
+    raise fault(str(path), "is not a plan; plan the workflow again")
 
 
 def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
@@ -137,3 +134,113 @@ def write_failures(folder: Path, failures: Iterable[Failure]) -> None:
     """Replace the entries for designs that are not ok."""
     with atomic_write(folder / FAILURES) as temporary:
         temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
+
+
+@dataclass(frozen=True)
+class FolderStatus:
+    """The progress of the plan of a results folder; cases are named by their identifiers.
+
+    Attributes:
+        designs: labels of the planned cases along the dimensions.
+        statuses: status of every planned case, or why it is not done.
+        failures: reason of every failed case.
+        changed: files that have changed since the plan was made.
+    """
+
+    designs: dict[str, Design]
+    dims: tuple[str, ...]
+    statuses: dict[str, str]
+    failures: dict[str, str]
+    changed: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"<FolderStatus: {len(self.designs)} cases, {counts}>"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of cases by status, in descending order."""
+        return dict(Counter(self.statuses.values()).most_common())
+
+    def label(self, case_id: str) -> str:
+        """The design of a case as text."""
+        labels = zip(self.dims, self.designs[case_id], strict=True)
+        return "  ".join(f"{name} {value}" for name, value in labels)
+
+    def record(self) -> dict[str, Any]:
+        """The status as a JSON object."""
+        return {
+            "cases": len(self.designs),
+            "counts": self.counts,
+            "changed_inputs": self.changed,
+            "not_ok": [
+                {
+                    "case_id": case_id,
+                    **dict(zip(self.dims, self.designs[case_id], strict=True)),
+                    "status": status,
+                    "reason": self.failures.get(case_id, ""),
+                }
+                for case_id, status in self.statuses.items()
+                if status != Status.ok.name
+            ],
+        }
+
+
+def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
+    """Progress of the last plan of a workflow, which is planned again if an input has changed.
+
+    BadInput if it was never planned there; ``check`` compares every case file with its checksum.
+    """
+    folder = results / Path(workflow).stem
+    record = read_plan(folder)
+    designs = planned_designs(record)
+    if changed_inputs(record):
+        from knitlab.sweep.plan import make_plan  # imports JAX, which only this case needs
+
+        designs = make_plan(workflow, record["overrides"]).designs
+    return folder_status(folder, record, designs, check)
+
+
+def folder_status(
+    folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
+) -> FolderStatus:
+    """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
+    cube = open_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
+    stored = cells(cube)
+    failures = earlier_failures(folder)
+    statuses = {}
+    for case_id, state in survey(designs, folder, stored, check).items():
+        cell = stored.get(designs[case_id])
+        if state is CaseState.done:
+            in_cube = cell if cell and cell.case_id == case_id else None
+            statuses[case_id] = in_cube.status.name if in_cube else "done, not yet in the cube"
+        elif state is CaseState.pending and case_id in failures:
+            statuses[case_id] = Status.failed.name
+        else:
+            statuses[case_id] = state.value
+    return FolderStatus(
+        designs=dict(designs),
+        dims=tuple(record["dims"]),
+        statuses=statuses,
+        failures={case_id: entry["reason"] for case_id, entry in failures.items()},
+        changed=changed_inputs(record),
+    )
+
+
+def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[str, Any] | None:
+    """The record of a plan of which a run would change nothing; None if there is none."""
+    try:
+        path = workflow_file(workflow)
+        folder = results / path.stem
+        record = read_plan(folder)
+        if (
+            record["overrides"] == {each.name: each.value for each in read_overrides(overrides)[0]}
+            and record.get("package") == package_fingerprint()
+            and str(path.resolve()) in record["inputs"]
+            and not changed_inputs(record)
+        ):
+            status = folder_status(folder, record, planned_designs(record), check=True)
+            return record if set(status.counts) == {Status.ok.name} else None
+    except (BadInput, OSError):
+        pass
+    return None

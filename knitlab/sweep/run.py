@@ -4,7 +4,7 @@ import itertools
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import xarray as xr
@@ -19,30 +19,13 @@ from knitlab.io.fingerprint import code_fingerprint
 from knitlab.io.lock import gate, held, running_shards
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import simulate_batch
+from knitlab.sweep import results_folder, workers
 from knitlab.sweep.batches import Shard, workers_that_fit
 from knitlab.sweep.cube import build_cube, previous_cube
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
-from knitlab.sweep.results_folder import (
-    FAILURES,
-    PLAN,
-    CaseState,
-    Failure,
-    cells,
-    earlier_failures,
-    read_plan,
-    survey,
-    write_failures,
-)
-from knitlab.sweep.workers import (
-    BatchError,
-    SchedulerLost,
-    Simulate,
-    Task,
-    connected,
-    interrupted_by_signals,
-    pool_of,
-)
+from knitlab.sweep.results_folder import FAILURES, PLAN, CaseState, Failure, earlier_failures
+from knitlab.sweep.workers import BatchError, SchedulerLost, Simulate, Task
 
 ONE_BY_ONE = 2
 """Number of attempts after which batches are run one by one."""
@@ -55,8 +38,7 @@ class RunOptions:
     """How a plan is run, see :func:`knitlab.run`; none of these options changes a result.
 
     Without a number of ``workers`` a single batch is simulated in this process, which is ready
-    sooner, and several by one process for each processor. A scheduler's workers must see the
-    results folder.
+    sooner, and several by one process for each processor.
     """
 
     workers: int | None = 0
@@ -71,11 +53,9 @@ class RunOptions:
     simulate: Simulate = simulate_batch
 
     def __post_init__(self) -> None:
-        """Refuse numbers that no run can have; BadInput names them all."""
-        workers = 0 if self.workers is None else self.workers
         faults = [
             Fault(f"{name} {number}", "is not a whole number; give 0 or more")
-            for name, number in (("workers", workers), ("retries", self.retries))
+            for name, number in (("workers", self.workers or 0), ("retries", self.retries))
             if not isinstance(number, int) or number < 0
         ]
         if self.case_timeout is not None and not self.case_timeout > 0:
@@ -97,11 +77,7 @@ class Run:
 
     Attributes:
         cube: the cube, as written; of a shard, the designs of its part alone.
-        simulated: the cases that this run simulated.
-        states_before: state of every planned case before the run.
-        failures: an entry with its reason for each case that is not ok.
-        stopped: whether the run was interrupted.
-        changed: differences to the parameters of stale results.
+        changed: differences to the parameters of the cube before the run.
         joined: whether ``cube.nc`` was written; it is left to other shards that still run.
     """
 
@@ -110,15 +86,15 @@ class Run:
     states_before: dict[str, CaseState]
     failures: tuple[Failure, ...]
     stopped: bool
-    changed: tuple[str, ...] = ()
-    joined: bool = True
+    changed: tuple[str, ...]
+    joined: bool
 
     def in_state(self, *states: CaseState) -> tuple[str, ...]:
         """The cases that were in one of some states before the run."""
         return tuple(case_id for case_id, its in self.states_before.items() if its in states)
 
     def left_in(self, *states: CaseState) -> tuple[str, ...]:
-        """Those of these cases that the run did not simulate."""
+        """The cases that were in one of some states, and that the run did not simulate."""
         return tuple(set(self.in_state(*states)) - set(self.simulated))
 
     @property
@@ -148,23 +124,17 @@ class Run:
         ]
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
-        if stale := self.left_in(CaseState.stale_code):
-            lines.append(
-                f"stale: {len(stale)} cases were computed by other code and are kept;"
-                " a refresh recomputes them"
-            )
-        if self.stale_parameters:
-            lines.append(
-                f"stale: {len(self.stale_parameters)} cases are kept as computed with other"
-                f" parameters ({'; '.join(self.changed) or 'of single designs'}); a refresh"
-                " recomputes them, another results folder keeps both"
-            )
+        if stale := len(self.left_in(CaseState.stale_code)):
+            kept = f"stale: {stale} cases were computed by other code and are kept"
+            lines.append(f"{kept}; a refresh recomputes them")
+        if stale := len(self.stale_parameters):
+            listed = "; ".join(self.changed) or "of single designs"
+            kept = f"stale: {stale} cases are kept as computed with other parameters ({listed})"
+            lines.append(f"{kept}; a refresh recomputes them, another results folder keeps both")
         if self.stopped:
             left = len(self.left_in(CaseState.pending, CaseState.damaged))
-            noun = "case is" if left == 1 else "cases are"
-            lines.append(
-                f"stopped: finished cases are kept, {left} {noun} left; run again to continue"
-            )
+            left_over = f"{left} case is left" if left == 1 else f"{left} cases are left"
+            lines.append(f"stopped: finished cases are kept, {left_over}; run again to continue")
         return lines
 
 
@@ -173,10 +143,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
 
     Results of other code or parameters are kept unless ``options.refresh``. A batch that raises or
     whose worker dies is tried again, then each of its cases on its own; a case that still has no
-    result is ``failed``. Ctrl-C and SIGTERM keep finished cases.
-
-    A shard simulates its part beside other shards of the plan in the results folder of its
-    workflow; the last one to end writes ``cube.nc`` with the cases of all.
+    result is ``failed``. Ctrl-C and SIGTERM keep finished cases. The last of several shards to end
+    writes ``cube.nc`` with the cases of all.
 
     Raises:
         BadInput: if another run holds the folder, its cube has other dimensions, shards of another
@@ -184,7 +152,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         CannotWrite: if the folder cannot be written, or is full; finished cases are kept.
     """
     if options.scheduler is not None:
-        connected(options.scheduler).close()  # before anything is written
+        workers.connected(options.scheduler).close()  # before anything is written
     shard = options.shard
     part = plan if shard is None else plan.part(shard)
     with held(results, None if shard is None else (shard.number, shard.count)):
@@ -196,62 +164,54 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        states = survey(part.designs, results, cells(old), check=True)
+        states = results_folder.survey(part.designs, results, results_folder.cells(old), check=True)
         missing = {
             case_id: part.cases[case_id]
             for case_id, state in states.items()
             if state in (CaseState.pending, CaseState.damaged)
             or (state is not CaseState.done and options.refresh)
         }
-        with interrupted_by_signals():
+        with workers.interrupted_by_signals():
             done = _simulate(part, results, missing, options)
         simulated = tuple(case_id for case_id in missing if case_id in done.ended)
         failed = done.failed
         if joined := shard is None:
             cube, failures = _join(plan, results, old, states, simulated, failed)
         else:
-            # More shards than cases leave some without any.
-            damaged = _damaged(states, simulated) if part.cases else set(plan.cases)
-            cube = build_cube(
-                part if part.cases else plan, results, None, damaged=damaged, failed=failed
-            )
+            shown, after = part, states | dict.fromkeys(simulated, CaseState.pending)
+            if not part.cases:  # with more shards than cases: a cube without results
+                shown, after = plan, dict.fromkeys(plan.cases, CaseState.damaged)
+            cube = build_cube(shown, results, None, after, failed)
             failures = _failures(part, results, cube, simulated, failed)
             with gate(results):
                 of_others = earlier_failures(results)
                 others = [its for name, its in of_others.items() if name not in part.cases]
-                write_failures(results, [*others, *failures])
+                results_folder.write_failures(results, [*others, *failures])
                 if joined := not _others_run(results, shard):
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
-                    found = survey(plan.designs, results, cells(now), check=True)
+                    stored = results_folder.cells(now)
+                    found = results_folder.survey(plan.designs, results, stored, check=True)
                     _join(plan, results, now, found, simulated, failed)
-    run = Run(cube, simulated, states, failures, done.stopped, joined=joined)
-    if old is None or not run.stale_parameters:
-        return run
-    changed = map(str, differences(parameters_of(old), plan.common))
-    return replace(run, changed=tuple(changed))
+    changed = () if old is None else differences(parameters_of(old), plan.common)
+    listed = tuple(map(str, changed))
+    return Run(cube, simulated, states, failures, done.stopped, listed, joined)
 
 
 def _others_run(results: Path, shard: Shard) -> bool:
-    """Whether other shards run in a folder."""
     return any(other != (shard.number, shard.count) for other in running_shards(results))
 
 
 def _check_same_plan(plan: Plan, results: Path) -> None:
-    """Refuse to run a shard of a plan beside shards of another plan, or of other code."""
-    record = read_plan(results)
+    record = results_folder.read_plan(results)
     if (set(record["cases"]), record.get("code")) != (set(plan.cases), code_fingerprint()):
-        raise fault(
-            str(results / PLAN),
-            "is that of the shards that run in this folder, and has other cases or was made by"
-            " other code; wait for them, or name another results folder",
-        )
+        problem = "is that of the shards that run in this folder, and has other cases or was made"
+        problem += " by other code; wait for them, or name another results folder"
+        raise fault(str(results / PLAN), problem)
 
 
 @dataclass
 class _Simulated:
-    """The cases that a run simulated so far, why others failed, and whether it was stopped."""
-
     ended: set[str] = field(default_factory=set)
     failed: Failed = field(default_factory=dict)
     stopped: bool = False
@@ -262,8 +222,7 @@ def _simulate(
 ) -> _Simulated:
     """Simulate the missing cases, and repeat the batches that need it.
 
-    A batch may be lost because another batch killed the worker that it was assigned to. A batch
-    that was lost twice is therefore run alone, where only itself can kill its worker.
+    A batch that was lost twice is run alone, where no other batch can kill its worker.
     """
     done = _Simulated()
     planned = [batch for batch in plan.batches if not missing.keys().isdisjoint(batch.cases)]
@@ -273,16 +232,16 @@ def _simulate(
         [missing[case_id] for case_id in batch.cases if case_id in missing] for batch in planned
     ]
     processors = options.processors(len(batches))
-    workers = min(processors, len(batches))
+    count = min(processors, len(batches))
     if options.scheduler is None:
-        workers = workers_that_fit(planned, workers)
+        count = workers_that_fit(planned, count)
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
-    threads = 1 if options.scheduler else processors // max(workers, 1)
+    threads = 1 if options.scheduler else processors // max(count, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
     with (
         ProgressBar(missing, shown=options.show_progress) as bar,
         _until_stopped(bar, done),  # while the workers end
-        pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool,
+        workers.pool_of(task, count, options.scheduler, options.dashboard, bar.reached) as pool,
         _until_stopped(bar, done),
     ):
         attempts = 0
@@ -328,37 +287,22 @@ def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
     return all(read_case(results, case.case_id)["status"] == Status.ok for case in batch)
 
 
-def _damaged(states: Mapping[str, CaseState], simulated: Collection[str]) -> set[str]:
-    """Identifiers of the cases whose files are damaged still."""
-    damaged = {case_id for case_id, state in states.items() if state is CaseState.damaged}
-    return damaged - set(simulated)
-
-
 def _join(
     plan: Plan,
     results: Path,
     old: xr.Dataset | None,
-    states: Mapping[str, CaseState],
+    states: dict[str, CaseState],
     simulated: Collection[str],
     failed: Failed,
 ) -> tuple[xr.Dataset, tuple[Failure, ...]]:
-    """Write the cube and the failures of a folder that no other process may write.
-
-    The states are those of all planned cases, before some of them were simulated.
-    """
+    """Write the cube and the failures of a folder, with the states of its cases before the run."""
     earlier = earlier_failures(results).values()
     failed_earlier = {each["case_id"] for each in earlier if each["status"] == Status.failed.name}
-    cube = build_cube(
-        plan,
-        results,
-        old,
-        kept=[case_id for case_id, state in states.items() if state is CaseState.done],
-        damaged=_damaged(states, simulated),
-        failed=failed_earlier | failed.keys(),
-    )
+    after = states | dict.fromkeys(simulated, CaseState.pending)
+    cube = build_cube(plan, results, old, after, failed_earlier | failed.keys())
     failures = _failures(plan, results, cube, simulated, failed)
     write_cube(cube, results / CUBE)
-    write_failures(results, failures)
+    results_folder.write_failures(results, failures)
     return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
 
 

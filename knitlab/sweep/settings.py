@@ -1,10 +1,8 @@
 """Settings: name, type, default and unit of each, for workflows and sweeps.
 
 A setting is declared once, as a field of a table such as
-:class:`~knitlab.equilibrium.settings.SolverSettings` with its range and unit as its type, or of a
-section of :mod:`knitlab.sweep.workflow`. To add one, add the field and, for a table of a parameter
-file, an entry with its value, unit and source there: ``--set``, sweeps, coordinates and the
-reference of settings follow (:mod:`knitlab.sweep.declared_fields`).
+:class:`~knitlab.equilibrium.settings.SolverSettings` or of a section of
+:mod:`knitlab.sweep.workflow`; ``--set``, sweeps, coordinates and the reference follow.
 """
 
 from dataclasses import dataclass
@@ -24,10 +22,9 @@ PATTERN = "pattern"
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting of a section of a workflow, with a name that no other section has.
+    """One setting of a section of a workflow: its declared type, with range and unit, and default.
 
-    Its kind is the declared type, with range and unit. Its default is None if it is that of the
-    parameter files, or if the setting has no effect unless it is given.
+    The default is None if it is that of the parameter files, or if it has no effect.
     """
 
     section: str
@@ -43,7 +40,7 @@ class Setting:
     @property
     def factor_on(self) -> str | None:
         """The quantity that it multiplies, if it is a factor."""
-        marks = (part.quantity for part in parts(self.kind) if isinstance(part, FactorOn))
+        marks = (its.quantity for its in parts(self.kind) if isinstance(its, FactorOn))
         return next(marks, None)
 
     @property

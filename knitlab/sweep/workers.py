@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 # contain host callbacks.
 WORKER_ENVIRONMENT = ONE_THREAD | {
     "EQX_ON_ERROR": "nan",
-    # Memory of large arrays is kept for the next ones, in threads too: glibc would return it to the
-    # system and get it back page by page, a sixth of the processor time of 249,000 nodes.
+    # glibc keeps the memory of large arrays: a sixth of the processor time of 249,000 nodes.
     "MALLOC_ARENA_MAX": "1",
     "MALLOC_MMAP_THRESHOLD_": str(2**32),
     "MALLOC_TRIM_THRESHOLD_": str(2**34),
@@ -41,12 +40,12 @@ TIMED_OUT = ".timed-out-"
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-"""Ctrl-C; what a batch system or ``kill`` sends; and, where it exists, a closed terminal."""
+"""Ctrl-C; what a batch system or ``kill`` sends; and a closed terminal."""
 QUIET = """import logging, signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 logging.getLogger("distributed").setLevel(logging.CRITICAL)
 """
-"""Run by dask's workers at their start: they ignore Ctrl-C and log nothing, which the run does."""
+"""Run by dask's workers at their start: they ignore Ctrl-C and log nothing."""
 ENDED = ("finished", "error")
 """States of a dask task that has ended; it is in another one if its scheduler is gone."""
 
@@ -61,10 +60,7 @@ class SchedulerLost(Exception):
 
 @dataclass(frozen=True)
 class BatchError:
-    """Why a batch has no results: a sentence, and the traceback of what was raised.
-
-    It is ``lost`` if its worker died; ``cannot_write`` is the error if files could not be written.
-    """
+    """Why a batch has no results: what was raised; it is ``lost`` if its worker died."""
 
     reason: str
     trace: str = ""
@@ -89,11 +85,7 @@ Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
 
 @dataclass(frozen=True)
 class Task:
-    """How every batch is simulated, into the results folder as the workers see it.
-
-    Each case may take ``case_timeout`` [s]; a worker on this machine may use ``threads`` for one
-    large sample.
-    """
+    """How every batch is simulated, each case in a longest time [s]."""
 
     simulate: Simulate
     results: Path
@@ -102,7 +94,7 @@ class Task:
 
     def limit(self, batch: Batch) -> float | None:
         """Longest time for a batch [s]."""
-        return None if self.case_timeout is None else self.case_timeout * len(batch)
+        return self.case_timeout and self.case_timeout * len(batch)
 
     def late(self, batch: Batch) -> BatchError:
         """The error of a batch that timed out."""
@@ -117,14 +109,10 @@ class Task:
 def pool_of(
     task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
 ) -> Iterator[Pool]:
-    """The pool for a run: processes that are spawned on this machine, or with 0 this process.
-
-    An existing dask scheduler overrides ``workers``. Dask's dashboard is opened on this machine
-    alone.
+    """The pool for a run: a dask scheduler, processes of this machine, or with 0 this process.
 
     Raises:
-        BadInput: if no scheduler answers at the address, or the system has no timers for
-            ``case_timeout``.
+        BadInput: if no scheduler answers, or the system has no timers for ``case_timeout``.
     """
     if scheduler is not None or workers:
         with (
@@ -214,10 +202,7 @@ def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
 
 
 def simulate_on_worker(task: Task, batch: Batch) -> None:
-    """The dask task: simulate a batch and log its progress as events.
-
-    On a timeout the process exits, because a compiled program cannot be interrupted otherwise.
-    """
+    """The dask task: simulate a batch and log its progress; on a timeout the process exits."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -244,11 +229,7 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 
 
 def connected(scheduler: str) -> "Client":
-    """A client of an existing scheduler.
-
-    Raises:
-        BadInput: if there is none at the address.
-    """
+    """A client of an existing scheduler; BadInput if none answers."""
     from distributed import Client
 
     try:
@@ -275,8 +256,7 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
         "distributed.scheduler.worker-saturation": 1.0,
         # The plan makes sure that all workers fit; one that keeps its memory would pause for ever.
         "distributed.worker.memory.pause": False,
-        # A worker that died is restarted, however long that takes: by default dask gives up after
-        # 15 s, and the run would wait for ever once the last worker is gone.
+        # By default dask gives up restarting a worker after 15 s, and the run would wait for ever.
         "distributed.deploy.lost-worker-timeout": "1 day",
         "distributed.worker.preload": [QUIET],
     }
@@ -303,11 +283,9 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Raise KeyboardInterrupt on any signal that asks a process to end.
+    """Raise KeyboardInterrupt on any signal that asks a process to end, unless it is ignored.
 
-    A signal that is ignored stays ignored, such as Ctrl-C in a shell's background or a closed
-    terminal under ``nohup``. Outside the main thread this does nothing, as Python installs signal
-    handlers only there.
+    Outside the main thread this does nothing, as Python installs signal handlers only there.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

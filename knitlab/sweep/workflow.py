@@ -53,11 +53,11 @@ def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
     return tuple(round(step * strain_step, 12) for step in range(steps + 1))
 
 
-def _one_or_several(given: Any) -> Any:
-    return (given,) if isinstance(given, str) else given
-
-
-PatternText = Annotated[tuple[str, ...], Field(strict=False), BeforeValidator(_one_or_several)]
+PatternText = Annotated[
+    tuple[str, ...],
+    Field(strict=False),
+    BeforeValidator(lambda given: (given,) if isinstance(given, str) else given),
+]
 """Rows of patches, top course first, or the name of a pattern alone."""
 
 

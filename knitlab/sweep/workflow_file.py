@@ -16,11 +16,7 @@ Overrides = Sequence[str] | Mapping[str, Any]
 
 
 def workflow_file(workflow: str) -> Path:
-    """The file of a workflow given by its name or its path.
-
-    Raises:
-        BadInput: if there is none.
-    """
+    """The file of a workflow given by its name or its path; BadInput if there is none."""
     named, path = shipped("workflows") / f"{workflow}.toml", Path(workflow)
     if named.is_file():
         return named
@@ -32,10 +28,7 @@ def workflow_file(workflow: str) -> Path:
 
 @dataclass(frozen=True)
 class Override:
-    """A value as TOML could give it, which replaces that of a workflow.
-
-    The key is the name of its setting, with or without the section. Messages name its source.
-    """
+    """A value that replaces a workflow's; its key may have the section, messages its source."""
 
     key: str
     value: Any
@@ -48,12 +41,7 @@ class Override:
 
 
 def read_overrides(overrides: Overrides) -> tuple[list[Override], list[Fault]]:
-    """Overrides, and faults of those that give no value of a setting.
-
-    They are the ``KEY=VALUE`` texts of ``--set``, in which a comma makes a list, or Python values
-    by the name of their setting: numbers, texts, paths, booleans, and lists, tuples or arrays of
-    them.
-    """
+    """Overrides, of ``KEY=VALUE`` texts or Python values, and faults of those without a value."""
     read: list[Override] = []
     faults: list[Fault] = []
     if isinstance(overrides, Mapping):

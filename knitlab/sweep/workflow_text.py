@@ -48,15 +48,13 @@ class SweepAxis:
 
 def coordinate(setting: Setting) -> Variable:
     """The cube's coordinate along the values of a setting."""
-    long_name = setting.name
+    long_name = {
+        SAMPLE_SIZE: "unit cells of the sample, along y and x",
+        PATTERN: "named pattern of patches",
+        **{name: f"{name} of the electrodes" for name in LAYOUT_SETTINGS},
+    }.get(setting.name, setting.name)
     if quantity := setting.factor_on:
         long_name = f"factor on {quantity}"
-    elif setting.name == SAMPLE_SIZE:
-        long_name = "unit cells of the sample, along y and x"
-    elif setting.name == PATTERN:
-        long_name = "named pattern of patches"
-    elif setting.name in LAYOUT_SETTINGS:
-        long_name = f"{setting.name} of the electrodes"
     return Variable((setting.name,), setting.unit, long_name)
 
 
@@ -66,15 +64,12 @@ def combinations(
     """Every combination of the axes' values: its labels, and the workflow with these values."""
     for chosen in itertools.product(*(zip(each.labels, each.values, strict=True) for each in axes)):
         labels: dict[str, Label] = {}
-        changed: dict[str, dict[str, Any]] = {}
+        changed = workflow
         for axis, (label, value) in zip(axes, chosen, strict=True):
-            labels[axis.name] = label
-            changed.setdefault(axis.setting.section, {})[axis.name] = value
-        sections = {
-            name: getattr(workflow, name).model_copy(update=values)
-            for name, values in changed.items()
-        }
-        yield labels, workflow.model_copy(update=sections)
+            labels[axis.name], name = label, axis.setting.section
+            section = getattr(changed, name).model_copy(update={axis.name: value})
+            changed = changed.model_copy(update={name: section})
+        yield labels, changed
 
 
 @dataclass(frozen=True)
@@ -83,8 +78,6 @@ class WorkflowText:
 
     Attributes:
         table: its tables, overrides included, with the first value of every axis.
-        axes: settings given as lists of values, unchecked.
-        overrides: values of the overridden settings, by name.
         sources: what each overridden ``section.key`` was given by, for messages.
         faults: overrides that cannot be applied.
     """
@@ -100,22 +93,14 @@ class WorkflowText:
         """Origin of a ``section.key``: its override, or its place in the file."""
         return self.sources.get(key, f"{self.path}: {key}")
 
-    def checked(self) -> Workflow:
-        """The workflow with the first value of every axis; BadInput lists all faults."""
+    def checked(self) -> tuple[Workflow, tuple[SweepAxis, ...]]:
+        """The workflow with the first value of each axis, and the axes; BadInput has all faults."""
+        faults, axes, workflow = [*self.faults], [], None
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
             found = faults_of(error, "", KEYS)
-            faults = [Fault(self._place(entry.path), entry.problem) for entry in found]
-            raise BadInput([*self.faults, *faults]) from error
-        if self.faults:
-            raise BadInput(self.faults)
-        return workflow
-
-    def checked_axes(self) -> tuple[SweepAxis, ...]:
-        """The axes; BadInput lists the faults of their values but the first, see above."""
-        faults: list[Fault] = []
-        axes = []
+            faults += [Fault(self._place(entry.path), entry.problem) for entry in found]
         for axis in self.axes:
             section, values = axis.setting.section, []
             source = self.source(f"{section}.{axis.name}")
@@ -130,9 +115,9 @@ class WorkflowText:
             if len(set(values)) < len(values):
                 faults.append(Fault(source, "has a value twice; keep one"))
             axes.append(SweepAxis(axis.setting, tuple(values)))
-        if faults:
+        if workflow is None or faults:
             raise BadInput(faults)
-        return tuple(axes)
+        return workflow, tuple(axes)
 
     def section(self, name: str) -> Any:
         """One section of the workflow, or None if it is missing or has faults."""

@@ -37,7 +37,7 @@ def test_every_public_name_is_documented(name):
 @pytest.mark.parametrize("example", examples(), ids=lambda example: example.name)
 def test_examples_run(example, tmp_path, monkeypatch):
     monkeypatch.chdir(knitlab.__path__[0] + "/..")
-    example.globs = {"folder": tmp_path}
+    example.globs = {"folder": tmp_path, "kl": knitlab}
     failed = doctest.DocTestRunner(verbose=False).run(example).failed
     assert not failed
 

@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 
 from knitlab.dynamics import motion
-from knitlab.dynamics.body import Body, Motion
-from knitlab.dynamics.damped_test import on_grid
+from knitlab.dynamics.damped_test import moved_mass, on_grid
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.motion import Moving, advance
+from knitlab.dynamics.motion import Body, Motion, Moving, advance
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Fabric, flat_sheet
-from knitlab.fabric.inertia import moved_mass
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cube.case_file import read_case
-from knitlab.fabric.pattern import recorded_pattern
+from knitlab.simulation.case import case_of
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 
@@ -81,7 +81,7 @@ def test_any_valid_pattern_relaxes_or_reports_why_and_is_read_back(tmp_path_fact
     else:
         assert row["status"] == "ok", (pattern, ran.failures)
         assert stored["residual_force"].max() <= 1e-8
-    found = recorded_pattern(case.record)
+    found = case_of(case.record).sample
     np.testing.assert_array_equal(found.knit, [list(row) for row in pattern["rows"][::-1]])
     if row["status"] == "ok":
         assert stored.sizes["node_y"], stored.sizes["node_x"] == found.grid

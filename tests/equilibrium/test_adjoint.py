@@ -11,16 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from knitlab.equilibrium.adjoint import Adjoint
+from knitlab.equilibrium.adjoint import Adjoint, NoDerivative, rigid_motions
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.linear_response import NoDerivative, rigid_motions
 from knitlab.equilibrium.loading import aligning_rotation, all_free, rigidly_aligned, tensile
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Point
-from knitlab.fabric.fabric import Fabric, flat_sheet
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet

@@ -9,9 +9,8 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from knitlab.equilibrium.loading import between_walls, rigidly_aligned, tensile
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.network import MeshShape
 from tests.fabrics import CLAMPED, checkered, shaken
 

@@ -8,11 +8,10 @@ import pytest
 
 from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import tensile
-from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.search import NEARLY, SearchRules
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System, one_thread_of_blas
-from knitlab.equilibrium.tensile_test import stretch
+from knitlab.equilibrium.tensile_test import relax, stretch
 from knitlab.fabric.energy import Point
 from tests.fabrics import DEFAULT, FINE, PERIODIC, checkered, equations
 

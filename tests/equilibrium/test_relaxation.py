@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from knitlab.equilibrium.relaxation import relax, tiled
+from knitlab.equilibrium.tensile_test import relax, tiled
 from knitlab.fabric.energy import energy
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations, relaxed
 

@@ -7,9 +7,9 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from knitlab.equilibrium import system
+from knitlab.equilibrium import equilibrium
+from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.equilibrium.system import run_each
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import flat_sheet
@@ -25,7 +25,7 @@ def test_fabrics_end_concurrently_exactly_as_one_after_another(monkeypatch):
     _, eight = checkered(8, 1, PERIODIC)
     fabrics = [four, eight]
     concurrently = run_each(net.shape, fabrics, [TEST, TEST])
-    monkeypatch.setattr(system, "LARGEST_CONCURRENT", 0)
+    monkeypatch.setattr(equilibrium, "LARGEST_CONCURRENT", 0)
     in_turn = run_each(net.shape, fabrics, [TEST, TEST])
     for one, other in zip(concurrently, in_turn, strict=True):
         for state, same in zip(one.states, other.states, strict=True):

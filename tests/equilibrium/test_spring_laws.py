@@ -17,10 +17,9 @@ from knitlab.equilibrium.loading import all_free
 from knitlab.equilibrium.state import Outcome
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, energy
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.layout import assemble_fabric, fabric_layout
 from knitlab.fabric.settings import ModelOptions, Sheet
 from knitlab.fabric.spring_law import SpringCurve

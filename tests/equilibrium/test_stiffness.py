@@ -7,21 +7,18 @@ import pytest
 
 from knitlab.equilibrium.loading import all_free, tensile
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.element_hessians import (
-    HINGE_ENTRIES,
-    SPRING_ENTRIES,
-    spring_stiffness,
-)
 from knitlab.fabric.energy import (
     COMPLETE,
+    HINGE_ENTRIES,
+    SPRING_ENTRIES,
     Stage,
     element_vectors,
     energy,
     hinge_energy,
     spring_energy,
+    spring_stiffness,
 )
-from knitlab.fabric.fabric import Fabric, flat_sheet
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.network import HINGE_VECTORS, Network
 from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import checkered, padded_hinge_stiffness, shaken, staged, whole_element_hessians

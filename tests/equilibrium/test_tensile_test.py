@@ -11,10 +11,9 @@ from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import Outcome
 from knitlab.equilibrium.tensile_test import _Path, stretch
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import (
     CLAMPED,

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from knitlab.equilibrium import walls
 from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import all_free, tensile
-from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.search import Search, SearchRules
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.tensile_test import relax
 from knitlab.equilibrium.walls import lowest_part, step_between_walls
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, Point

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.fabric.barrier import NEAR_RANGE, Barrier
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Energy, Evaluation
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.settings import CONTACT_RANGE
 

@@ -5,9 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered, shaken
 
 

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import ALL_STRIPES, CLAMPED, PERIODIC, cell_of, checkered, pure, shaken
 

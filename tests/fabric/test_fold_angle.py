@@ -7,9 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import element_vectors
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.fold_angle import fold_from_rest
 from tests.fabrics import CLAMPED, cell_of, checkered, shaken
 

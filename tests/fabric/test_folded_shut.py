@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.equilibrium.relaxation import relax
+from knitlab.equilibrium.tensile_test import relax
 from knitlab.fabric.barrier import Barrier
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.settings import CONTACT_RANGE, ModelOptions
 from knitlab.measure.surfaces import self_intersections
 from tests.fabrics import DEFAULT, cell_of, equations, pure, stripe

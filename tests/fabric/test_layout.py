@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.layout import fabric_layout
 from knitlab.fabric.pattern import BadPattern, Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit

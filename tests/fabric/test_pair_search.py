@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.fabric.barrier import Barrier, shortened
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from tests.fabric.test_barrier import CELL, PRESSURE, THICKNESS, evaluated
 

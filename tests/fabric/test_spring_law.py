@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.fabric.element_hessians import SPRING_ENTRIES, spring_stiffness
-from knitlab.fabric.energy import spring_energy
+from knitlab.fabric.energy import SPRING_ENTRIES, spring_energy, spring_stiffness
 from knitlab.fabric.layout import assemble_fabric
 from knitlab.fabric.spring_law import LINEAR, SpringCurve, SpringLaw
 from knitlab.fabric.zigzag import law_of_one

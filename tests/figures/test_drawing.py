@@ -16,6 +16,7 @@ from knitlab.figures.kinds.sensitivity import sensitivity_map
 from knitlab.figures.style import ValueColours
 from knitlab.io.errors import BadInput
 from knitlab.sweep.figure_names import FIGURE_NAMES
+from knitlab.sweep.plan import make_plan
 from tests.cube.artificial_cubes import STATUS, made_up_cube
 
 
@@ -192,18 +193,10 @@ def made_up_case(periodic: bool) -> xr.Dataset:
     flat = np.stack([x, y, 0.1 * (x % 2)], axis=-1)
     cells = (1, 1) if periodic else (2, 1)
     lengths = {name: ("applied_strain", [16.0, 16.0]) for name in ("length_x", "length_y")}
-    parameters = {
-        "unit_cells": cells,
-        "pattern": ["GR", "RG"],
-        "periods": 2,
-        "sheet": {"z_max": 6.0, "k_wall": 100.0},
-        "options": {
-            "boundary": "periodic" if periodic else "clamped",
-            "cells_per_period": 4,
-        },
-        "grading": None,
-        "folds": [],
-    }
+    boundary = "periodic" if periodic else "clamped"
+    design = ["n_stripe=4", "n_subunit=16", "cells_per_period=4", "robustness=0"]
+    plan = make_plan("periodic", [*design, f"boundary={boundary}", f"unit_cells={list(cells)}"])
+    (planned,) = plan.cases.values()
     return xr.Dataset(
         {
             "position": (("applied_strain", "node_y", "node_x", "component"), [flat, 1.2 * flat]),
@@ -215,7 +208,7 @@ def made_up_case(periodic: bool) -> xr.Dataset:
             **(lengths if periodic else {}),
         },
         {"applied_strain": [0.0, 0.2], "n_stripe": 4, "n_subunit": 16},
-        {"parameters": json.dumps(parameters)},
+        {"parameters": json.dumps(planned.record)},
     )
 
 

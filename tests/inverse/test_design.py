@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.inverse.objective import Objective
 from knitlab.inverse.search import run_searches
 from knitlab.simulation.stripe_changes import changed_stripe

@@ -62,8 +62,7 @@ def test_plated_stitches_have_their_stitch_number():
             number = int(operation.parameters[0])
         elif operation.opcode == "knit":
             found.add((len(operation.carriers), number))
-    stitches = MACHINE.stitches
-    assert found == {(1, stitches.body_stitch_number), (2, stitches.plated_stitch_number)}
+    assert found == {(1, MACHINE.body_stitch_number), (2, MACHINE.plated_stitch_number)}
 
 
 def test_a_conductor_that_starts_rightwards_is_anchored_by_tucks_leftwards():

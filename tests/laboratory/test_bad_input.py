@@ -86,7 +86,7 @@ def with_value(value, *place):
 
 TENSILE = [
     ("empty", lambda path: path.write_text(""), "is not a CSV table"),
-    ("header only", lines(lambda text: text[:1]), "has 0 rows"),
+    ("header only", lines(lambda text: text[:1]), "has no rows"),
     ("ragged", lines(lambda text: [*text[:5], text[5] + ",1,2,3", *text[6:]]), "not a CSV table"),
     ("short row", lines(lambda text: [*text[:5], "0.01", *text[6:]]), "point 5 is empty"),
     ("words", cell(7, 1, "slack"), "point 7 is 'slack'"),

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.folds import widths_across_folds
-from knitlab.measure.unit_cells import CellGrid, central_cell
+from knitlab.measure.unit_cells import CellGrid, nodes_at
 from knitlab.measure.wavelength import boundary_line, boundary_wave
 from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, relaxed
 
@@ -61,7 +60,9 @@ def test_wavelength_of_relaxed_periodic_fabric_is_its_unit_cell():
 def test_central_cell_is_a_whole_unit_cell(options, cells):
     net, fabric = checkered(4, 2, options, cells)
     flat = flat_sheet(net, fabric)
-    cell = central_cell(net.shape, CellGrid.even(net.shape, cells), flat)
+    middle = CellGrid.even(net.shape, cells).middle
+    lines = (np.arange(each.start, each.stop) for each in middle)
+    cell = np.asarray(nodes_at(net.shape, flat, *lines))
     assert cell.shape == (17, 17, 3)
     steps = np.diff(cell[..., :2], axis=0)[..., 1], np.diff(cell[..., :2], axis=1)[..., 0]
     for step in steps:

@@ -6,9 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.measure.folds import fold_angles, hinges_past_pi
 from tests.fabrics import CLAMPED, pure, stripe
 

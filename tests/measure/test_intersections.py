@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape, mesh_shape
 from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import nodes_at

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import knitlab as kl
-from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import nodes_at

@@ -6,8 +6,8 @@ import pytest
 import xarray as xr
 
 from knitlab.cube.schema import VARIABLES, Status
-from knitlab.equilibrium.linear_response import LinearResponses, NoDerivative
-from knitlab.fabric.configuration import Configuration
+from knitlab.equilibrium.adjoint import LinearResponse, NoDerivative
+from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import BadInput
 from knitlab.simulation.case import case_of
 from knitlab.sweep.plan import make_plan
@@ -87,7 +87,7 @@ def test_designs_with_and_without_share_a_cube(tmp_path):
 
 @pytest.mark.slow
 def test_undefined_sensitivities_are_missing(cube, monkeypatch, tmp_path):
-    at = LinearResponses.at
+    at = LinearResponse.at
     between = 1.045 * float(cube["relaxed_cell_y"].squeeze())
 
     def not_beyond(self, fabric, unknowns):
@@ -96,7 +96,7 @@ def test_undefined_sensitivities_are_missing(cube, monkeypatch, tmp_path):
             raise NoDerivative
         return at(self, fabric, unknowns)
 
-    monkeypatch.setattr(LinearResponses, "at", not_beyond)
+    monkeypatch.setattr(LinearResponse, "at", not_beyond)
     cube = run_plan(make_plan("periodic", (*SMALL, *ASKED)), tmp_path, RunOptions()).cube
     found = cube["poisson_ratio_sensitivity"].squeeze().isnull().all("stripe_parameter")
     assert found.values.tolist() == [True, False, True]

@@ -17,9 +17,8 @@ from knitlab.io.shipped import shipped
 from knitlab.simulation.case import case_of
 from knitlab.sweep.cube import build_cube
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.results_folder import CaseState, changed_inputs, read_plan
+from knitlab.sweep.results_folder import CaseState, changed_inputs, folder_status, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.status import folder_status
 from tests.sweep import stand_in
 
 PAIRS = ("n_stripe=4", "n_subunit=16,24", "strain_max=0.06")
@@ -285,7 +284,7 @@ def test_a_case_file_of_an_earlier_version_leaves_out_what_it_does_not_have(tmp_
     stand_in.write(tmp_path, case)
     written = xr.load_dataset(case_path(tmp_path, case_id))
     write_case_file(tmp_path, case_id, written.drop_vars("self_intersections"))
-    cube = build_cube(plan, tmp_path, None)
+    cube = build_cube(plan, tmp_path, None, {}, ())
     design = cube.sel(case.design)
     assert design["self_intersections"].isnull().all()
     assert (design["iterations"] == 1).all()

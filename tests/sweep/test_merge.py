@@ -18,9 +18,8 @@ from knitlab.io.errors import BadInput
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.results_folder import planned_designs, read_plan
+from knitlab.sweep.results_folder import folder_status, planned_designs, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.status import folder_status
 from tests.file_events import await_changes, kill, pause_before_changes
 from tests.sweep import stand_in
 

@@ -2,7 +2,6 @@
 
 In: a sparsity with the coordinates of its nodes, then matrices of that sparsity. Out: factors.
 
-Read ``multifrontal.py``; ``elimination_order.py`` has nested dissection,
-``symbolic_factorisation.py`` the fronts, ``triangular_solves.py`` the solves, and ``blas.py`` the
-calls of BLAS and LAPACK.
+Read ``multifrontal.py``; ``symbolic_factorisation.py`` has nested dissection and the fronts,
+``triangular_solves.py`` the solves, and ``blas.py`` the calls of BLAS and LAPACK.
 """

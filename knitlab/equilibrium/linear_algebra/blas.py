@@ -98,11 +98,8 @@ def subtract_transposed_product(target: Vector, matrix: Matrix, vector: Vector) 
 def _call(name: str, *arguments: str | int | float | np.ndarray) -> Call:
     """A call of a routine, named without its letter of precision.
 
-    A matrix stands for itself and the distance between its columns, a vector for itself and the
-    distance between its entries, which is 1.
-
-    Raises:
-        ValueError: if an integer is larger than any front of a sheet.
+    A matrix stands for itself and the distance between its columns, a vector for itself and that
+    between its entries, 1. An integer larger than any front of a sheet is a ``ValueError``.
     """
     kind = next(each.dtype.char for each in arguments if isinstance(each, np.ndarray))
     addresses: list[int] = []

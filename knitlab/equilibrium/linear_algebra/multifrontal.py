@@ -37,13 +37,9 @@ class Multifrontal:
     """Numeric factorisation of matrices of one sparsity, in memory that is reused.
 
     Allocating new memory for every factor of a large matrix would take as long as the
-    factorisation. Only one thread may factorise, solve or change the diagonal at a time.
-
-    Args:
-        plan: symbolic factorisation of the matrices.
-        threads: threads to use, at most two.
-        precision: of the factor, single or double. A matrix whose condition number exceeds that
-            precision may be found not to be positive definite.
+    factorisation. Only one thread may factorise, solve or change the diagonal at a time; it uses at
+    most two. In single precision, a matrix of larger condition number may be found not to be
+    positive definite.
     """
 
     def __init__(
@@ -62,13 +58,11 @@ class Multifrontal:
         self.solve, self.change_diagonal = self._solves.solve, self._solves.change_diagonal
 
     def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
-        """Factorise a matrix and return whether it succeeded; this overwrites the previous factor.
+        """Factorise a matrix, given its lower triangle, and return whether it succeeded.
 
-        Args:
-            entries: non-zeros of its lower triangle, in the order of the sparsity.
-            convexified: whether to factorise a nearby positive definite matrix instead of failing.
-                This fails if the matrix is not finite; in single precision also if eigenvalues of
-                a front are too small for it.
+        With ``convexified`` a nearby positive definite matrix is factorised instead of failing,
+        unless the matrix is not finite, or eigenvalues of a front are too small for single
+        precision.
         """
         self._solves.restart()
         self.stored[:] = 0
@@ -81,21 +75,13 @@ class Multifrontal:
 
 @dataclass(frozen=True, eq=False)
 class _Elimination:
-    """Elimination of a front.
+    """Elimination of a front."""
 
-    Attributes:
-        pivots: its pivots, overwritten by their factor, and that by its inverse if it is small.
-        update: its update for its parent.
-        added: target and source of the extend-add of each block of its children's updates.
-        factorise: the factorisation of the pivots.
-        eliminate: the rows of the factor for its boundary, and its update.
-    """
-
-    pivots: Matrix
-    update: Matrix
-    added: Sequence[tuple[Matrix, Matrix]]
-    factorise: Call
-    eliminate: Sequence[Call]
+    pivots: Matrix  # overwritten by their factor, or by its inverse
+    update: Matrix  # for its parent
+    added: Sequence[tuple[Matrix, Matrix]]  # target and source of each extend-add from its children
+    factorise: Call  # the pivots
+    eliminate: Sequence[Call]  # the rows for its boundary, and the update
 
 
 class _Part:

@@ -1,59 +1,158 @@
 """Symbolic Cholesky factorisation on a grid of nodes, ordered by nested dissection.
 
-The unknowns of one separator, or of one leaf, are eliminated together in a dense front. The grid
-only determines the order (``elimination_order``); the couplings of a front follow
-from the sparsity, so that any symmetric matrix is factorised correctly. Few couplings beyond those
-of the grid, such as contact of folded plies, hardly add to the work; many would.
+The grid is bisected recursively by separators: lines of nodes as thick as the couplings are long,
+eliminated after the parts on either side. Periodic directions are cut twice. The unknowns of one
+separator, or of one leaf, are eliminated together in a dense front. The grid only determines the
+order; the couplings of a front follow from the sparsity, so that any symmetric matrix is factorised
+correctly. Few couplings beyond those of the grid, such as contact of folded plies, hardly add to
+the work; many would.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, nonzero_pairs
-
+LEAF_NODES = 32
+"""Nodes up to which a rectangle of the grid is not bisected; larger leaves mean fewer BLAS calls
+with more work in each."""
 INVERTED_SIZE = 192
 """Size up to which the pivots of a front are stored as the inverse of their factor: OpenBLAS
 multiplies by small matrices several times faster than it solves with them, and a group is solved by
 products alone."""
 
+_Rectangle = tuple[int, int, int, int]
+
 
 @dataclass(frozen=True, eq=False)
-class ExtendAdd:
-    """Extend-add of a block of a child's update into its parent.
+class _Axis:
+    """One axis of the grid; a ``ring`` has its last line coupled to the first."""
 
-    Attributes:
-        target: 0 for the parent's pivots, 1 for its coupling, 2 for its own update.
-        into: rows and columns of the target.
-        block: rows and columns of the child's update.
+    first: int
+    lines: int
+    ring: bool
+    reach: int  # lines over which unknowns are coupled, the thickness of a separator
+
+    def closed(self, start: int, stop: int) -> bool:
+        """Whether a range of lines is the full ring."""
+        return self.ring and stop - start == self.lines
+
+    def halved(self, start: int, stop: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+        """The separators that bisect a range of lines, and the halves."""
+        if self.closed(start, stop):
+            middle = (start + stop) // 2
+            first, second = (start, start + self.reach), (middle, middle + self.reach)
+            return [first, second], [(first[1], middle), (second[1], stop)]
+        middle = (start + stop - self.reach) // 2
+        cut = (middle, middle + self.reach)
+        return [cut], [(start, middle), (cut[1], stop)]
+
+
+class GridOrder(NamedTuple):
+    """The unknowns of a grid in elimination order, and where fronts start in it, with its end."""
+
+    order: Int[np.ndarray, " unknown"]
+    starts: Int[np.ndarray, " front"]
+
+
+def grid_order(
+    indptr: Int[np.ndarray, " column"],
+    indices: Int[np.ndarray, " nonzero"],
+    rows: Int[np.ndarray, " unknown"],
+    columns: Int[np.ndarray, " unknown"],
+) -> GridOrder:
+    """The elimination order for couplings of a grid of nodes.
+
+    ``indptr`` and ``indices`` are compressed columns of the lower triangle, with its diagonal. Grid
+    ``rows`` and ``columns`` are −1 for unknowns of the whole grid, which are eliminated last.
     """
+    lower, upper = nonzero_pairs(indptr, indices)
+    nodal = rows >= 0
+    between = nodal[lower] & nodal[upper]
+    vertical, horizontal = (
+        _axis(line[nodal], np.abs(line[lower] - line[upper])[between]) for line in (rows, columns)
+    )
+    front = np.zeros((vertical.lines, horizontal.lines), dtype=np.int64)
+    # Numbered along a separator, so that neighbours of a segment are contiguous: fewer blocks.
+    along_rows = np.arange(front.size).reshape(front.shape)
+    along_columns = np.arange(front.size).reshape(front.shape[::-1]).T
+    key = np.zeros_like(front)
+    whole = 0, vertical.lines, 0, horizontal.lines
+    for number, rectangles in enumerate(_dissected(whole, vertical, horizontal)):
+        for place, (top, bottom, left, right) in enumerate(rectangles):
+            nodes = slice(top, bottom), slice(left, right)
+            front[nodes] = number
+            along = along_columns if right - left > bottom - top else along_rows
+            # The two separators of a ring are numbered one after the other, not alternately.
+            key[nodes] = along[nodes] + place * front.size
+    node = rows[nodal] - vertical.first, columns[nodal] - horizontal.first
+    fronts, keys = np.full(len(nodal), front.max()), np.full(len(nodal), 2 * front.size)
+    fronts[nodal], keys[nodal] = front[node], key[node]
+    order = np.lexsort((keys, fronts))
+    starts = np.append(np.flatnonzero(np.diff(fronts[order], prepend=-1)), len(order))
+    return GridOrder(order, starts)
 
-    target: int
+
+def nonzero_pairs(
+    indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
+) -> tuple[Int[np.ndarray, " nonzero"], Int[np.ndarray, " nonzero"]]:
+    """Row and column of every non-zero."""
+    columns = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+    return np.asarray(indices, dtype=np.int64), columns
+
+
+def _axis(line: Int[np.ndarray, " nodal"], distance: Int[np.ndarray, " coupling"]) -> _Axis:
+    """An axis, from the lines of nodes and the number of lines between the ends of couplings."""
+    first = int(line.min())
+    lines = int(line.max()) - first + 1
+    ring = bool((distance > lines / 2).any())
+    across = np.minimum(distance, lines - distance) if ring else distance
+    return _Axis(first, lines, ring, max(1, int(across.max())))
+
+
+def _dissected(
+    region: _Rectangle, vertical: _Axis, horizontal: _Axis
+) -> Iterator[Sequence[_Rectangle]]:
+    """The leaves and separators of a rectangle of the grid, in elimination order."""
+    top, bottom, left, right = region
+    height, width = bottom - top, right - left
+    # A ring must be cut twice.
+    down = height * (1 + horizontal.closed(left, right))
+    across = width * (1 + vertical.closed(top, bottom))
+    upright = down <= across
+    lines = horizontal.halved(left, right) if upright else vertical.halved(top, bottom)
+    if height * width <= LEAF_NODES or any(stop <= start for start, stop in lines[1]):
+        yield [region]
+        return
+    cuts, halves = (
+        [(top, bottom, *part) if upright else (*part, left, right) for part in parts]
+        for parts in lines
+    )
+    for half in halves:
+        yield from _dissected(half, vertical, horizontal)
+    yield cuts
+
+
+class ExtendAdd(NamedTuple):
+    """Extend-add of a block of a child's update into its parent, by rows and columns of both."""
+
+    target: int  # 0 for the parent's pivots, 1 for its coupling, 2 for its own update
     into: tuple[slice, slice]
     block: tuple[slice, slice]
 
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """Unknowns that are eliminated together, numbered in elimination order.
+    """Unknowns that are eliminated together, numbered in elimination order."""
 
-    Attributes:
-        pivots: the unknowns.
-        boundary: later unknowns that their elimination couples to each other, ascending.
-        level: its height in the elimination tree: 0 for leaves, more than that of any child.
-        stored: offset of its columns in the stored factor.
-        update: offset of its update on the stack.
-        children: fronts whose updates are added to it, and their extend-add operations.
-    """
-
-    pivots: slice
-    boundary: Int[np.ndarray, " boundary"]
-    level: int
-    stored: int
-    update: int
+    pivots: slice  # the unknowns
+    boundary: Int[np.ndarray, " boundary"]  # later unknowns that they couple, ascending
+    level: int  # in the elimination tree: 0 for leaves, above that of any child
+    stored: int  # offset of its columns in the stored factor
+    update: int  # offset of its update on the stack
     children: tuple[tuple["Front", tuple[ExtendAdd, ...]], ...]
 
     @property
@@ -99,34 +198,20 @@ def columns_of_group(
 
 @dataclass(frozen=True, eq=False)
 class NestedDissection:
-    """Symbolic factorisation of matrices of one sparsity.
+    """Symbolic factorisation of matrices of one sparsity; children are before parents."""
 
-    Attributes:
-        order: the unknowns in elimination order.
-        parts: the fronts, children before parents: those of two independent halves, then the last
-            one, which both halves update. Fronts of one half and one kind are stored one after
-            another.
-        places: position of every non-zero of the lower triangle in the stored factor.
-        stored: number of entries of the factor.
-        stack: largest number of entries of pending updates.
-    """
-
-    order: Int[np.ndarray, " unknown"]
+    order: Int[np.ndarray, " unknown"]  # the unknowns as eliminated
+    # two independent halves, and the last front
     parts: tuple[Sequence[Front], Sequence[Front], Sequence[Front]]
-    places: Int[np.ndarray, " nonzero"]
-    stored: int
-    stack: int
+    places: Int[np.ndarray, " nonzero"]  # of lower non-zeros in the factor
+    stored: int  # entries of the factor
+    stack: int  # largest number of entries of pending updates
 
 
 def planned(
-    grid: GridOrder,
-    indptr: Int[np.ndarray, " column"],
-    indices: Int[np.ndarray, " nonzero"],
+    grid: GridOrder, indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
 ) -> NestedDissection:
-    """Plan the factorisation of matrices of any sparsity in the elimination order of a grid.
-
-    ``indptr`` and ``indices`` are the lower triangle, as in :func:`grid_order`.
-    """
+    """Plan the factorisation of any lower triangle in the elimination order of a grid."""
     order, starts = grid.order, grid.starts
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
@@ -199,10 +284,7 @@ def _fronts(
     stored: Int[np.ndarray, " front"],
     middle: int,
 ) -> tuple[tuple[Front, ...], int]:
-    """The fronts with their offsets on the stack, and the size of the stack.
-
-    The second half does not reuse the part of the stack of the first, which runs concurrently.
-    """
+    """The fronts, and the size of the stack, whose parts for concurrent halves are disjoint."""
     fronts: list[Front] = []
     waiting: list[Front] = []
     stack = bottom = 0
@@ -210,31 +292,24 @@ def _fronts(
     for number, (boundary, parent) in enumerate(zip(boundaries, parents, strict=True)):
         pivots = slice(int(starts[number]), int(starts[number + 1]))
         bottom = stack if number == middle else bottom
-        update = _first_gap(waiting, len(boundary) ** 2, bottom)
+        update, size = bottom, len(boundary) ** 2
+        for other in waiting:  # the lowest gap between pending updates
+            if other.update >= bottom:
+                if other.update - update >= size:
+                    break
+                update = other.update + len(other.boundary) ** 2
         extend_adds = tuple(
             (child, _extend_adds(child, pivots, boundary)) for child in children[number]
         )
         level, offset = int(levels[number]), int(stored[number])
         front = Front(pivots, boundary, level, offset, update, extend_adds)
         fronts.append(front)
-        stack = max(stack, update + len(boundary) ** 2)
+        stack = max(stack, update + size)
         waiting = [other for other in waiting if other not in children[number]]
         if parent >= 0:
             children[parent].append(front)
             waiting = sorted([*waiting, front], key=lambda other: other.update)
     return tuple(fronts), stack
-
-
-def _first_gap(waiting: Sequence[Front], size: int, bottom: int) -> int:
-    """Lowest offset on the stack, from its bottom, at which an update fits between pending ones."""
-    end = bottom
-    for front in waiting:
-        if front.update < bottom:
-            continue
-        if front.update - end >= size:
-            break
-        end = front.update + len(front.boundary) ** 2
-    return end
 
 
 def _extend_adds(

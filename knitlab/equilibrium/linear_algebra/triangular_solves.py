@@ -32,10 +32,7 @@ Places = Int[np.ndarray, " _"]
 
 
 class FrontSolves:
-    """Triangular solves of one front, in place in a vector in elimination order.
-
-    ``boundary`` are the places, in the vector, that its pivots are coupled to.
-    """
+    """Triangular solves of one front, in place in a vector in elimination order."""
 
     def __init__(self, front: Front, boundary: Places, stored: Vector, vector: Vector) -> None:
         pivots, coupling = front.columns(stored)
@@ -94,13 +91,7 @@ Solves = FrontSolves | GroupSolves
 
 
 class TriangularSolves:
-    """Solves with the factor L of a matrix, in memory that is reused.
-
-    Args:
-        plan: symbolic factorisation of the matrix.
-        stored: memory of the factor, whose columns may be overwritten between solves.
-        threads: threads to use, at most two.
-    """
+    """Solves with the factor L of a matrix, whose columns may be overwritten between solves."""
 
     def __init__(self, plan: NestedDissection, stored: Vector, threads: Threads = ALONE) -> None:
         self._order, self._stored = plan.order, stored
@@ -118,9 +109,9 @@ class TriangularSolves:
         for number in range(middle, end):
             boundary = self._boundaries[number]
             self._boundaries[number] = boundary + last.size * (boundary >= last.pivots.start)
+        self._single: dict[int, FrontSolves] = {}
         halves = range(middle), range(middle, end)
         self._halves = [list(self._of_half(numbers)) for numbers in halves]
-        self._single: dict[int, FrontSolves] = {}
         self.restart()
 
     def restart(self) -> None:
@@ -148,17 +139,12 @@ class TriangularSolves:
     def change_diagonal(
         self, unknowns: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
     ) -> bool:
-        """Change entries of the diagonal of the factorised matrix for the next solves.
+        """Change entries of the diagonal for the next solves; changes, not 0, replace earlier ones.
 
-        ``changes`` are added to the entries of ``unknowns``, and not 0. They replace earlier
-        changes. It costs a few per cent of a solve for every unknown.
-
-        With W = L⁻¹ E for the changed unknowns E and their changes K, L Lᵀ + E K Eᵀ =
-        L (I + W K Wᵀ) Lᵀ, so that a solve only has to apply (I + W K Wᵀ)⁻¹ between forward and back
-        substitution (Woodbury).
-
-        Returns:
-            Whether the changed matrix is positive definite; if not, it is as it was factorised.
+        It costs a few per cent of a solve for every unknown. With W = L⁻¹ E for the changed
+        unknowns E and their changes K, L Lᵀ + E K Eᵀ = L (I + W K Wᵀ) Lᵀ, so that a solve only has
+        to apply (I + W K Wᵀ)⁻¹ between forward and back substitution (Woodbury). Returns whether
+        the changed matrix is positive definite; if not, it is as it was factorised.
         """
         self._update = None
         if not len(unknowns):
@@ -182,10 +168,7 @@ class TriangularSolves:
         return True
 
     def _column(self, unknown: int) -> tuple[Places, Vector]:
-        """L⁻¹ times the unit vector of an unknown: its rows that are not 0, and their values.
-
-        These are the pivots of the unknown's front and of its ancestors.
-        """
+        """L⁻¹ times an unknown's unit vector: rows, of its front and ancestors, and values."""
         if unknown not in self._columns:
             places, passed = np.flatnonzero(self._order == unknown), list[Places]()
             self._vector[:] = 0
@@ -217,16 +200,13 @@ class TriangularSolves:
                 boundaries = [self._boundaries[number] for number in members]
                 yield GroupSolves(fronts, boundaries, self._stored, self._vector)
             else:
-                yield from map(self._new_solves, members)
+                yield from map(self._solves_of_one, members)
 
     def _solves_of_one(self, number: int) -> FrontSolves:
         if number not in self._single:
-            self._single[number] = self._new_solves(number)
+            front, boundary = self._fronts[number], self._boundaries[number]
+            self._single[number] = FrontSolves(front, boundary, self._stored, self._vector)
         return self._single[number]
-
-    def _new_solves(self, number: int) -> FrontSolves:
-        front, boundary = self._fronts[number], self._boundaries[number]
-        return FrontSolves(front, boundary, self._stored, self._vector)
 
 
 def _reduce(solves: list[Solves]) -> None:

@@ -1,6 +1,7 @@
 """The sheet of one case: its shape coloured by height, and where its electrodes run."""
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
@@ -42,7 +43,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
 
     Colour is height, white lines are patch borders.
     """
-    from knitlab.fabric.pattern import recorded_pattern
+    from knitlab.simulation.case import case_of
 
     parameters = json.loads(case.attrs["parameters"])
     periodic = is_periodic(case)
@@ -50,7 +51,8 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
     along_y, along_x = parameters["unit_cells"]
     repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
-    sample = recorded_pattern(parameters, (repeats * along_y, repeats * along_x))
+    shown = replace(case_of(parameters), unit_cells=(repeats * along_y, repeats * along_x))
+    sample = shown.sample
 
     faces = sheets.faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
@@ -95,8 +97,8 @@ def _name_patches(
     for y, x in np.ndindex(repeat):
         row, column = first_row + y, first_column + x
         letter = str(sample.knit[row, column])
-        middle = nodes[rows[row], columns[column], :2]
-        axes.text(*middle, KNIT_OF_LETTER[letter] if large else letter, **look)
+        across, along = nodes[rows[row], columns[column], :2]
+        axes.text(across, along, KNIT_OF_LETTER[letter] if large else letter, **look)
 
 
 def electrodes_figure(case_file: xr.Dataset) -> Figure:

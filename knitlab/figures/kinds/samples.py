@@ -124,10 +124,10 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
 
 def _by_face(state: xr.Dataset) -> np.ndarray:
     """The strain of its unit cell for every grid cell, face after face."""
-    from knitlab.fabric.pattern import recorded_pattern
+    from knitlab.simulation.case import case_of
 
     record = json.loads(state.attrs["parameters"])
-    sample = recorded_pattern(record)
+    sample = case_of(record).sample
     patches = record.get("cell_patches") or (len(record["pattern"]), len(record["pattern"][0]))
     rows, columns = (
         np.repeat(np.arange(len(borders[::size]) - 1), np.diff(borders[::size]))

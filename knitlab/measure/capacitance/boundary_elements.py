@@ -7,7 +7,6 @@ al., IEEE T-AP 32, 1984), others by quadrature.
 """
 
 import math
-from functools import partial
 from itertools import product
 from typing import Any
 
@@ -37,7 +36,6 @@ TIE = 1e-9
 FEWEST_IMAGES = 2
 IMAGES_AN_EXTENT = 3
 """Distance from which images are summed as multipoles, over the width of the conductors."""
-
 SMALLEST = 1e-300
 """Keeps quotients finite where their factor is zero."""
 
@@ -47,13 +45,10 @@ Vector = list[Array]
 
 
 class Images(eqx.Module):
-    """Periodic repetition of all conductors along one axis.
+    """Periodic repetition of all conductors along x (0) or y (1).
 
-    Attributes:
-        count: number of images on either side that are summed one by one.
-        beyond: ζ(3) and ζ(5) of images further away, which are summed as second and fourth
-            multipoles; odd multipoles of the two sides cancel.
-        axis: axis of the repetition, 0 for x and 1 for y.
+    The nearest ``count`` images on either side are summed one by one; those beyond, with their ζ(3)
+    and ζ(5), as second and fourth multipoles, as odd multipoles of the two sides cancel.
     """
 
     count: Int[Array, ""]
@@ -131,21 +126,16 @@ def maxwell_matrices(
     their potentials are relative to an arbitrary reference, and only :func:`two_terminal` is
     meaningful.
 
-    Args:
-        panels: corners of the panels in order around each; a corner may repeat [mm].
-        membership: 1 if a panel belongs to a conductor, else 0.
-        near: near pairs of panels, see :func:`near_pairs`.
-        images: periodic repetition, if any.
-        period: period of the repetition [mm].
-        apart: distance d that a dielectric keeps between different conductors: their distance r
-            counts as √(r² + d²) [mm].
-        ground: height of a grounded plane below all panels, if there is one [mm].
+    Corners of panels are in order around each and may repeat [mm]; ``membership`` is 1 if a panel
+    belongs to a conductor, else 0. With a dielectric between different conductors, which keeps them
+    a distance d ``apart``, their distance r counts as √(r² + d²) [mm]. A grounded plane, if there
+    is one, is at a height ``ground`` below all panels [mm].
     """
     apart_squared = apart**2 * (1 - membership @ membership.T)
 
     def of_state(panels: Array, period: Array, ground: Array | None) -> Array:
-        potential = _potential_coefficients(panels, near, images, period, apart_squared, ground)
-        lower = jnp.linalg.cholesky(potential)
+        conductors = _Conductors(panels, near, images, period, apart_squared)
+        lower = jnp.linalg.cholesky(conductors.potential_coefficients(ground))
         half = jax.scipy.linalg.solve_triangular(lower, membership, lower=True)
         return half.T @ half
 
@@ -165,109 +155,91 @@ def two_terminal(
     return (one * other - mutual**2) / (one + other + 2 * mutual)
 
 
-def _potential_coefficients(
-    panels: Float[Array, "panel 4 3"],
-    near: Int[Array, "pair 2"],
-    images: Images | None,
-    period: Float[Array, ""],
-    apart_squared: Matrix,
-    ground: Float[Array, ""] | None,
-) -> Matrix:
-    """4πε0 times the mean potential on each panel due to a unit charge on each [1/mm].
+class _Conductors(eqx.Module):
+    """The conductors of one state, as in :func:`maxwell_matrices`."""
 
-    With images it is that of a charge and all its images, up to a constant. With a grounded plane
-    it is also that of the opposite charges that are mirrored in it, and there is no constant left.
-    """
-    due_to = partial(
-        _due_to, panels=panels, near=near, images=images, period=period, apart_squared=apart_squared
-    )
-    direct = due_to(panels)
-    if ground is not None:
-        # Near pairs include all that are near in the mirror, where no distance is shorter.
-        return direct - due_to(_mirrored(panels, ground))
-    if images is not None:
-        across = jnp.delete(panels.mean(axis=1), images.axis, axis=-1) / period
-        widest = jnp.linalg.norm(across[:, None] - across[None], axis=-1).max()
-        # The constant raises the potentials enough for the matrix to be positive definite.
-        direct += 4 * (1 + jnp.log1p(widest)) / period
-    return direct
+    panels: Float[Array, "panel 4 3"]
+    near: Int[Array, "pair 2"]
+    images: Images | None
+    period: Float[Array, ""]
+    apart_squared: Matrix
+
+    def potential_coefficients(self, ground: Float[Array, ""] | None) -> Matrix:
+        """4πε0 times the mean potential on each panel due to a unit charge on each [1/mm].
+
+        With images it is that of a charge and all its images, up to a constant. With a grounded
+        plane it is also that of the opposite charges that are mirrored in it, without a constant.
+        """
+        direct = self._due_to(self.panels)
+        if ground is not None:
+            # Near pairs include all that are near in the mirror, where no distance is shorter.
+            return direct - self._due_to(_mirrored(self.panels, ground))
+        if self.images is not None:
+            across = jnp.delete(self.panels.mean(axis=1), self.images.axis, axis=-1) / self.period
+            widest = jnp.linalg.norm(across[:, None] - across[None], axis=-1).max()
+            # The constant raises the potentials enough for the matrix to be positive definite.
+            direct += 4 * (1 + jnp.log1p(widest)) / self.period
+        return direct
+
+    def _due_to(self, sources: Float[Array, "panel 4 3"]) -> Matrix:
+        """Mean potential on each panel due to a unit charge on each source, images included."""
+        images, period, apart_squared = self.images, self.period, self.apart_squared
+        centre, middle = self.panels.mean(axis=1), sources.mean(axis=1)
+        turns, axis = jnp.zeros_like(apart_squared), None
+        if images is not None:
+            axis = images.axis
+            turns = jnp.round((centre[:, None, axis] - middle[None, :, axis]) / period)
+
+        def inverse_distance(one: Array, other: Array, image: Array | float = 0.0) -> Matrix:
+            steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
+            if axis is not None:
+                steps[axis] -= (turns + image) * period
+            return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2 + apart_squared)
+
+        points, share = _quadrature(self.panels)
+        charges, part = _quadrature(sources)
+
+        def add_points(total: Array, pair: Array) -> tuple[Array, None]:
+            one, other = pair
+            weight = share[one][:, None] * part[other][None, :]
+            return total + weight * inverse_distance(points[one], charges[other]), None
+
+        combinations = jnp.array(list(product(range(len(points)), repeat=2)))
+        total, _ = jax.lax.scan(add_points, jnp.zeros_like(turns), combinations)
+
+        def closed(pairs: Array) -> Array:
+            seen_from, charged = pairs.T
+            source = sources[charged]
+            if axis is not None:
+                source = source.at[..., axis].add((turns[seen_from, charged] * period)[:, None])
+            return _closed_form(self.panels[seen_from], source, apart_squared[seen_from, charged])
+
+        coefficients = jax.lax.map(closed, self.near.reshape(-1, PAIRS_AT_ONCE, 2)).ravel()
+        one, other = self.near.T
+        total = total.at[one, other].set(coefficients).at[other, one].set(coefficients)
+        if images is None:
+            return total
+
+        def add_image(number: Array, sum_so_far: Array) -> Array:
+            image = jnp.where(number % 2, 1, -1) * (1 + number // 2)
+            term = inverse_distance(centre, middle, image) - 1 / (jnp.abs(image) * period)
+            return sum_so_far + term
+
+        total = jax.lax.fori_loop(0, 2 * images.count, add_image, total)
+        # Images further away, by their second and fourth multipoles.
+        distance = (centre[:, None] - middle[None]) / period
+        along = distance[..., axis] - turns
+        squared = (distance**2).sum(axis=-1) - distance[..., axis] ** 2 + along**2
+        squared += apart_squared / period**2
+        second = (3 * along**2 - squared) / 2
+        fourth = (35 * along**4 - 30 * along**2 * squared + 3 * squared**2) / 8
+        by_second, by_fourth = images.beyond
+        return total + 2 * (by_second * second + by_fourth * fourth) / period
 
 
 def _mirrored(panels: Any, ground: Any) -> Any:
     """Panels mirrored in a plane at a height."""
     return panels * np.array([1.0, 1.0, -1.0]) + 2 * ground * np.array([0.0, 0.0, 1.0])
-
-
-def _due_to(
-    sources: Float[Array, "panel 4 3"],
-    panels: Float[Array, "panel 4 3"],
-    near: Int[Array, "pair 2"],
-    images: Images | None,
-    period: Float[Array, ""],
-    apart_squared: Matrix,
-) -> Matrix:
-    """Mean potential on each panel due to a unit charge on each source, images included."""
-    centre, middle = panels.mean(axis=1), sources.mean(axis=1)
-    turns, axis = jnp.zeros_like(apart_squared), None
-    if images is not None:
-        axis = images.axis
-        turns = jnp.round((centre[:, None, axis] - middle[None, :, axis]) / period)
-
-    def inverse_distance(one: Array, other: Array, image: Array | float = 0.0) -> Matrix:
-        steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
-        if axis is not None:
-            steps[axis] -= (turns + image) * period
-        return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2 + apart_squared)
-
-    points, share = _quadrature(panels)
-    charges, part = _quadrature(sources)
-
-    def add_points(total: Array, pair: Array) -> tuple[Array, None]:
-        one, other = pair
-        weight = share[one][:, None] * part[other][None, :]
-        return total + weight * inverse_distance(points[one], charges[other]), None
-
-    combinations = jnp.array(list(product(range(len(points)), repeat=2)))
-    total, _ = jax.lax.scan(add_points, jnp.zeros_like(turns), combinations)
-
-    def closed(pairs: Array) -> Array:
-        seen_from, charged = pairs.T
-        source = sources[charged]
-        if axis is not None:
-            source = source.at[..., axis].add((turns[seen_from, charged] * period)[:, None])
-        return _closed_form(panels[seen_from], source, apart_squared[seen_from, charged])
-
-    coefficients = jax.lax.map(closed, near.reshape(-1, PAIRS_AT_ONCE, 2)).ravel()
-    one, other = near.T
-    total = total.at[one, other].set(coefficients).at[other, one].set(coefficients)
-    if images is None:
-        return total
-
-    def add_image(number: Array, sum_so_far: Array) -> Array:
-        image = jnp.where(number % 2, 1, -1) * (1 + number // 2)
-        term = inverse_distance(centre, middle, image) - 1 / (jnp.abs(image) * period)
-        return sum_so_far + term
-
-    total = jax.lax.fori_loop(0, 2 * images.count, add_image, total)
-    return total + _far_images(centre[:, None] - middle[None], turns, apart_squared, images, period)
-
-
-def _far_images(
-    between: Float[Array, "panel panel 3"],
-    turns: Matrix,
-    apart_squared: Matrix,
-    images: Images,
-    period: Float[Array, ""],
-) -> Matrix:
-    """Potential of the images further away, by their second and fourth multipoles."""
-    distance = between / period
-    along = distance[..., images.axis] - turns
-    squared = (distance**2).sum(axis=-1) - distance[..., images.axis] ** 2 + along**2
-    squared += apart_squared / period**2
-    second = (3 * along**2 - squared) / 2
-    fourth = (35 * along**4 - 30 * along**2 * squared + 3 * squared**2) / 8
-    by_second, by_fourth = images.beyond
-    return 2 * (by_second * second + by_fourth * fourth) / period
 
 
 def _closed_form(
@@ -279,12 +251,10 @@ def _closed_form(
     points, share = _quadrature(seen_from)
     corners = jnp.moveaxis(charged, 0, -1)
     halves = jnp.stack([corners[np.array(half)] for half in ((0, 1, 2), (0, 2, 3))], axis=2)
-    area = jnp.linalg.norm(
-        jnp.cross(halves[1] - halves[0], halves[2] - halves[0], axis=0), axis=0
-    ).sum(axis=0)
-    seen = triangle_potential(
-        jnp.moveaxis(points, -1, 0)[:, :, None], halves[:, :, None], apart_squared
-    )
+    normal = jnp.cross(halves[1] - halves[0], halves[2] - halves[0], axis=0)
+    area = jnp.linalg.norm(normal, axis=0).sum(axis=0)
+    at = jnp.moveaxis(points, -1, 0)[:, :, None]
+    seen = triangle_potential(at, halves[:, :, None], apart_squared)
     return (share * seen.sum(axis=1)).sum(axis=0) * 2 / area
 
 
@@ -298,9 +268,8 @@ def _quadrature(
     by_u = (1 - v) * (second - first) + v * (third - fourth)
     by_v = (1 - u) * (fourth - first) + u * (third - second)
     points = (1 - u) * ((1 - v) * first + v * fourth) + u * ((1 - v) * second + v * third)
-    share = np.outer(weight, weight).ravel()[:, None] * jnp.linalg.norm(
-        jnp.cross(by_u, by_v), axis=-1
-    )
+    area = jnp.linalg.norm(jnp.cross(by_u, by_v), axis=-1)
+    share = np.outer(weight, weight).ravel()[:, None] * area
     return points, share / share.sum(axis=0)
 
 
@@ -319,11 +288,8 @@ def triangle_potential(
 
     It also holds on the triangle and its edges. A triangle without area gives 0.
 
-    Args:
-        at: the points [mm].
-        corners: the triangle for each point, by corner and component [mm].
-        apart: square c² of a distance that r includes besides, as √(r² + c²). It is then also part
-            of d, as the height above a plane is [mm²].
+    Triangles are given by corner and component [mm]. ``apart`` is the square c² of a distance that
+    r includes besides, as √(r² + c²), and d too, as the height above a plane is [mm²].
     """
     ends = [[corner[axis] - at[axis] for axis in range(3)] for corner in corners]
     edges = [[b - a for a, b in zip(ends[k], ends[(k + 1) % 3], strict=True)] for k in range(3)]

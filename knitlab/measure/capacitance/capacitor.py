@@ -8,17 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import ElectrodeLayout, Electrodes
-from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.settings import Fraction, Unit
-from knitlab.measure.capacitance.boundary_elements import (
-    images_along,
-    maxwell_matrices,
-    near_pairs,
-    two_terminal,
-)
+from knitlab.measure.capacitance import boundary_elements as bem
 from knitlab.measure.capacitance.panels import PanelChart, panel_chart, panels_on
 from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.measure.folds import fold_angles
@@ -73,12 +67,11 @@ class Capacitances:
     """A capacitor in every state of a test.
 
     Attributes:
-        status: a :class:`CapacitorStatus` for each state.
-        capacitance: two-terminal capacitance without leads, of one period if periodic [pF].
-        mutual: mutual capacitance −C₁₂ of Maxwell's matrix, NaN for periodic fabric without a
-            grounded plane [pF].
+        status: a :class:`CapacitorStatus`.
+        capacitance: between the electrodes, without leads, of one period if periodic [pF].
+        mutual: −C₁₂ of Maxwell's matrix, NaN for periodic fabric without a grounded plane [pF].
         error: estimated relative error of the capacitance, also where it is too large [1].
-        gap: shortest distance between the electrodes, searched up to the size of a grid cell [mm].
+        gap: shortest distance of the electrodes, searched up to the size of a grid cell [mm].
     """
 
     status: Int[np.ndarray, " state"]
@@ -101,8 +94,8 @@ def capacitances(
     A value is extrapolated from the last two sizes; the estimated error is :data:`CAUTION` times
     the change. Panels are refined while the error exceeds ``capacitor.accuracy``. There is no
     value if bare electrodes touch, or if electrodes or a fold at them have passed through each
-    other or themselves, which a model without contact does not prevent. Gaps are searched up to the
-    length of a cell of the paper's grid, which is ``refinement`` cells long.
+    other or themselves. Gaps are searched up to the length of a cell of the paper's grid, which is
+    ``refinement`` cells long.
     """
     shape, states = net.shape, len(configurations.lengths)
     status = np.full(states, CapacitorStatus.measured)
@@ -152,13 +145,13 @@ def _in_vacuum(
     if capacitor.ground == "plane":
         lowest = np.asarray(configurations.positions)[..., 2].min(axis=(1, 2))
         ground = lowest - capacitor.ground_distance
-    images = images_along(electrodes.axis, panels, period, ground) if shape.periodic else None
-    near, membership = near_pairs(panels, images, period), np.eye(2)[chart.electrode]
+    images = bem.images_along(electrodes.axis, panels, period, ground) if shape.periodic else None
+    near, membership = bem.near_pairs(panels, images, period), np.eye(2)[chart.electrode]
     values = []
     for first in range(0, len(panels), STATES_AT_ONCE):
         # The last batch is padded, as a smaller one would be compiled separately.
         batch = np.minimum(np.arange(first, first + STATES_AT_ONCE), len(panels) - 1)
-        matrices = maxwell_matrices(
+        matrices = bem.maxwell_matrices(
             jnp.asarray(panels[batch]),
             jnp.asarray(membership),
             jnp.asarray(near),
@@ -167,7 +160,7 @@ def _in_vacuum(
             capacitor.dielectric_thickness,
             None if ground is None else jnp.asarray(ground[batch]),
         )
-        values.append(np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
+        values.append(np.stack([bem.two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
     return np.concatenate(values)[: len(panels)]
 
 
@@ -189,10 +182,7 @@ def _obstacles(
 def mean_fold(
     electrodes: Electrodes, net: Network, fabric: Fabric, configurations: Configuration
 ) -> Float[np.ndarray, " state"]:
-    """Mean angle of the folds at and between the electrodes and parallel to them [rad].
-
-    The electrodes move apart as these open.
-    """
+    """Mean angle of the folds at and between the electrodes and parallel to them [rad]."""
     rest = np.asarray(fabric.rest_fold)
     alongside = net.wale if electrodes.along == "wale" else ~net.wale
     counted = _hinges_at(electrodes, net) & alongside & (rest != 0)

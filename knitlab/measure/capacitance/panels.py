@@ -6,21 +6,18 @@ from itertools import pairwise, product
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import Electrodes, Strip, split_by_cells
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.unit_cells import nodes_at
-
-Side = tuple[int, float, float, float]
-"""Axis, position along it, and extent across it of a side of a part of an electrode."""
 
 
 @dataclass(frozen=True, eq=False)
 class PanelChart:
     """Panels on the flat chart; none crosses the border of a grid cell.
 
-    Each has its grid cell (y, x), which may lie beyond a periodic boundary, the (x, y) of its
-    corners within that cell, from 0 to 1 and in order around it, and the number of its electrode.
+    Grid cells (y, x) may lie beyond a periodic boundary; corners (x, y) are within their cell, from
+    0 to 1 and in order around the panel.
     """
 
     cell: Int[np.ndarray, "panel 2"]
@@ -37,9 +34,7 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
     wrapped: list[int | None] = [None, None]
     if shape.periodic:
         wrapped[electrodes.axis] = (shape.cells_x, shape.cells_y)[electrodes.axis]
-    cells: list[tuple[int, int]] = []
-    corners: list[list[tuple[float, float]]] = []
-    electrode: list[int] = []
+    panels = []
     for number, strips in enumerate(electrodes.strips):
         plated = [part for strip in strips for part in split_by_cells(strip)]
         begin, end = (
@@ -55,14 +50,13 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
                 steps = graded(level, low_free, high_free)
                 lines.append(low - origin[axis] + (high - low) * steps)
             for (left, right), (bottom, top) in product(*map(pairwise, lines)):
-                cells.append(origin[::-1])
-                corners.append([(left, bottom), (right, bottom), (right, top), (left, top)])
-                electrode.append(number)
-    return PanelChart(np.array(cells), np.array(corners), np.array(electrode))
+                corners = (left, bottom), (right, bottom), (right, top), (left, top)
+                panels.append((origin[::-1], corners, number))
+    return PanelChart(*map(np.array, zip(*panels, strict=True)))
 
 
-def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> Side:
-    """The lower or upper side of a part; the same for parts that meet there."""
+def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> tuple[int, float, float, float]:
+    """Axis, position and extent of the lower or upper side of a part; equal for two that meet."""
     position = part.extents[axis][end]
     low, high = part.extents[1 - axis]
     if wrapped is not None:
@@ -73,8 +67,7 @@ def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> Side:
 def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
     """Lines from 0 to 1 that divide a cell into panels, denser where charge concentrates.
 
-    If the electrode ends at one side of a cell, the other side is usually the ridge of a fold: also
-    an outer edge, with lines as dense.
+    The side opposite to a free one is usually the ridge of a fold: also an outer edge, as dense.
     """
     count = level * 2 ** (low_free + high_free)
     lines = np.linspace(0, 1, count + 1)

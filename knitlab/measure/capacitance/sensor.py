@@ -25,10 +25,9 @@ class CapacitorStatus(IntEnum):
     """Whether a capacitance is measured, or why not.
 
     ``touching``: bare electrodes are closer than ``clearance``, or electrodes pass through each
-    other.
-    ``folded_through``: a fold at the electrodes is beyond half a turn, or an electrode passes
-    through itself, which the model does not prevent. ``unresolved``: finer panels change the
-    capacitance by more than the required accuracy.
+    other. ``folded_through``: a fold at the electrodes is beyond half a turn, or an electrode
+    passes through itself. ``unresolved``: finer panels change the capacitance by more than the
+    required accuracy.
     """
 
     measured = 0
@@ -42,9 +41,8 @@ def sensor_values(
 ) -> dict[str, float]:
     """Figures of merit of a sensor, by the names of the schema; none if it has too few points.
 
-    Between points, at ascending strains, the curve [pF] is interpolated by monotone cubics. The
-    working range is the widest strain window in which a straight line has the R² that is asked for.
-    Humidity does not change the part of the capacitance that is due to the leads.
+    The curve [pF] at ascending strains is interpolated by monotone cubics. The working range is the
+    widest window in which a straight line has an R². Humidity changes all but the leads.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -69,14 +67,9 @@ def sensor_values(
 
 
 def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
-    """The strains of a test at which a fabric can serve as a sensor.
-
-    It is the longest interval of strains, or the first of equal ones, in which there is a
-    capacitance and the fabric is not yet unfolded, see :func:`strain_unfolded`.
-    """
+    """The first longest interval of strains that have a capacitance and are not ``unfolded``."""
     usable = np.isfinite(capacitance) & ~(strain > unfolded)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
-    runs = edges.reshape(-1, 2)
+    runs = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]))).reshape(-1, 2)
     kept = np.zeros_like(usable)
     if len(runs):
         start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
@@ -85,10 +78,7 @@ def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
 
 
 def mean_slope(strain: Curve, capacitance: Curve) -> float:
-    """Mean |dC/dε| over the central 20 % of a strain range [pF].
-
-    Between its points the curve is linear (paper, Fig. "capacitor testing" D).
-    """
+    """Mean |dC/dε| over the central 20 % of a strain range (paper, "capacitor testing" D) [pF]."""
     middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
     inner = strain[(strain > middle - half) & (strain < middle + half)]
     strains = np.concatenate([[middle - half], inner, [middle + half]])
@@ -98,10 +88,9 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
 def widest_linear(
     strain: Curve, capacitance: Curve, least_linearity: float
 ) -> tuple[float, float, float]:
-    """The widest strain window in which a straight line has an R², and the slope of that line.
+    """The widest strain window in which a straight line has an R²: its ends, and the slope [pF].
 
-    Strains are evenly spaced. Returns the first and last strain [1], and the slope [pF]; of equally
-    wide windows those of the steepest.
+    Strains are evenly spaced. Of equally wide windows it is that of the steepest line.
     """
     squared, slope = _fits(strain, capacitance)
     width = strain[None, :] - strain[:, None]
@@ -144,10 +133,10 @@ def hysteresis(loading: Curve, unloading: Curve) -> float:
 def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
     """Applied strain at which unfolding is complete, NaN if it is not within the test [1].
 
-    Unfolding is complete when the folds between the electrodes are open: when their mean angle has
-    fallen to the fraction ``left`` of its relaxed value, or to its minimum if they close again from
-    there on. A checkerboard reaches this at its largest transverse strain, as the paper describes
-    (Sec. "Kinematics under tension"); at larger strain it narrows, and its folds close.
+    It is complete when the mean angle of the folds between the electrodes has fallen to the
+    fraction ``left`` of its relaxed value, or to its minimum if they close again from there on. A
+    checkerboard reaches this at its largest transverse strain (paper, Sec. "Kinematics under
+    tension"); at larger strain it narrows, and its folds close.
     """
     least = int(np.argmin(fold))
     open_enough = np.flatnonzero(fold <= left * fold[0])

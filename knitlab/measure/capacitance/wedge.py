@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import Electrodes
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.measure.capacitance.panels import points_on
@@ -50,11 +50,8 @@ def wedge_capacitance(
 ) -> Float[Array, "*state"]:
     """Capacitance between two strips in vacuum, by the wedge integral [pF].
 
-    It is differentiable with respect to the configuration, of one state or several. For periodic
-    fabric it is that of one period.
-
-    Raises:
-        ValueError: if the electrodes are not two strips :func:`side_by_side`.
+    It is differentiable by the configuration, and for periodic fabric that of one period. Raises
+    ValueError if the electrodes are not two strips :func:`side_by_side`.
     """
     if not side_by_side(electrodes):
         raise ValueError("the wedge integral needs two strips of equal width, side by side")

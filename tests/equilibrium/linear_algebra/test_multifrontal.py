@@ -6,12 +6,17 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 from scipy.sparse.linalg import spsolve
 
-from knitlab.equilibrium.linear_algebra import elimination_order, multifrontal, triangular_solves
-from knitlab.equilibrium.linear_algebra.elimination_order import GridOrder, grid_order
+from knitlab.equilibrium.linear_algebra import (
+    multifrontal,
+    symbolic_factorisation,
+    triangular_solves,
+)
 from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
 from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
     Front,
+    GridOrder,
     NestedDissection,
+    grid_order,
     planned,
 )
 from knitlab.fabric.threads import Threads
@@ -312,7 +317,7 @@ def test_two_threads_give_identical_results(case: Case, monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("leaf", [1, 4, 10_000])
 def test_the_size_of_the_leaves_does_not_matter(leaf: int, monkeypatch) -> None:
-    monkeypatch.setattr(elimination_order, "LEAF_NODES", leaf)
+    monkeypatch.setattr(symbolic_factorisation, "LEAF_NODES", leaf)
     case = sheet(17, 22, periodic=True)
     rhs = np.ones(len(case.rows))
     np.testing.assert_allclose(case.matrix @ case.factors().solve(rhs), rhs, rtol=1e-12)

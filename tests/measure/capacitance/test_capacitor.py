@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import ElectrodeLayout, place_electrodes
+from knitlab.fabric.fabric import Configuration
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.measure.capacitance.capacitor import Capacitor, capacitances
 from knitlab.measure.capacitance.sensor import CapacitorStatus

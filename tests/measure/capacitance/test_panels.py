@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import Electrodes, Strip
-from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.capacitance.panels import graded, panel_chart, panels_on
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, pure, shaken, stripe

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipk, ellipkm1
 
-from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import Electrodes, Strip
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.measure.capacitance.panels import panel_chart, panels_on
