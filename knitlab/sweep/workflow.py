@@ -116,7 +116,7 @@ class StripesSection(StrictModel):
     stripe_periods: PositiveInt = 1
 
 
-class Protocol(StrictModel):
+class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
@@ -124,14 +124,6 @@ class Protocol(StrictModel):
     respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
     ``robustness`` the spread of results over this number of siblings of each design, which are
     slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
-
-    Raises:
-        BadInput: if a value is out of range, or two contradict.
-
-    Example:
-        >>> import knitlab as kl
-        >>> kl.Protocol(strain_max=0.09).applied_strain
-        (0.0, 0.03, 0.06, 0.09)
     """
 
     method: Method = "equilibrium"
@@ -142,16 +134,8 @@ class Protocol(StrictModel):
     unloading: bool = False
     robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
 
-    if not TYPE_CHECKING:  # which knows the arguments from the fields
-
-        def __init__(self, **values: Any) -> None:
-            try:
-                super().__init__(**values)
-            except ValidationError as error:
-                raise BadInput(faults_of(error, "Protocol")) from error
-
     @model_validator(mode="after")
-    def _has_these_in_equilibrium(self) -> "Protocol":
+    def _has_these_in_equilibrium(self) -> "ProtocolSection":
         for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
                 raise ValueError(
@@ -160,7 +144,7 @@ class Protocol(StrictModel):
         return self
 
     @model_validator(mode="after")
-    def _is_a_whole_number_of_steps(self) -> "Protocol":
+    def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6:
             raise ValueError(
@@ -178,6 +162,27 @@ class Protocol(StrictModel):
         """All strains of the test, ascending from 0."""
         further = {strain for strain in self.further_strains if strain <= self.strain_max}
         return tuple(sorted(further.union(even_strains(self.strain_max, self.strain_step))))
+
+
+class Protocol(ProtocolSection):
+    """The strains of a tensile test, and how its states are reached: a workflow's ``[protocol]``.
+
+    Raises:
+        BadInput: if a value is out of range, or two contradict.
+
+    Example:
+        >>> import knitlab as kl
+        >>> kl.Protocol(strain_max=0.09).applied_strain
+        (0.0, 0.03, 0.06, 0.09)
+    """
+
+    if not TYPE_CHECKING:  # which knows the arguments from the fields
+
+        def __init__(self, **values: Any) -> None:
+            try:
+                super().__init__(**values)
+            except ValidationError as error:
+                raise BadInput(faults_of(error, "Protocol")) from error
 
 
 STRIPE_NUMBERS = {name: declared(Stripe)[name] for name in STRIPE_QUANTITIES}
@@ -255,7 +260,7 @@ class Workflow(StrictModel):
     figures: Figures = ()
     design: DesignSection | None = None
     stripes: StripesSection | None = None
-    protocol: Protocol = Protocol()
+    protocol: ProtocolSection = ProtocolSection()
     model: ModelSection = ModelSection()
     solver: SolverSection = SolverSection()
     dynamics: DynamicsSection = DynamicsSection()
@@ -274,7 +279,7 @@ class Workflow(StrictModel):
 SECTIONS: dict[str, type[StrictModel]] = {
     "design": DesignSection,
     "stripes": StripesSection,
-    "protocol": Protocol,
+    "protocol": ProtocolSection,
     "model": ModelSection,
     "solver": SolverSection,
     "dynamics": DynamicsSection,
