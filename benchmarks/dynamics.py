@@ -29,7 +29,7 @@ from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.provenance import provenance
 from knitlab.simulation.case import Case
-from knitlab.simulation.tensile_tests import dynamic_tests, moving_fabrics
+from knitlab.simulation.simulate import dynamic_tests, moving_fabrics
 from knitlab.sweep.plan import make_plan
 
 STEPS, STEP = 50, 1e-4

@@ -20,7 +20,7 @@ import click
 from benchmarks.command_line import COMMAND, processor_seconds
 from knitlab.cube.case_file import write_case_file
 from knitlab.cube.cube_file import CUBE
-from knitlab.simulation.tensile_tests import Progress
+from knitlab.simulation.simulate import Progress
 from knitlab.sweep.batches import Shard, split
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import make_plan

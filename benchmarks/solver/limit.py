@@ -21,7 +21,7 @@ from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.threads import Threads, allowed_threads
-from knitlab.simulation.tensile_tests import starts
+from knitlab.simulation.simulate import starts
 
 TIMED, LONG = 5, 30.0
 """Times that a part is done after a first that is not counted, and time after which no more [s]."""

@@ -18,7 +18,7 @@ from knitlab.equilibrium.state import State
 from knitlab.fabric.fabric import Configuration
 from knitlab.measure.surfaces import self_intersections
 from knitlab.simulation.case import Case
-from knitlab.simulation.tensile_tests import tensile_tests
+from knitlab.simulation.simulate import tensile_tests
 
 DESIGNS = (8, 32), (6, 24)
 STARTS = "dynamics", "flat", "periodic"

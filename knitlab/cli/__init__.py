@@ -1,4 +1,12 @@
-"""The command line: ``knitlab plan | run | status | reproduce | query | map | claims | …``."""
+"""The command line: ``knitlab plan | run | status | reproduce | query | map | claims | …``.
+
+In: words of a shell. Out: lines of text, files, and an exit code: 0 if all is well, 1 if a case is
+not ok, 2 if the input was wrong.
+
+Read ``options.py`` (text becomes values there, and nowhere else), then the file of a command:
+``sweeps.py``, ``cubes.py``, ``making.py`` or ``laboratory.py``. A command calls one function of
+``knitlab.api`` or of the core, and prints.
+"""
 
 import click
 

@@ -18,7 +18,7 @@ from knitlab.inverse.trial import Trial, run_trial
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault
 from knitlab.simulation.case import Case
-from knitlab.simulation.tensile_tests import Progress
+from knitlab.simulation.simulate import Progress
 from knitlab.sweep.workers import Task, pool_of
 
 TRIALS, SEARCHES = "trials", "searches"

@@ -20,7 +20,7 @@ from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic, measured_by
-from knitlab.simulation.tensile_tests import tensile_tests
+from knitlab.simulation.simulate import tensile_tests
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""

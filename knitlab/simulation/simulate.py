@@ -1,21 +1,46 @@
-"""Simulation of one batch, the task that a worker runs, and of one case."""
+"""Simulation of a batch, the task that a worker runs: its tensile tests, and their case files.
+
+Tests of cases of one mesh shape and of their siblings are by equilibria or by dynamics.
+"""
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import write_case_file
+from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.state import Outcome, TensileTest
+from knitlab.equilibrium.tensile_test import (
+    imperfect_sheet,
+    relax_near,
+    starts_from_periodic,
+    stretch,
+)
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.zigzag import zigzag
+from knitlab.io.errors import fault
 from knitlab.io.provenance import provenance
 from knitlab.measure.zigzag_tension import pull_chain
 from knitlab.simulation.case import Case, by_test
 from knitlab.simulation.measurement import measured
-from knitlab.simulation.tensile_tests import Progress, sibling_tests, tensile_tests
+from knitlab.simulation.siblings import SiblingTest, sibling
 
+if TYPE_CHECKING:
+    from knitlab.dynamics.damped_test import MovingFabrics, Relaxed
+    from knitlab.fabric.barrier import Barrier
+
+Progress = Callable[[str, float], None]
+"""Function of a case's identifier and of the number of its finished states, with a fraction."""
+SECONDS_BETWEEN_REPORTS = 1.0
+USUAL_FACTORISATIONS = 20
 WHY = {
     Outcome.iteration_limit: "the limit of steps was reached",
     Outcome.stalled: "no smaller step helped",
@@ -81,3 +106,175 @@ def failure_reason(case: Case, test: TensileTest) -> str:
         f"no {state} at applied strain {strain:g}: {last.residual:.1e} N left after"
         f" {last.iterations} {steps} ({WHY[last.outcome]})"
     )
+
+
+def tensile_tests(
+    cases: Sequence[Case], progress: Progress, imperfection: int | None = None
+) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape and method.
+
+    From imperfections, by this seed, they are by equilibria whatever the method.
+    """
+    if cases[0].method == "dynamics" and imperfection is None:
+        return dynamic_tests(cases, progress)
+    sheets = starts(cases, imperfection)
+    moved: list[Relaxed | None] = [None] * len(cases)
+    if cases[0].relaxes_by_dynamics:
+        from knitlab.dynamics.damped_test import relax_by_dynamics
+
+        report = _by_number(cases, progress)
+        moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets)]
+    reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
+    searches = [
+        partial(
+            stretch,
+            applied_strain=case.applied_strain,
+            settings=case.equilibrium_solver,
+            progress=reporter.done,
+            start=start,
+            folded=None if relaxed is None else relaxed.configuration,
+            unload=case.unloading,
+            contact=contact_of(case),
+            factorised=reporter.factorised,
+        )
+        for case, start, relaxed, reporter in zip(cases, sheets, moved, reporters, strict=True)
+    ]
+    fabrics = [case.assemble()[1] for case in cases]
+    tests = run_each(cases[0].mesh_shape, fabrics, searches)
+    return [
+        test if relaxed is None else _after_motion(test, relaxed)
+        for test, relaxed in zip(tests, moved, strict=True)
+    ]
+
+
+def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
+    """A test by equilibria of a fabric that relaxed by dynamics, with the history of that."""
+    first, *others = test.states
+    peak = float(relaxed.history.kinetic.max())
+    first = replace(first, iterations=first.iterations + relaxed.steps, kinetic_peak=peak)
+    return replace(test, states=[first, *others], history=relaxed.history)
+
+
+class Reporter:
+    """Reports the number of finished states, with a fraction of the next one.
+
+    That is n / (n + 20) after n factorisations, as their number is not known beforehand.
+    """
+
+    def __init__(self, report: Callable[[float], None]) -> None:
+        self._report = report
+        self._states = self._factorisations = 0
+        self._last = time.monotonic()
+
+    def done(self, states: int) -> None:
+        """Report a number of finished states."""
+        self._states, self._factorisations = states, 0
+        self._report(states)
+
+    def factorised(self) -> None:
+        """Count a factorisation, and report the fraction at most once a second."""
+        self._factorisations += 1
+        if time.monotonic() - self._last >= SECONDS_BETWEEN_REPORTS:
+            self._last = time.monotonic()
+            fraction = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
+            self._report(self._states + fraction)
+
+
+def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Configuration | None]:
+    """What samples relax from: the flat sheet (``None``), an imperfect one, or a tiling [mm]."""
+    shapes: list[Configuration | None] = [None] * len(cases)
+    if imperfection is not None:
+        shapes = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
+    tiled = {
+        number: case.periodic_cell
+        for number, case in enumerate(cases)
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
+    }
+    if not tiled:
+        return shapes
+    tilings = starts_from_periodic(
+        [cases[number].assemble() for number in tiled],
+        [cell.assemble() for cell in tiled.values()],
+        [cell.equilibrium_solver for cell in tiled.values()],
+        imperfection,
+        [contact_of(cell) for cell in tiled.values()],
+    )
+    for number, tiling in zip(tiled, tilings, strict=True):
+        contact = contact_of(cases[number])
+        if tiling and (contact is None or contact.holds(np.asarray(tiling.flattened()))):
+            shapes[number] = tiling
+    return shapes
+
+
+def contact_of(case: Case) -> "Barrier | None":
+    """The contact of the fabric of a case; ``None`` if it may pass through itself."""
+    if case.options.contact == "none":
+        return None
+    if find_spec("ipctk") is None:
+        raise fault("contact = barrier", "needs the package ipctk; pip install 'knitlab[contact]'")
+    from knitlab.fabric.barrier import Barrier
+
+    _, fabric = case.assemble()
+    cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
+    sheet, refinement = case.sheet, case.options.cells_per_period
+    return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
+
+
+def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests by damped dynamics, all cases in one vmapped program."""
+    from knitlab.dynamics.damped_test import stretch_by_dynamics
+
+    strains, report = [case.applied_strain for case in cases], _by_number(cases, progress)
+    return stretch_by_dynamics(moving_fabrics(cases), strains, report)
+
+
+def _by_number(cases: Sequence[Case], progress: Progress) -> Callable[[int, float], None]:
+    return lambda number, states: progress(cases[number].case_id, states)
+
+
+def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
+    """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
+    from knitlab.dynamics.damped_test import MovingFabrics
+
+    fabrics, inertias = [case.assemble()[1] for case in cases], [case.inertia() for case in cases]
+    return MovingFabrics(cases[0].mesh_shape, fabrics, inertias, cases[0].motion)
+
+
+def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
+    """Tests of the siblings of cases of one mesh shape, each case's in order."""
+    tests: dict[str, list[SiblingTest]] = {case.case_id: [] for case in cases}
+    for number in range(1, max(case.robustness for case in cases) + 1):
+        originals = [case for case in cases if case.robustness >= number]
+        siblings = [sibling(case, number) for case in originals]
+        names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
+        report = partial(_report_of_sibling, progress, number, names)
+        tested = tensile_tests(siblings, report, imperfection=number)
+        energies = _branch_energies(originals, tested)
+        for case, its, test, energy in zip(originals, siblings, tested, energies, strict=True):
+            tests[case.case_id].append(SiblingTest(its, test, energy))
+    return [tests[case.case_id] for case in cases]
+
+
+def _report_of_sibling(
+    progress: Progress, number: int, cases: dict[str, Case], sibling_id: str, states: float
+) -> None:
+    case = cases[sibling_id]
+    progress(case.case_id, number * len(case.applied_strain) + states)
+
+
+def _branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list[float]:
+    """Energies of cases, relaxed from the relaxed shapes of siblings; NaN if not in equilibrium."""
+    searches = [
+        partial(
+            relax_near,
+            settings=case.equilibrium_solver,
+            start=test.states[0].configuration,
+            contact=contact_of(case),
+        )
+        for case, test in zip(cases, tests, strict=True)
+    ]
+    relaxed = run_each(cases[0].mesh_shape, [case.assemble()[1] for case in cases], searches)
+    return [
+        float(state.energy.total) if state.converged and test.states[0].converged else np.nan
+        for state, test in zip(relaxed, tests, strict=True)
+    ]

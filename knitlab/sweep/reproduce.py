@@ -18,8 +18,7 @@ from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.measurement import measured
-from knitlab.simulation.simulate import failure_reason
-from knitlab.simulation.tensile_tests import tensile_tests
+from knitlab.simulation.simulate import failure_reason, tensile_tests
 from knitlab.sweep.results_folder import FAILURES, PLAN, earlier_failures, read_plan
 
 HEADER = (

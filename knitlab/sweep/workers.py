@@ -20,7 +20,7 @@ import dask
 from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.errors import CannotWrite, fault
 from knitlab.simulation.case import Case
-from knitlab.simulation.tensile_tests import Progress
+from knitlab.simulation.simulate import Progress
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from knitlab.simulation.measurement import measured
-from knitlab.simulation.tensile_tests import tensile_tests
+from knitlab.simulation.simulate import tensile_tests
 from knitlab.sweep.plan import make_plan
 
 ROOT = Path(__file__).parents[2]

@@ -6,8 +6,8 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.simulation import tensile_tests
-from knitlab.simulation.tensile_tests import Reporter
+from knitlab.simulation import simulate
+from knitlab.simulation.simulate import Reporter
 from knitlab.sweep.batches import RELAXATION_STEPS, work
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.progress import ProgressBar
@@ -17,7 +17,7 @@ CASES = make_plan("periodic", ("n_stripe=4", "n_subunit=16,32", "robustness=2"))
 
 def test_progress_moves_while_the_fabric_relaxes(monkeypatch):
     clock = itertools.count()
-    monkeypatch.setattr(tensile_tests.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(simulate.time, "monotonic", lambda: float(next(clock)))
     reports = []
     reporter = Reporter(reports.append)
 
