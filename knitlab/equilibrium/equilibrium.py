@@ -130,7 +130,7 @@ class SubdomainRounds:
         while before is not None and slow and self.cost < search.rules.settings.max_iterations:
             current = search.at.unknowns
             step = current - before
-            longest = LONGEST_EXTRAPOLATION * search.longest_part(step[search.places])
+            longest = LONGEST_EXTRAPOLATION * search.longest_fraction(step[search.places])
             ahead = replace(search.at, unknowns=current + step * min(2.0, longest))
             after, evaluation = self.solve(ahead)
             gained = search.energy - float(evaluation.energy.total)

@@ -140,7 +140,7 @@ class Search:
         whole[self.places] = step
         return whole
 
-    def longest_part(self, step: Vector) -> float:
+    def longest_fraction(self, step: Vector) -> float:
         """The fraction of a step with the largest allowed relative motion of neighbouring nodes."""
         shape = self.rules.free.shape
         move = Configuration.of(self.of_all(step), shape)
@@ -217,8 +217,8 @@ class _Descent:
 
     It was ``blocked`` if no fraction of the next step lowered the energy, and ``below_round_off``
     if the expected decrease was: then the shift is too large for the force to fall. It was
-    ``shortened`` if the step limit left only a small part of most steps of a convexified stiffness,
-    so that only its softest modes moved: then μ is too small.
+    ``shortened`` if the step limit left only a small fraction of most steps of a convexified
+    stiffness, so that only its softest modes moved: then μ is too small.
     """
 
     steps: int
@@ -245,14 +245,16 @@ def _descend(search: Search) -> _Descent:
         slope = float(search.gradient @ direction)
         if not slope < 0:
             return _Descent(steps, blocked=True)
-        part = min(1.0, search.longest_part(direction))
-        shortened += part < 0.1
+        fraction = min(1.0, search.longest_fraction(direction))
+        shortened += fraction < 0.1
         free = 1.0
         if rules.contact is not None:
-            free = rules.contact.free_part(search.at.unknowns, search.of_all(direction * part))
-        part *= free
+            free = rules.contact.free_fraction(
+                search.at.unknowns, search.of_all(direction * fraction)
+            )
+        fraction *= free
         before = search.energy, search.gradient, search.force
-        step, slope, curvature = direction * part, slope * part, curvature * part**2
+        step, slope, curvature = direction * fraction, slope * fraction, curvature * fraction**2
         walls = search.z_max, search.wall_stiffness
         rise = step[rules.free.heights]
         length = lowest_part(search.heights, rise, slope, curvature, *walls)

@@ -30,7 +30,7 @@ LONGEST = 4
 """Largest step along a path that is easy to follow, over ``path_step``."""
 ROUGH = 50
 """Iterations of a strain step above which the path counts as rough."""
-PARTS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
+FRACTIONS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
 """Fractions of the way from an affine stretch of the last state to the extrapolation."""
 
 
@@ -336,11 +336,11 @@ class _Path:
         near = self.loading.ahead(passed[-1:], strain)
         if self.contact is None and (len(passed) == 1 or not self.many):
             return Point(far)
-        starts = [Point(near + part * (far - near)) for part in PARTS_AHEAD]
+        starts = [Point(near + fraction * (far - near)) for fraction in FRACTIONS_AHEAD]
         if self.contact is not None:
             before = passed[-1][1]
             for start in starts:  # the first that contact lets be reached from the last state
-                if self.contact.free_part(before, start.unknowns - before) == 1:
+                if self.contact.free_fraction(before, start.unknowns - before) == 1:
                     return start
             return Point(np.full_like(before, np.nan))
         energies = [float(self.system.evaluate(start).energy.total) for start in starts]
@@ -362,10 +362,10 @@ class _Path:
     def _allowed(self, work: float, strain: float) -> float:
         """Largest difference between the energy and the work of a step on one branch [N mm]."""
         before_strain, before = self.last[-1]
-        part = min(1.0, self.settings.path_step / abs(strain - before_strain))
+        fraction = min(1.0, self.settings.path_step / abs(strain - before_strain))
         # If the work is almost 0, the stored energy is the scale.
         least = 1e-6 * float(before.energy.total)
-        return self.settings.branch_limit * max(part * abs(work), least)
+        return self.settings.branch_limit * max(fraction * abs(work), least)
 
     def _on_branch(self, strain: float, state: State) -> bool:
         """Whether a state converged, and its energy grew by the work done."""

@@ -34,7 +34,7 @@ def step_between_walls(search: "Search") -> tuple[Float[np.ndarray, " free"], fl
     step = newton = system.solve(-gradient)
     curvature = of_newton = -float(gradient @ newton)
     for _ in range(MOST_ACTIVE_SETS):
-        end = z + min(1.0, search.longest_part(step)) * step[heights]
+        end = z + min(1.0, search.longest_fraction(step)) * step[heights]
         active_after = np.abs(end) > z_max
         if (active_after == active).all():
             return step, curvature

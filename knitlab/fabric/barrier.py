@@ -86,7 +86,7 @@ class PairSearch:
             self._close = self._closest(vertices)
         return self._close
 
-    def free_part(self, before: Vertices, after: Vertices) -> float:
+    def free_fraction(self, before: Vertices, after: Vertices) -> float:
         """Part of a straight step that brings no parts as near as they may be."""
         pairs = self.close(before)
         if not pairs.complete_within(after) > self.least:
@@ -197,10 +197,10 @@ class Barrier:
             terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
         return sp.csc_array(sum(terms[1:], terms[0])) if terms else None
 
-    def free_part(self, unknowns: Unknowns, step: Unknowns) -> float:
+    def free_fraction(self, unknowns: Unknowns, step: Unknowns) -> float:
         """Part of a step, at most 1, after which all parts still keep their distance."""
         before, after = self._vertices(unknowns, unknowns + step)
-        part = min(search.free_part(before, after) for search in self._searches)
+        part = min(search.free_fraction(before, after) for search in self._searches)
         return part if part == 1 else KEPT_PART * part
 
     def holds(self, unknowns: Unknowns) -> bool:

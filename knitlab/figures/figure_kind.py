@@ -22,7 +22,7 @@ class FigureKind:
         coordinates: further coordinates that it can be sliced along.
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
             missing are left out, and if all are, other designs are shown instead.
-        options: names of keyword arguments by which ``draw`` is told what to show.
+        options: names of keyword arguments that select what ``draw`` shows.
         several: whether it takes several cubes: any, or experiments beside one simulation.
     """
 

@@ -98,7 +98,7 @@ def test_only_the_part_of_a_step_within_the_step_limit_meets_walls(squeezed):
     unknowns = displaced(squeezed[2], 0.003, 0)
     search, (whole, _), _ = stepped(squeezed, unknowns, 0.1)
     cell = float(squeezed[1].cell_sides.min())
-    limit = 1e-3 / search.longest_part(whole) * LONG.step_limit
+    limit = 1e-3 / search.longest_fraction(whole) * LONG.step_limit
     search, (step, _), _ = stepped(squeezed, unknowns, 0.1, SolverSettings(step_limit=limit))
     assert search.step_length == pytest.approx(limit * cell)
     newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)

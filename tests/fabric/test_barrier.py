@@ -84,7 +84,7 @@ def test_a_step_is_shortened_to_the_distance_that_plies_must_keep(drop, above):
     shape, unknowns = two_plies(THICKNESS * above)
     step = np.zeros_like(unknowns)
     Configuration.of(step, shape).positions[7:, :, 2] = -drop * THICKNESS
-    part = barrier_on(shape).free_part(unknowns, step)
+    part = barrier_on(shape).free_fraction(unknowns, step)
     exact = (above - 1) / drop
     assert part <= min(exact, 1)
     assert part >= 0.4 * min(exact, 1)

@@ -54,7 +54,7 @@ def test_kept_pairs_give_the_forces_and_free_steps_of_pairs_searched_anew(period
         np.testing.assert_allclose(*gradients, atol=1e-9 * max(1.0, abs(gradients[1]).max()))
         configuration = moved(numbers, shape, configuration)
         step = np.asarray(configuration.flattened()) - unknowns
-        parts = [each.free_part(unknowns, step) for each in (kept, fresh)]
+        parts = [each.free_fraction(unknowns, step) for each in (kept, fresh)]
         assert parts[0] == pytest.approx(parts[1], rel=1e-6)
 
 
