@@ -91,8 +91,8 @@ def test_undefined_sensitivities_are_missing(cube, monkeypatch, tmp_path):
     between = 1.045 * float(cube["relaxed_cell_y"].squeeze())
 
     def not_beyond(self, fabric, unknowns):
-        length_y = Configuration.of(unknowns, self._free.shape).lengths[1]
-        if len(self._free.places) < len(unknowns) and length_y > between:
+        length_y = Configuration.of(unknowns, self.free.shape).lengths[1]
+        if len(self.free.places) < len(unknowns) and length_y > between:
             raise NoDerivative
         return at(self, fabric, unknowns)
 
