@@ -9,7 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -72,6 +72,26 @@ def kill_command(folder: Path, words: Sequence[str], changes: int) -> None:
         await_changes(own, changes)
         process.kill()
         process.wait()
+
+
+def kill_fork(repeated: Callable[[], object], folder: Path, changes: int, *, begun=False) -> None:
+    """Repeat a call in a fork, and kill it before its n-th change of a file in a folder.
+
+    With ``begun`` it is killed just after that change has begun.
+    """
+    own, other_end = socket.socketpair()
+    child = os.fork()
+    if not child:
+        own.close()
+        pause_before_changes(other_end, folder)
+        while True:  # what is complete only writes its shared files again
+            repeated()
+    other_end.close()
+    with own:
+        await_changes(own, changes)
+        if begun:
+            own.send(b".")
+        kill(child)
 
 
 def kill(pid: int) -> None:

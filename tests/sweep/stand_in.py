@@ -7,7 +7,6 @@ import hashlib
 import os
 import resource
 import signal
-import socket
 import sys
 import threading
 from pathlib import Path
@@ -24,7 +23,7 @@ from knitlab.simulation.measurement import variables_of
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from tests.file_events import await_changes, kill, pause_before_changes
+from tests.file_events import kill_fork
 
 ONE_OF_XLA = os.environ.get("PJRT_NPROC")
 POISONED = 8
@@ -153,19 +152,8 @@ def kill_again_and_again(results, kills):
 
 def kill_at_a_change(plan, results, count, begun):
     """Kill a run before its change of a file of this number, or just after it has begun."""
-    own, other_end = socket.socketpair()
-    child = os.fork()
-    if not child:
-        own.close()
-        pause_before_changes(other_end, results)
-        while True:  # after the last case every run only writes the cube again
-            run_plan(plan, results, RunOptions(simulate=simulate))
-    other_end.close()
-    with own:
-        await_changes(own, count)
-        if begun:
-            own.send(b".")
-        kill(child)
+    options = RunOptions(simulate=simulate)
+    kill_fork(lambda: run_plan(plan, results, options), results, count, begun=begun)
 
 
 def die_within_a_case(plan, results, size):

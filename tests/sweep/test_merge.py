@@ -1,9 +1,7 @@
 """Merging of results folders: nothing lost, nothing contradictory joined; by a cheap stand-in."""
 
 import json
-import os
 import shutil
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -20,7 +18,7 @@ from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.results_folder import folder_status, planned_designs, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from tests.file_events import await_changes, kill, pause_before_changes
+from tests.file_events import kill_fork
 from tests.sweep import stand_in
 
 COUNT = 3
@@ -246,17 +244,7 @@ for changes in range(1, int(sys.argv[3]), 4):
 
 def kill_merge(made, results, changes):
     """Merge in a fork, and kill it before a change of a file of this number."""
-    own, other_end = socket.socketpair()
-    child = os.fork()
-    if not child:
-        own.close()
-        pause_before_changes(other_end, results)
-        while True:
-            merge_folders(shards(made), results)
-    other_end.close()
-    with own:
-        await_changes(own, changes)
-        kill(child)
+    kill_fork(lambda: merge_folders(shards(made), results), results, changes)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +17,6 @@ from knitlab.sweep.batches import Shard
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.results_folder import PLAN, folder_status, planned_designs, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from tests.file_events import await_changes, kill, pause_before_changes
 from tests.sweep import stand_in
 
 HERE = Path(__file__).resolve().parents[2]
@@ -180,29 +178,15 @@ def test_shards_at_the_same_time_give_the_cube_of_one_run(tmp_path, plan, whole)
     assert left(tmp_path) == ["cases", "cube.nc", "failures.jsonl", "plan.json"]
 
 
-def kill_shard(plan, results, number, changes):
-    """Run a shard in a fork, and kill it before a change of a file of this number."""
-    own, other_end = socket.socketpair()
-    child = os.fork()
-    if not child:
-        own.close()
-        pause_before_changes(other_end, results)
-        while True:  # after its last case a shard only writes shared files again
-            ran(plan, results, number)
-    other_end.close()
-    with own:
-        await_changes(own, changes)
-        kill(child)
-
-
 KILLS = """
 import sys
 from pathlib import Path
 from tests.sweep.stand_in import plan_of
-from tests.sweep.test_shards import kill_shard, ran
+from tests.file_events import kill_fork
+from tests.sweep.test_shards import ran
 plan, results = plan_of(2), Path(sys.argv[1])
 for k in range(int(sys.argv[2])):
-    kill_shard(plan, results, 1 + k % 3, 3 + 7 * k % 50)
+    kill_fork(lambda: ran(plan, results, 1 + k % 3), results, 3 + 7 * k % 50)
 """
 
 
