@@ -29,11 +29,11 @@ from knitlab.fabric.energy import (
 )
 from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.inertia import inertia
-from knitlab.fabric.layout import assemble_fabric
+from knitlab.fabric.layout import fabric_layout
 from knitlab.fabric.network import Network
 from knitlab.fabric.pattern import PatchGrid, graded_pattern
-from knitlab.fabric.settings import FoldAngle, ModelOptions, Sheet
-from knitlab.fabric.stripe import Knit, Stripe
+from knitlab.fabric.settings import FoldAngle, ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.stripe import Knit, Stripe, StripePair
 from knitlab.fabric.zigzag import tension
 from knitlab.io.shipped import shipped
 from knitlab.sweep.parameters import read_parameters
@@ -48,6 +48,19 @@ DEFAULT = SolverSettings()
 FINE = SolverSettings(tolerance=1e-12)
 compiled_tension = jax.jit(tension)
 """Tension of a zigzag, compiled; otherwise every call would compile its root finder again."""
+
+
+def assemble_fabric(
+    pattern: PatchGrid,
+    weft: Stripe,
+    warp: Stripe,
+    sheet: Sheet,
+    options: ModelOptions,
+    plain: PlainKnit | None = None,
+) -> tuple[Network, Fabric]:
+    """Network and parameters of a patterned fabric of one rib and one garter stripe."""
+    layout = fabric_layout(pattern, sheet, options, plain)
+    return layout.net, layout.fabric(StripePair.of([weft], [warp]))
 
 
 def stripe(knit: Knit, n: int) -> Stripe:

@@ -21,7 +21,7 @@ from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.system import System
-from knitlab.equilibrium.walls import lowest_part, step_between_walls
+from knitlab.equilibrium.walls import lowest_fraction, step_between_walls
 from knitlab.fabric.energy import Evaluation, Point
 from knitlab.fabric.fabric import Configuration
 
@@ -257,7 +257,7 @@ def _descend(search: Search) -> _Descent:
         step, slope, curvature = direction * fraction, slope * fraction, curvature * fraction**2
         walls = search.z_max, search.wall_stiffness
         rise = step[rules.free.heights]
-        length = lowest_part(search.heights, rise, slope, curvature, *walls)
+        length = lowest_fraction(search.heights, rise, slope, curvature, *walls)
         length = _line_search(search, step, slope, length)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)

@@ -54,7 +54,7 @@ def step_between_walls(search: "Search") -> tuple[Float[np.ndarray, " free"], fl
     return newton, of_newton
 
 
-def lowest_part(
+def lowest_fraction(
     heights: Float[np.ndarray, " node"],
     rise: Float[np.ndarray, " node"],
     slope: float,

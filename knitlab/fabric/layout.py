@@ -13,7 +13,7 @@ from knitlab.fabric.network import Network, mesh_shape, network
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, PatchGrid
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.spring_law import SpringLaw, spring_law
-from knitlab.fabric.stripe import Stripe, StripeNumbers, StripePair, cell_length
+from knitlab.fabric.stripe import StripeNumbers, StripePair, cell_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,19 +173,6 @@ def fabric_layout(
         single_fold=single,
         stiffness_factor=factor,
     )
-
-
-def assemble_fabric(
-    pattern: PatchGrid,
-    weft: Stripe,
-    warp: Stripe,
-    sheet: Sheet,
-    options: ModelOptions,
-    plain: PlainKnit | None = None,
-) -> tuple[Network, Fabric]:
-    """Network and parameters of a patterned fabric of one rib and one garter stripe."""
-    layout = fabric_layout(pattern, sheet, options, plain)
-    return layout.net, layout.fabric(StripePair.of([weft], [warp]))
 
 
 def _single_folds(pattern: PatchGrid, net: Network) -> Float[np.ndarray, " hinge"]:

@@ -13,12 +13,12 @@ from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.grid import GridFabric
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import flat_sheet
-from knitlab.fabric.layout import assemble_fabric, fabric_layout
+from knitlab.fabric.layout import fabric_layout
 from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import StripePair
-from tests.fabrics import SHEET, checkerboard, off_grid, shaken, stripe
+from tests.fabrics import SHEET, assemble_fabric, checkerboard, off_grid, shaken, stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))
 LAWS = {

@@ -20,7 +20,7 @@ from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, energy
 from knitlab.fabric.fabric import Configuration, flat_sheet
-from knitlab.fabric.layout import assemble_fabric, fabric_layout
+from knitlab.fabric.layout import fabric_layout
 from knitlab.fabric.settings import ModelOptions, Sheet
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import StripePair
@@ -32,6 +32,7 @@ from tests.fabrics import (
     FINE,
     PERIODIC,
     SHEET,
+    assemble_fabric,
     checkerboard,
     equations,
     evaluate_whole,

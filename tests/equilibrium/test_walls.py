@@ -12,7 +12,7 @@ from knitlab.equilibrium.search import Search, SearchRules
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import relax
-from knitlab.equilibrium.walls import lowest_part, step_between_walls
+from knitlab.equilibrium.walls import lowest_fraction, step_between_walls
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, Point
 from knitlab.fabric.settings import Sheet
@@ -158,16 +158,16 @@ def test_the_fraction_has_the_least_energy(seed, nodes, length, part):
     fabric = random.uniform(0.01, 10.0)
     curvature = fabric + part * STIFFNESS * float((dz[touched] ** 2).sum())
     # A Newton step: without further contact the whole step has the least energy.
-    fraction = lowest_part(z, dz, -curvature, curvature, HALF_GAP, part * STIFFNESS)
+    fraction = lowest_fraction(z, dz, -curvature, curvature, HALF_GAP, part * STIFFNESS)
     energies = modelled(z, dz, -curvature, curvature, part)
     assert fraction == pytest.approx(FRACTIONS[np.argmin(energies)], abs=4e-4, rel=4e-3)
 
 
 def test_a_step_that_reaches_no_wall_is_taken_whole():
     z, dz = np.array([-5.9, 0.0, 5.9]), np.array([0.05, 3.0, -0.05])
-    assert lowest_part(z, dz, -1.0, 1.0, HALF_GAP, STIFFNESS) == 1.0
+    assert lowest_fraction(z, dz, -1.0, 1.0, HALF_GAP, STIFFNESS) == 1.0
 
 
 def test_a_step_from_wall_to_wall_is_shortened():
     z, dz = np.array([-6.0]), np.array([20.0])
-    assert 0.55 < lowest_part(z, dz, -1.0, 1.0, HALF_GAP, STIFFNESS) < 0.65
+    assert 0.55 < lowest_fraction(z, dz, -1.0, 1.0, HALF_GAP, STIFFNESS) < 0.65

@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.fabric.energy import SPRING_ENTRIES, spring_energy, spring_stiffness
-from knitlab.fabric.layout import assemble_fabric
 from knitlab.fabric.spring_law import LINEAR, SpringCurve, SpringLaw
 from knitlab.fabric.zigzag import law_of_one
-from tests.fabrics import PERIODIC, SHEET, checkerboard, stripe
+from tests.fabrics import PERIODIC, SHEET, assemble_fabric, checkerboard, stripe
 
 CURVE = SpringCurve((0.0, 0.05, 0.1, 0.2, 0.4), (0.0, 1.0, 2.5, 9.0, 40.0))
 BOTH_WAYS = SpringCurve((-0.5, -0.1, 0.0, 0.1, 0.3), (-2.0, -1.0, 0.0, 1.0, 7.0))
