@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from knitlab.io.errors import BadInput
     from knitlab.measure.capacitance.capacitor import Capacitor
     from knitlab.measure.knit_size import Gauge
+    from knitlab.sweep.material import Material
     from knitlab.sweep.parameters import Model, defaults
     from knitlab.sweep.patterns import Pattern
     from knitlab.sweep.workflow import Protocol
@@ -39,11 +40,11 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "BadInput", "Capacitor", "Design", "DynamicsSettings", "ElectrodeLayout", "Gauge", "Model",
-    "NotAllOk", "NotConverged", "Pattern", "PlainKnit", "Protocol", "Sheet", "SolverSettings",
-    "Stripe", "__version__", "calibrate", "claims", "compare", "defaults", "design", "evaluate",
-    "explore", "export", "find", "fit", "import_records", "knit", "merge", "open_cube", "plan",
-    "plot", "query", "reproduce", "run", "simulate", "status",
+    "BadInput", "Capacitor", "Design", "DynamicsSettings", "ElectrodeLayout", "Gauge", "Material",
+    "Model", "NotAllOk", "NotConverged", "Pattern", "PlainKnit", "Protocol", "Sheet",
+    "SolverSettings", "Stripe", "__version__", "calibrate", "claims", "compare", "defaults",
+    "design", "evaluate", "explore", "export", "find", "fit", "import_records", "knit", "merge",
+    "open_cube", "plan", "plot", "query", "reproduce", "run", "simulate", "status",
 ]  # fmt: skip
 _NAMES_OF_MODULES = {
     "api.cubes": ("claims", "compare", "explore", "export", "find", "query"),
@@ -61,6 +62,7 @@ _NAMES_OF_MODULES = {
     "io.errors": ("BadInput",),
     "measure.capacitance.capacitor": ("Capacitor",),
     "measure.knit_size": ("Gauge",),
+    "sweep.material": ("Material",),
     "sweep.parameters": ("Model", "defaults"),
     "sweep.patterns": ("Pattern",),
     "sweep.workflow": ("Protocol",),

@@ -31,8 +31,10 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cases import cases, design_space, electrode_problems
 from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
-from knitlab.sweep.parameters import Parameters, StripeRow, defaults
+from knitlab.sweep.material import Material, with_material
+from knitlab.sweep.parameters import Parameters, defaults
 from knitlab.sweep.patterns import Pattern
+from knitlab.sweep.stripe_tables import StripeRow
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
 OWN_PATTERN = "own pattern"
@@ -120,6 +122,7 @@ def simulate(
     dynamics: DynamicsSettings | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
+    material: Material | None = None,
     progress: bool = False,
 ) -> xr.Dataset:
     """Relax a fabric and pull it along the warp, in this process.
@@ -140,6 +143,8 @@ def simulate(
         dynamics: settings of motion in time.
         capacitor: electrodes and their layout.
         gauge: size of a stitch in cloth.
+        material: stripes of another yarn and the lengths that go with them, in place of the
+            paper's.
         progress: whether to draw a progress bar.
 
     Returns:
@@ -158,7 +163,8 @@ def simulate(
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
     """
-    parameters = defaults().with_tables(
+    parameters = defaults() if material is None else with_material(defaults(), material)
+    parameters = parameters.with_tables(
         model=model,
         sheet=sheet,
         plain=plain,

@@ -66,6 +66,7 @@ def calibrate(
     from knitlab.io.errors import fault
     from knitlab.io.table_file import read_tension_curve
     from knitlab.measure import calibration
+    from knitlab.sweep.material import add_stripe
     from knitlab.sweep.parameters import defaults
 
     output = output or Path(f"{knit}-{stitches}.toml")
@@ -98,7 +99,7 @@ def calibrate(
         used_size = cell_size or defaults().model.cell_size
         source = calibration.source_of(fitted, curve, used_size)
         stripe = fitted.stripe(knit, stitches, used_size)
-        calibration.write_stripe_table(output, [(stripe, source)])
+        add_stripe(output, stripe, source)
         click.echo(f"stripe   {output}")
     else:
         options.echo_problem("no stripe is written, as this fit cannot be used")
@@ -172,7 +173,7 @@ def fit(
     from knitlab.cube.cube_file import open_cube
     from knitlab.cube.selection import selected
     from knitlab.figures.fits import fit_figure
-    from knitlab.laboratory.fit import report, write_stripes
+    from knitlab.laboratory.fit import fitted_material, report
     from knitlab.sweep.plan import make_plan
 
     options.check_toml(output)
@@ -186,7 +187,7 @@ def fit(
         click.echo(line)
     for warning in fitted.warnings:
         options.echo_problem(warning)
-    write_stripes(output, fitted, experiment)
+    fitted_material(fitted, experiment).write(output)
     click.echo(f"stripes  {output}")
     title = f"{fitted.before.label}, fitted to {experiment}"
     options.draw_beside(output, lambda: fit_figure(fitted, title))

@@ -1,5 +1,6 @@
 """Options, exit codes and messages that commands share."""
 
+import json
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BAD_INPUT = 2
+MATERIAL = "knitlab.material"
+"""Key of the material file in the context of a command."""
 SOME_CASE_NOT_OK = 1
 MOST_LINES = 20
 """Largest number of cases that a command lists."""
@@ -172,11 +175,31 @@ def repeatable(names: str, help: str, **options: Any) -> Decorator:
     return click.option(*names.split(), multiple=True, help=f"{help} Repeatable.", **options)
 
 
-settings = repeatable(
+_material = click.option(
+    "--material",
+    type=FILE,
+    help="Material file with the stripes of another yarn, in place of the paper's.",
+    is_eager=True,
+    expose_value=False,
+    callback=lambda context, _, path: context.meta.update({MATERIAL: path}),
+)
+_settings = repeatable(
     "--set settings",
     "Override a setting of the workflow; a comma makes a list.",
     metavar="KEY=VALUE",
+    callback=lambda context, _, texts: _with_material(context.meta.get(MATERIAL), texts),
 )
+
+
+def settings(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options ``--set`` and ``--material``, which is the setting ``material``."""
+    return _material(_settings(command))
+
+
+def _with_material(path: Path | None, texts: tuple[str, ...]) -> tuple[str, ...]:
+    return texts if path is None else (f"material={json.dumps(str(path))}", *texts)
+
+
 select = repeatable(
     "--select selections",
     "Keep one value of a coordinate, or several with commas.",

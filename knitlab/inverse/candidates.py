@@ -161,9 +161,10 @@ def write_workflow(
     table["design"].pop("set", None)
     table["title"] = f"{path.stem} of the design {request.name}"
     table["figures"] = ["curves", "shape"]
-    for section, name in (("model", "stripe_files"), ("design", "pattern_files")):
-        if files := table.get(section, {}).get(name):
-            table[section][name] = [str((base.parent / file).resolve()) for file in files]
+    if files := table["design"].get("pattern_files"):
+        table["design"]["pattern_files"] = [str((base.parent / file).resolve()) for file in files]
+    if material := table.get("model", {}).get("material"):
+        table["model"]["material"] = str((base.parent / material).resolve())
     with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
     return path

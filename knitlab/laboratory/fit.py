@@ -30,9 +30,10 @@ from knitlab.laboratory.simulated_test import (
     with_factors,
 )
 from knitlab.laboratory.target import Curves, MeasuredTest
-from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
+from knitlab.measure.calibration import ENTRY_UNITS
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
+from knitlab.sweep.material import Material
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """Fitted parameters: all but the periods, which can be measured directly."""
@@ -288,16 +289,23 @@ def report(fit: Fit) -> list[str]:
     return lines
 
 
-def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
-    """Write both fitted stripes, with the experiment's cube, as a file for ``stripe_files``."""
-    stripes = []
+def fitted_material(fit: Fit, experiment: Path) -> Material:
+    """Both fitted stripes, as a material with the lengths of the sample that was simulated."""
+    sources = []
     for side in ("weft", "warp"):
         errors = ", ".join(
             f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
             for name, error in fit.standard_errors.items()
             if STRIPE_PARAMETERS[name][0] == side
         )
-        warnings = "".join(f"; {warning}" for warning in fit.warnings)
-        source = f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}"
-        stripes.append((getattr(fit.after, side), source))
-    write_stripe_table(path, stripes)
+        knit = getattr(fit.after, side).knit
+        sources.append(f"{knit}: standard errors {errors or 'none'}")
+    source = "; ".join([f"knitlab fit {experiment}", *sources, *fit.warnings])
+    sheet = fit.after.sheet
+    return Material(
+        (fit.after.weft, fit.after.warp),
+        name=f"fit of {experiment.name}",
+        z_max=sheet.z_max,
+        thickness=sheet.thickness,
+        source=source,
+    )

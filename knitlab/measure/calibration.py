@@ -2,16 +2,14 @@
 
 import itertools
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import tomli_w
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
@@ -20,7 +18,6 @@ from knitlab.fabric.settings import CellSize
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
-from knitlab.io.atomic_write import atomic_write
 from knitlab.measure.fit_statistics import CONFIDENCE, Comparison, compare
 
 Law = Literal["linear", "stiffening"] | SpringCurve
@@ -34,8 +31,6 @@ AS_LOGARITHM = np.array([True, True, False, True])
 UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
 """Units as in the paper's tables, except for k_t, which is N mm for an edge."""
 ENTRY_UNITS = {"period": "mm", **UNITS}
-DIGITS = 6
-"""Digits of the numbers of a stripe that is written to a file."""
 BOUNDS = {
     "k_s": (1e-4, 1e4),
     "k_t": (1e-7, 1e2),
@@ -245,23 +240,6 @@ def report_comparison(calibration: Calibration, linear: Calibration) -> list[str
         f" {comparison.autocorrelation[0]:.2f} linear, {comparison.autocorrelation[1]:.2f} {name})",
         f"law      {verdict}",
     ]
-
-
-def write_stripe_table(path: Path, stripes: Iterable[tuple[Stripe, str]]) -> None:
-    """Write stripes, each with its source, as a table that workflows can use (``stripe_files``)."""
-    table: dict[str, Any] = {}
-    for stripe, source in stripes:
-        given = {name: getattr(stripe, name) for name in ENTRY_UNITS}
-        row: dict[str, Any] = {
-            name: float(f"{value:.{DIGITS}g}") for name, value in given.items() if value is not None
-        }
-        units = {name: ENTRY_UNITS[name] for name in row}
-        if stripe.spring_curve is not None:
-            curve = stripe.spring_curve
-            row["spring_curve"] = {"strain": list(curve.strain), "force": list(curve.force)}
-        table[stripe.knit] = {"source": source, "unit": units, "n": {str(stripe.n): row}}
-    with atomic_write(path) as temporary:
-        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
 
 def source_of(calibration: Calibration, curve: Path, cell_size: CellSize) -> str:

@@ -137,6 +137,8 @@ def _attributes(
     if old is not None and not all(planned):
         common = shared(parameters_of(old), common) if any(planned) else parameters_of(old)
     attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
+    if plan.material is not None:
+        attributes["material"] = plan.material
     if "method" in common:
         attributes["method"] = common["method"]
     options = {f"{OPTION}{key}": value for key, value in common.get("options", {}).items()}

@@ -214,12 +214,14 @@ fingerprint of stripes in a cube."""
 class ModelSection(StrictModel):
     """``[model]``: settings that replace ``model.toml``, ``sheet.toml`` and ``stripes.toml``.
 
-    ``stripe_files`` contain stripes to add or replace, as ``knitlab calibrate`` writes them. Any
-    other setting may be a list, and is then a dimension of the cube. Factors multiply the values of
-    the tables or of other settings.
+    ``material`` is a file with the stripes of another yarn, as ``knitlab calibrate`` writes it, in
+    place of the paper's; ``interpolate_stripes`` gives stripes between two of a table. Any other
+    setting may be a list, and is then a dimension of the cube. Factors multiply the values of the
+    tables or of other settings.
     """
 
-    stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    material: str | None = None
+    interpolate_stripes: bool | None = None
 
     @property
     def changes(self) -> dict[str, float]:

@@ -38,7 +38,7 @@ def test_a_calibrated_stripe_can_be_used_as_it_is():
         "rib-4.pdf",
         "rib-4.png",
     }
-    planned = knitlab("plan", "periodic", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
+    planned = knitlab("plan", "periodic", "--set", "material=rib-4.toml", "--set", "n_stripe=4")
     assert planned.exit_code == 0, planned.output
     cases = json.loads(Path("results/periodic/plan.json").read_text())["cases"]
     for case in cases.values():

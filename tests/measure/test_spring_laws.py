@@ -135,7 +135,7 @@ def test_the_command_reports_the_preferred_law_and_its_stripe_is_simulated(in_fo
     done = CliRunner().invoke(main, [*CALIBRATE, "--law", name, *more])
     assert done.exit_code == 0, done.output
     assert f"the curve supports {name} springs" in done.output
-    planned = ("plan", "periodic", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
+    planned = ("plan", "periodic", "--set", "material=rib-4.toml", "--set", "n_stripe=4")
     done = CliRunner().invoke(main, planned)
     assert done.exit_code == 0, done.output
     for case in json.loads(Path("results/periodic/plan.json").read_text())["cases"].values():
