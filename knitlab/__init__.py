@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from knitlab.fabric.settings import PlainKnit, Sheet
     from knitlab.fabric.stripe import Stripe
     from knitlab.io.errors import BadInput
+    from knitlab.laboratory.tension_record import read_tension_record
     from knitlab.measure.capacitance.capacitor import Capacitor
     from knitlab.measure.knit_size import Gauge
     from knitlab.sweep.material import Material
@@ -44,7 +45,8 @@ __all__ = [
     "Model", "NotAllOk", "NotConverged", "Pattern", "PlainKnit", "Protocol", "Sheet",
     "SolverSettings", "Stripe", "__version__", "calibrate", "claims", "compare", "defaults",
     "design", "evaluate", "explore", "export", "find", "fit", "import_records", "knit", "merge",
-    "open_cube", "plan", "plot", "query", "reproduce", "run", "simulate", "status",
+    "open_cube", "plan", "plot", "query", "read_tension_record",
+    "reproduce", "run", "simulate", "status",
 ]  # fmt: skip
 _NAMES_OF_MODULES = {
     "api.cubes": ("claims", "compare", "explore", "export", "find", "query"),
@@ -60,6 +62,7 @@ _NAMES_OF_MODULES = {
     "fabric.settings": ("PlainKnit", "Sheet"),
     "fabric.stripe": ("Stripe",),
     "io.errors": ("BadInput",),
+    "laboratory.tension_record": ("read_tension_record",),
     "measure.capacitance.capacitor": ("Capacitor",),
     "measure.knit_size": ("Gauge",),
     "sweep.material": ("Material",),

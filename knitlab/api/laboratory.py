@@ -22,7 +22,14 @@ from knitlab.sweep.plan import Plan, make_plan
 Curve = Sequence[float] | Float[np.ndarray, " point"]
 
 
-def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear") -> Calibration:
+def calibrate(
+    strain: Curve,
+    force: Curve | Float[np.ndarray, "repeat point"],
+    *,
+    period: float,
+    law: Law = "linear",
+    per_width: bool = False,
+) -> Calibration:
     """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric (paper, "2D model").
 
     Measure until the folds are open and the springs stretch, to about 200 % strain: below that the
@@ -30,10 +37,12 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
 
     Args:
         strain: strain relative to the relaxed period, not negative [1].
-        force: force on one row of the network [N].
+        force: force on one row of the network [N], also of several repeats, as
+            :func:`knitlab.read_tension_record` gives it.
         period: relaxed peak-to-peak distance of the stripe [mm].
         law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
             or a :class:`~knitlab.fabric.spring_law.SpringCurve`.
+        per_width: whether the force is over the width of the swatch [N/mm].
 
     Returns:
         The fitted numbers with standard errors, 95 % intervals and correlations; its method
@@ -52,7 +61,8 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
         0.817
     """
     try:
-        return fit_zigzag(period, np.asarray(strain, float), np.asarray(force, float), law)
+        curve = np.asarray(strain, float), np.asarray(force, float)
+        return fit_zigzag(period, *curve, law, per_width=per_width)
     except ValueError as problem:
         raise fault("curve", str(problem)) from problem
 

@@ -1,7 +1,7 @@
 """Materials: the stripes of one yarn and the lengths that go with them, as a file or an object."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -143,6 +143,10 @@ class MaterialFile(StrictModel):
     garter: StripeTable | None = None
     plain: _PlainEntries | None = None
 
+    def _sources(self) -> Iterator[str]:
+        for table in filter(None, (self.rib, self.garter)):
+            yield from (row.source or table.source for row in table.n.values())
+
     def material(self, name: str) -> Material:
         """The material, with this name if the file has none."""
         tables = StripeTables(rib=self.rib, garter=self.garter)
@@ -156,7 +160,7 @@ class MaterialFile(StrictModel):
             name=self.name or name,
             plain=plain,
             interpolate=self.interpolate,
-            source="; ".join(table.source for table in (self.rib, self.garter) if table),
+            source="; ".join(dict.fromkeys(self._sources())),
             **{length: entry.value for length, entry in lengths.items() if entry is not None},
         )
 
@@ -190,8 +194,8 @@ def _add_row(
     """Add the row of a stripe to the table of a material file."""
     row: dict[str, Any] = {name: getattr(stripe, name) for name in QUANTITIES}
     own = table.setdefault(stripe.knit, {"source": source, "unit": dict(UNITS), "n": {}})
-    if source not in own["source"].split("; "):
-        own["source"] += f"; {source}"
+    if own["source"] != source:
+        row["source"] = source
     if stripe.stiffening_strain is not None:
         row["stiffening_strain"] = stripe.stiffening_strain
         own["unit"]["stiffening_strain"] = "1"

@@ -56,11 +56,13 @@ class SpringCurveRow(StrictModel):
 class StripeRow(StrictModel):
     """Fitted values of one stripe (paper, Tables 1 and 2), and the law of its springs.
 
-    The covariance of the fit is that of ``ln k_s``, ``ln k_t`` and ``theta_0``.
+    A source of its own replaces that of the table. The covariance of the fit is that of
+    ``ln k_s``, ``ln k_t`` and ``theta_0``.
     """
 
     stiffening_strain: PositiveFloat | None = None
     spring_curve: SpringCurveRow | None = None
+    source: str | None = Field(default=None, exclude=True)
     covariance: dict[str, dict[str, float]] | None = Field(default=None, exclude=True)
 
     @classmethod
