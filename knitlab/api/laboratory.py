@@ -62,7 +62,7 @@ def calibrate(
     """
     try:
         curve = np.asarray(strain, float), np.asarray(force, float)
-        return fit_zigzag(period, *curve, law, per_width=per_width)
+        return fit_zigzag(float(period), *curve, law, per_width=per_width)
     except ValueError as problem:
         raise fault("curve", str(problem)) from problem
 

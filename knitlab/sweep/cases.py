@@ -92,7 +92,7 @@ def _impossible(parameters: Parameters, n_stripe: int, n_subunit: int) -> str | 
     reason = parameters.stripes.impossible(n_stripe, n_subunit)
     if reason is None or parameters.material is None:
         return reason
-    return f"{reason}; these are the stripes of the material {parameters.material!r}"
+    return f"{reason} (material {parameters.material!r})"
 
 
 def _members(
