@@ -93,23 +93,8 @@ class Objective:
         """Violation of the constraints alone."""
         return violation_of(self.subject_to, off_by[len(self.targets) :])
 
-    def residuals(self, trial: Trial) -> Residuals:
-        """Residuals whose sum of squares is the squared distance from the aims of the search."""
-        return self._stacked(trial, None)[0]
-
-    def jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`residuals` by the variables; NoDerivative as at a snap."""
-        return self._stacked(trial, self._slopes(trial))[1]
-
-    def constraints(self, trial: Trial) -> Residuals:
-        """Constraint functions, which must not be negative, over their tolerances."""
-        return self._constrained(trial, None)[0]
-
-    def constraints_jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`constraints`, as :meth:`jacobian`."""
-        return self._constrained(trial, self._slopes(trial))[1]
-
-    def _slopes(self, trial: Trial) -> dict[str, Slopes]:
+    def slopes(self, trial: Trial) -> dict[str, Slopes]:
+        """Derivatives of the variables that targets name; NoDerivative as at a snap."""
         needed = np.zeros(len(trial.strains), bool)
         for target in self.wanted:
             if target.window is not None:
@@ -119,9 +104,13 @@ class Objective:
         needed[1:2] |= needed[:1]
         return trial.slopes([*dict.fromkeys(target.name for target in self.wanted)], needed)
 
-    def _stacked(
-        self, trial: Trial, slopes: dict[str, Slopes] | None
+    def residuals(
+        self, trial: Trial, slopes: dict[str, Slopes] | None = None
     ) -> tuple[Residuals, Jacobian]:
+        """Residuals, whose squares sum to the squared distance from the aims of the search.
+
+        Their derivatives by the variables follow from :meth:`slopes`, and are 0 without them.
+        """
         rows, by = [], []
         for target in map(aimed, self.targets):
             at, values, by_variables = self._read(target, trial, slopes)
@@ -131,9 +120,10 @@ class Objective:
             by.append(((departure != 0) * weights)[:, None] * by_variables)
         return np.concatenate(rows), np.concatenate(by)
 
-    def _constrained(
-        self, trial: Trial, slopes: dict[str, Slopes] | None
+    def constraints(
+        self, trial: Trial, slopes: dict[str, Slopes] | None = None
     ) -> tuple[Residuals, Jacobian]:
+        """Constraint functions over their tolerances, not negative if met, and derivatives."""
         rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
         for target in map(aimed, self.subject_to):
             at, values, by_variables = self._read(target, trial, slopes)

@@ -7,12 +7,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import TypeAdapter
 from scipy.optimize import least_squares, minimize
 
 from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.inverse.objective import Objective, all_met
+from knitlab.inverse.objective import Jacobian, Objective, Residuals, all_met
 from knitlab.inverse.search_space import DesignLabels, Point, SearchSpace
 from knitlab.inverse.trial import Trial, run_trial
 from knitlab.io.atomic_write import atomic_write
@@ -199,25 +198,25 @@ class DesignSearch:
             if self.objective.subject_to:
                 self._constrained(start)
             else:
-                # Shifted by one, as the size of the first trust region is the norm of the start.
-                least_squares(
-                    lambda shifted: self._residuals(shifted - 1),
-                    start + 1,
-                    jac=lambda shifted: self.objective.jacobian(self.trial(shifted - 1)[0]),
-                    bounds=(1, 2),
-                    ftol=TOLERANCE,
-                    xtol=TOLERANCE,
-                    gtol=None,
-                    max_nfev=self.budget + 1,
-                )
+                self._unconstrained(start)
         except NoDerivative:
             self.rough = True
 
-    def _residuals(self, point: Point) -> Float[np.ndarray, " row"]:
-        trial, record = self.trial(point)
-        residuals = self.objective.residuals(trial)
-        # A step that cannot be simulated is rejected, and a shorter one is tried.
-        return residuals if record.distance is not None else np.full_like(residuals, np.inf)
+    def _unconstrained(self, start: Point) -> None:
+        # Shifted by one, as the size of the first trust region is the norm of the start.
+        def residuals(shifted: Point) -> Residuals:
+            trial, record = self.trial(shifted - 1)
+            rows, _ = self.objective.residuals(trial)
+            # A step that cannot be simulated is rejected, and a shorter one is tried.
+            return rows if record.distance is not None else np.full_like(rows, np.inf)
+
+        def jacobian(shifted: Point) -> Jacobian:
+            trial, _ = self.trial(shifted - 1)
+            return self.objective.residuals(trial, self.objective.slopes(trial))[1]
+
+        tolerances = {"ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": None}
+        most = self.budget + 1
+        least_squares(residuals, start + 1, jacobian, (1, 2), max_nfev=most, **tolerances)
 
     def _constrained(self, start: Point) -> None:
         objective = self.objective
@@ -228,13 +227,17 @@ class DesignSearch:
                 if sum(earlier.distance is None for earlier in self.records) >= MOST_FAILED:
                     raise NoDerivative("several trials do not converge")
                 return FAILED_DISTANCE**2, np.zeros_like(point)
-            residuals = objective.residuals(trial)
-            return float(residuals @ residuals), 2 * residuals @ objective.jacobian(trial)
+            residuals, jacobian = objective.residuals(trial, objective.slopes(trial))
+            return float(residuals @ residuals), 2 * residuals @ jacobian
 
-        def within(point: Point) -> Float[np.ndarray, " row"]:
+        def within(point: Point) -> Residuals:
             trial, record = self.trial(point)
-            rows = objective.constraints(trial)
+            rows, _ = objective.constraints(trial)
             return rows if record.distance is not None else np.full_like(rows, -FAILED_DISTANCE)
+
+        def within_jacobian(point: Point) -> Jacobian:
+            trial, _ = self.trial(point)
+            return objective.constraints(trial, objective.slopes(trial))[1]
 
         minimize(
             squared,
@@ -242,11 +245,7 @@ class DesignSearch:
             jac=True,
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(start),
-            constraints={
-                "type": "ineq",
-                "fun": within,
-                "jac": lambda point: objective.constraints_jacobian(self.trial(point)[0]),
-            },
+            constraints={"type": "ineq", "fun": within, "jac": within_jacobian},
             options={"ftol": TOLERANCE, "maxiter": self.budget},
         )
 
@@ -257,6 +256,13 @@ class DesignSearch:
         except ImportError:
             remedy = "pip install 'knitlab[design]' to continue without them"
             raise SearchEnded(f"gradients make no further progress; {remedy}") from None
+
+        def cost(point: Point) -> float:
+            _, record = self.trial(point)
+            if record.distance is None:
+                return FAILED_DISTANCE
+            return record.distance + PENALTY * (record.violation or 0.0)
+
         variables, best = len(self.space.names), self._best()
         strategy = CMA(
             mean=np.full(variables, 0.5) if best is None else np.array(self.records[best].point),
@@ -266,13 +272,7 @@ class DesignSearch:
         )
         while not strategy.should_stop():
             population = [strategy.ask() for _ in range(strategy.population_size)]
-            strategy.tell([(point, self._cost(point)) for point in population])
-
-    def _cost(self, point: Point) -> float:
-        _, record = self.trial(point)
-        if record.distance is None:
-            return FAILED_DISTANCE
-        return record.distance + PENALTY * (record.violation or 0.0)
+            strategy.tell([(point, cost(point)) for point in population])
 
     def _best(self) -> int | None:
         """Index of the best trial: the nearest of those that meet the constraints, if any does."""
@@ -294,13 +294,14 @@ class DesignSearch:
         if not (self.objective.has_gradient and names):
             return replace(result, held_by=anywhere)
         try:
-            residuals, jacobian = self.objective.residuals(trial), self.objective.jacobian(trial)
+            slopes = self.objective.slopes(trial)
         except NoDerivative:
             return replace(result, held_by=anywhere)
+        residuals, jacobian = self.objective.residuals(trial, slopes)
         downhill = -(residuals @ jacobian)
         if result.winner.violation:
-            broken = np.minimum(self.objective.constraints(trial), 0)
-            downhill -= PENALTY * broken @ self.objective.constraints_jacobian(trial)
+            rows, rows_jacobian = self.objective.constraints(trial, slopes)
+            downhill -= PENALTY * np.minimum(rows, 0) @ rows_jacobian
         # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
