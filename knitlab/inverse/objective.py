@@ -102,7 +102,8 @@ class Objective:
                 needed |= (weights != 0).any(axis=1)
         # Variables without a value at zero strain take that of the next strain.
         needed[1:2] |= needed[:1]
-        return trial.slopes([*dict.fromkeys(target.name for target in self.wanted)], needed)
+        names = tuple(dict.fromkeys(target.name for target in self.wanted))
+        return trial.slopes(names, tuple(needed.tolist()))
 
     def residuals(
         self, trial: Trial, slopes: dict[str, Slopes] | None = None

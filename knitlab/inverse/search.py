@@ -2,9 +2,11 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import compress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -126,7 +128,7 @@ class DesignSearch:
     report: Callable[[float], None] = field(init=False)
     records: list[TrialRecord] = field(default_factory=list)
     rough: bool = False
-    _last: tuple[bytes, Trial, TrialRecord] | None = None
+    _last: tuple[Trial, TrialRecord] | None = None
 
     def run(self, report: Callable[[float], None]) -> SearchResult:
         """Search from the tabulated values."""
@@ -146,16 +148,16 @@ class DesignSearch:
                     self._without_gradients()
         except SearchEnded as reason:
             ended = str(reason)
-        result = SearchResult(self.design, self.records, self._best(), ended, methods)
-        return self._with_conditions(result)
+        best = self._best()
+        conditions = {} if best is None else self._conditions(self.records[best])
+        return SearchResult(self.design, self.records, best, ended, methods, **conditions)
 
     def trial(self, point: Point) -> tuple[Trial, TrialRecord]:
         """The trial at a point; SearchEnded if the targets are met closely or none is left."""
         # Rounded, as methods that shift a point back and forth change its last digits.
         point = np.round(np.clip(point, 0, 1), 12)
-        key = point.tobytes()
-        if self._last is not None and self._last[0] == key:
-            return self._last[1:]
+        if self._last is not None and self._last[1].point == point.tolist():
+            return self._last
         if len(self.records) >= self.budget:
             raise SearchEnded("the budget is spent")
         if self.records and time.time() > self.deadline:
@@ -164,11 +166,11 @@ class DesignSearch:
         record = self._record(trial, point)
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
-        self._last = key, trial, record
+        self._last = trial, record
         self.report(np.inf if record.distance is None else record.distance)
         if record.met and (record.distance or 0.0) <= SMALL_DISTANCE:
             raise SearchEnded("the targets are met")
-        return trial, record
+        return self._last
 
     def _simulated(self, point: Point) -> Trial:
         case, gauge = self.space.case(self.design, point)
@@ -283,36 +285,32 @@ class DesignSearch:
         ]
         return min(known)[-1] if known else None
 
-    def _with_conditions(self, result: SearchResult) -> SearchResult:
-        """Add the active bounds of the best trial, and how well its values are determined."""
-        if result.winner is None:
-            return result
+    def _conditions(self, best: TrialRecord) -> dict[str, Any]:
+        """The active bounds of the best trial, and how well its values are determined."""
         names, spans = self.space.names, self.space.upper - self.space.lower
-        point = np.array(result.winner.point)
-        trial = self._simulated(point)
-        anywhere = self.space.bounds_at(point, np.zeros_like(point))
+        point = np.array(best.point)
+        reached = {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
         if not (self.objective.has_gradient and names):
-            return replace(result, held_by=anywhere)
+            return reached
+        trial = self._simulated(point)
         try:
             slopes = self.objective.slopes(trial)
         except NoDerivative:
-            return replace(result, held_by=anywhere)
+            return reached
         residuals, jacobian = self.objective.residuals(trial, slopes)
         downhill = -(residuals @ jacobian)
-        if result.winner.violation:
+        if best.violation:
             rows, rows_jacobian = self.objective.constraints(trial, slopes)
             downhill -= PENALTY * np.minimum(rows, 0) @ rows_jacobian
         # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
-        return replace(
-            result,
-            held_by=self.space.bounds_at(point, downhill) if downhill.any() else [],
-            determined_to=dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
-            undetermined=[
-                name for name, sd in zip(names, deviations, strict=True) if sd > HARDLY * UNIFORM
-            ],
-        )
+        hardly = deviations > HARDLY * UNIFORM
+        return {
+            "held_by": self.space.bounds_at(point, downhill) if downhill.any() else [],
+            "determined_to": dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
+            "undetermined": list(compress(names, hardly)),
+        }
 
 
 def run_searches(
@@ -331,16 +329,13 @@ def run_searches(
     starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))
 
+    def report(case_id: str, distance: float) -> None:
+        progress(by_start[case_id].design, distance)
+
     task = Task(partial(_run_search, by_start), folder)
     failed: dict[str, str] = {}
     pending = list(starts)
-    with pool_of(
-        task,
-        min(workers, len(searches)),
-        None,
-        False,
-        lambda case_id, distance: progress(by_start[case_id].design, distance),
-    ) as pool:
+    with pool_of(task, min(workers, len(searches)), None, False, report) as pool:
         for attempt in range(1, ATTEMPTS + 1):
             errors = {
                 batch[0].case_id: error
