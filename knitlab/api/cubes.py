@@ -140,7 +140,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
     Args:
         cubes: cubes or results folders; if several measure a claim, the one with the paper's
             samples decides it.
-        output: report to write, ``.html`` or ``.md``.
+        output: report to write, ``.md``, with its figures in a folder beside it.
         selections: a value for each swept setting.
 
     Returns:
@@ -154,7 +154,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         39
     """
     from knitlab.validation.claims import read_claims
-    from knitlab.validation.judgement import judged, records
+    from knitlab.validation.judgement import judged, record
 
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:
@@ -162,7 +162,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
 
         check_suffix(Path(output))
         write_page(judgements, Path(output), selections)
-    return pd.DataFrame(records(judgements))
+    return pd.DataFrame(map(record, judgements))
 
 
 def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:

@@ -139,7 +139,7 @@ def draw_map(
 @click.command()
 @options.cubes
 @options.select
-@options.output("Report to write: .html contains its figures; .md has them in a folder beside it.")
+@options.output("Report to write, .md, with its figures in a folder beside it.")
 def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | None) -> None:
     """Judge the paper's claims by CUBES: each claim holds, fails, or is not measured.
 
