@@ -16,12 +16,9 @@ from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
 
-OF_PLANS = ("design", "stripes", "cloth")
-"""Kinds of variables that follow from a case without simulating it."""
-INSET = 0.9
-"""Fraction of an allowance that a search uses."""
-INSIDE = 0.1
-"""Fraction of the tolerance by which a search aims inside a range, so as to end within it."""
+OF_PLANS = ("design", "stripes", "cloth")  # kinds of variables known without a simulation
+INSET = 0.9  # fraction of an allowance that a search uses
+INSIDE = 0.1  # fraction of the tolerance by which a search aims inside a range
 
 Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]

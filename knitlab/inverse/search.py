@@ -22,28 +22,17 @@ from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import Progress
 from knitlab.sweep.workers import Task, pool_of
 
-TRIALS, SEARCHES = "trials", "searches"
-"""Folders of the case files of trials, and of the results of searches, in that of a design."""
-TOLERANCE = 1e-3
-"""Relative change of the squared distance, and of the variables, that ends a search."""
-SMALL_DISTANCE = 0.1
-"""Distance at which a search ends early."""
-FAILED_DISTANCE = 1e3
-"""Distance assigned to a trial that did not converge, for methods that need a finite one."""
-SPREAD_OF_FIRST = 0.15
-"""Standard deviation of the first trials without gradients, over the distance of the bounds."""
-PENALTY = 10.0
-"""Weight of a violated constraint relative to the distance, without gradients."""
-INSET = 1e-3
-"""Least distance of a start from the bounds, over their distance."""
-MOST_FAILED = 3
-"""Number of trials that may fail before gradients are given up."""
-UNIFORM = 12**-0.5
-"""Standard deviation of a uniform distribution between the bounds, over their distance."""
-HARDLY = 0.5
-"""Fraction of that above which a value counts as hardly determined."""
-ATTEMPTS = 3
-"""How often a search is started if its worker dies."""
+TRIALS, SEARCHES = "trials", "searches"  # folders of case files and of results
+TOLERANCE = 1e-3  # relative change of squared distance or variables that ends a search
+SMALL_DISTANCE = 0.1  # distance at which a search ends early
+FAILED_DISTANCE = 1e3  # distance assigned to a trial that did not converge
+SPREAD_OF_FIRST = 0.15  # standard deviation of first trials without gradients, in bounds 0 to 1
+PENALTY = 10.0  # weight of a violated constraint relative to the distance, without gradients
+INSET = 1e-3  # least distance of a start from the bounds, over their distance
+MOST_FAILED = 3  # number of trials that may fail before gradients are given up
+UNIFORM = 12**-0.5  # standard deviation of a uniform distribution from 0 to 1
+HARDLY = 0.5  # fraction of that above which a value counts as hardly determined
+ATTEMPTS = 3  # how often a search is started if its worker dies
 
 
 @dataclass(frozen=True)
@@ -100,8 +89,7 @@ class SearchResult:
         return None if self.best is None else self.trials[self.best]
 
 
-RESULT = TypeAdapter(SearchResult)
-"""Writes results into JSON files, and reads them."""
+RESULT = TypeAdapter(SearchResult)  # writes results into JSON files, and reads them
 
 
 class SearchEnded(Exception):

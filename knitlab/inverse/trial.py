@@ -35,13 +35,15 @@ OF_CLOTH = {
     "knit_length": ("relaxed_cell_y", "stitch_height"),
 }
 """Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
-OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
-"""Quantities of the relaxed fabric that have derivatives."""
+OF_DESIGN = (
+    "relaxed_cell_x",
+    "relaxed_cell_y",
+    *OF_CLOTH,
+)  # with derivatives, if relaxed
 
 ShapeFunction = Callable[[Configuration], Float[Array, ""]]
 """A user's function of a configuration that returns a number, in JAX."""
-ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]
-"""Such functions by name, as a hashable tuple."""
+ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]  # by name, hashable
 Slopes = Float[np.ndarray, "strain parameter"]
 
 

@@ -166,7 +166,7 @@ def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp
     def trial(at):
         return run_trial(tmp_path, *space.case((4, 8), at), (("thickness", thickness),))
 
-    middle = trial(place)
+    middle = trial(point)
     assert middle.converged
     slopes = asked.slopes(middle)
     for variable in range(len(point)):
