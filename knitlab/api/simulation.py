@@ -37,8 +37,7 @@ from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.stripe_tables import StripeRow
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
-OWN_PATTERN = "own pattern"
-"""Name of a pattern that is given as an object."""
+OWN_PATTERN = "own pattern"  # name of a pattern that is given as an object
 
 
 class NotConverged(UserWarning):

@@ -19,8 +19,7 @@ BAD_INPUT = 2
 MATERIAL = "knitlab.material"
 """Key of the material file in the context of a command."""
 SOME_CASE_NOT_OK = 1
-MOST_LINES = 20
-"""Largest number of cases that a command lists."""
+MOST_LINES = 20  # largest number of cases that a command lists
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
