@@ -16,12 +16,13 @@ from pydantic import ValidationError
 from tqdm.auto import tqdm
 
 from knitlab.cube.case_file import configurations
+from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
-from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
 from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slopes
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
@@ -87,6 +88,10 @@ class Design:
     def __post_init__(self) -> None:
         stitches = {"rib": self.n_stripe, "garter": GARTER_STITCHES_PER_RIB_STITCH * self.n_stripe}
         faults: list[Fault] = []
+        try:
+            periods_per_patch(self.n_stripe, self.n_subunit)
+        except (ValueError, TypeError, ZeroDivisionError) as problem:
+            faults.append(Fault("Design", str(problem)))
         further = [("further_stripes", stripe) for stripe in self.further_stripes]
         for name, stripe in (("rib", self.rib), ("garter", self.garter), *further):
             if stripe is None:
@@ -162,6 +167,8 @@ def simulate(
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
     """
+    if not isinstance(design, Design):
+        raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
     parameters = defaults() if material is None else with_material(defaults(), material)
     parameters = parameters.with_tables(
         model=model,
@@ -188,7 +195,7 @@ def simulate(
     results.attrs |= stated_gauge(parameters.gauge)
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
-    return described(results)
+    return with_derived(described(results))
 
 
 def case_of_design(

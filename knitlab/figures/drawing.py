@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from knitlab.cube import cube_file
 from knitlab.cube.case_file import case_path, read_case
 from knitlab.cube.cube_file import base_dims, is_measured, swept_dims
+from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
@@ -99,6 +100,7 @@ def draw(
     Node positions are those of a case, or of case files beside the file that a cube was read from.
     """
     kind = FIGURES[name]
+    cubes = [with_derived(cube) for cube in cubes]
     if not cubes:
         raise fault(name, "shows a cube; give one")
     if len(cubes) > 1 and not kind.several:

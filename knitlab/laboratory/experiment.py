@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of
-from knitlab.cube.cube_file import CUBE, design_dims, is_measured, open_cube, write_cube
+from knitlab.cube.cube_file import CUBE, design_dims, is_measured, read_cube, write_cube
 from knitlab.cube.schema import CYCLE, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
@@ -53,7 +53,7 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     }
     imports = {kind: record}
     if cube_file.exists():
-        old = open_cube(cube_file)
+        old = read_cube(cube_file)
         if not is_measured(old):
             problem = "holds simulations; give the description another name, or another folder"
             raise fault(str(cube_file), problem)

@@ -405,7 +405,7 @@ def _scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -
         return []
     lengths = ", ".join(f"{name} = {value:.3g} mm" for name, value in sorted(scaled.items()))
     its = f"the paper's, scaled to the periods of the material {parameters.material!r}"
-    return [f"{lengths}: {its}; give others in its file or with --set"]
+    return [f"{lengths}: {its}; give others in its file or as settings"]
 
 
 def unusual_values(

@@ -11,7 +11,7 @@ import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
-from knitlab.cube.cube_file import OPTION, design_dims, open_cube
+from knitlab.cube.cube_file import OPTION, design_dims, read_cube
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.provenance import provenance
@@ -44,7 +44,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     if not path.exists():
         return None
     try:
-        cube = open_cube(path)
+        cube = read_cube(path)
     except BadInput as error:
         problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
         raise fault(str(path), problem) from error
