@@ -20,10 +20,8 @@ from knitlab.meshes.fabric import fabric_meshes
 from knitlab.meshes.formats import FORMATS, SERIES, TRIANGLES, write_mesh, write_series
 from knitlab.meshes.surface import SurfaceMesh, solid_of
 
-Cube = str | Path | xr.Dataset
-"""A cube, its file, or the results folder that holds it."""
-Wanted = str | Mapping[str, Any] | Target
-"""A target as text, as the table of a curve, or as an object."""
+Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
+Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
 
 
 def opened(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
@@ -92,8 +90,8 @@ def find(
     Example:
         >>> wanted = ["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
         >>> cube = "results/reference/periodic"
-        >>> found = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
-        >>> found.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
+        >>> nearest = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
+        >>> nearest.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [4, 16]
     """
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
@@ -139,7 +137,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
     Args:
         cubes: cubes or results folders; if several measure a claim, the one with the paper's
             samples decides it.
-        output: report to write, ``.html`` or ``.md``.
+        output: report to write, ``.md``, with its figures in a folder beside it.
         selections: a value for each swept setting.
 
     Returns:
@@ -153,7 +151,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         39
     """
     from knitlab.validation.claims import read_claims
-    from knitlab.validation.judgement import judged, records
+    from knitlab.validation.judgement import judged, record
 
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:
@@ -161,7 +159,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
 
         check_suffix(Path(output))
         write_page(judgements, Path(output), selections)
-    return pd.DataFrame(records(judgements))
+    return pd.DataFrame(map(record, judgements))
 
 
 def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:

@@ -32,19 +32,19 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
     """What the page holds of a cube, with what is in the results folder that it was opened from."""
     source = cube.encoding.get("source")
     folder = Path(source).parent if source else None
-    places = list(map(tuple, np.argwhere(cube["status"].values != Status.excluded).tolist()))
+    indices = list(map(tuple, np.argwhere(cube["status"].values != Status.excluded).tolist()))
     failures = earlier_failures(folder) if folder else {}
     designs = []
-    for place in places:
-        case_id = str(cube["case_id"].values[place])
+    for index in indices:
+        case_id = str(cube["case_id"].values[index])
         case = _case(cube, case_id, folder)
         shape = case if isinstance(case, str) else shape_of(case, cube[STRAIN].values)
         noted = {} if isinstance(case, str) else case.attrs
         seconds = noted.get("batch_wall_seconds")
         designs.append(
             {
-                "at": place,
-                "status": int(cube["status"].values[place]),
+                "at": index,
+                "status": int(cube["status"].values[index]),
                 "case_id": case_id,
                 "reason": failures.get(case_id, noted).get("reason", ""),
                 "seconds": None if seconds is None else float(seconds),
@@ -67,7 +67,7 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
         ],
         "strains": cube[STRAIN].values.tolist(),
         "designs": designs,
-        "variables": variables_of(cube, places),
+        "variables": variables_of(cube, indices),
         "run": run_of(cube, designs, folder),
         "figures": figures_of(folder) if folder else {"shown": [], "left_out": 0},
     }
@@ -82,23 +82,22 @@ def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | s
     return WHY_NOT[stored] if stored in WHY_NOT else read_case(folder, case_id)
 
 
-def variables_of(cube: xr.Dataset, places: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
+def variables_of(cube: xr.Dataset, indices: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
     """Variables of designs, of their strains or stripe parameters, with values at some designs."""
-    found = [
-        content
-        for name in map(str, cube.data_vars)
+    numbers = [
+        str(name)
+        for name in cube.data_vars
         if name not in FLAGS and cube[name].dtype.kind in "fiub"
-        for content in _contents(cube, name, places)
     ]
-    names = {content["name"] for content in found}
-    for content in found:
-        partners = {end: f"{content['name']}_{end}" for end in BAND}
-        content["band"] = {end: name for end, name in partners.items() if name in names}
-    return found
+    contents = {one["name"]: one for name in numbers for one in _contents(cube, name, indices)}
+    for name, content in contents.items():
+        ends = {end: f"{name}_{end}" for end in BAND}
+        content["band"] = {end: edge for end, edge in ends.items() if edge in contents}
+    return list(contents.values())
 
 
 def _contents(
-    cube: xr.Dataset, name: str, places: Sequence[tuple[int, ...]]
+    cube: xr.Dataset, name: str, indices: Sequence[tuple[int, ...]]
 ) -> Iterator[dict[str, Any]]:
     """A variable with one number for a design or for each of its states; else nothing."""
     variable, dims = cube[name], design_dims(cube)
@@ -107,10 +106,10 @@ def _contents(
         return
     for labels in itertools.product(*(cube[dim].values.tolist() for dim in further)):
         one = variable.sel(dict(zip(further, labels, strict=True))).transpose(*dims, ...)
-        values = np.array([one.values[place] for place in places], float)
+        values = np.array([one.values[index] for index in indices], float)
         if not np.isfinite(values).any():
             continue
-        negligible = NEGLIGIBLE * np.nanmax(np.abs(values))
+        values[np.abs(values) < NEGLIGIBLE * np.nanmax(np.abs(values))] = 0
         label = ", ".join(map(str, labels))
         yield {
             "name": f"{name}[{label}]" if label else name,
@@ -119,11 +118,8 @@ def _contents(
             "description": one.attrs.get("description", ""),
             "along_strain": STRAIN in one.dims,
             "whole": name in INTEGERS,
-            "values": [_rounded(value, negligible) for value in values.ravel().tolist()],
+            "values": [
+                float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+                for value in values.ravel().tolist()
+            ],
         }
-
-
-def _rounded(value: float, negligible: float) -> float | None:
-    if not np.isfinite(value):
-        return None
-    return 0.0 if abs(value) < negligible else float(f"{value:.{DIGITS}g}")

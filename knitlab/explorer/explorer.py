@@ -48,7 +48,13 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
         raise fault("cubes", "are missing; give one or several")
     described = [cube_content(cube) for cube in cubes]
     names = ", ".join(dict.fromkeys(cube["name"] for cube in described))
-    _tell_apart(described)
+    # Links name a cube: those of the same name are numbered.
+    seen: Counter[str] = Counter()
+    for cube in described:
+        name = cube["name"]
+        seen[name] += 1
+        if seen[name] > 1:
+            cube["name"] = f"{name} ({seen[name]})"
     content = {
         "statuses": [status.name.replace("_", " ") for status in Status],
         "colours": colour_maps(),
@@ -62,29 +68,25 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
 def colour_maps() -> dict[str, list[str]]:
     """Colours as ``#rrggbb``, from the lowest value to the highest, by the name of their map."""
     levels = np.linspace(0, 1, SHADES)
-    return {name: [to_hex(shade) for shade in its(levels)] for name, its in COLOUR_MAPS.items()}
-
-
-def _tell_apart(cubes: Sequence[dict[str, Any]]) -> None:
-    """Number the cubes that have the same name, for links name a cube."""
-    seen: Counter[str] = Counter()
-    for cube in cubes:
-        name = cube["name"]
-        seen[name] += 1
-        if seen[name] > 1:
-            cube["name"] = f"{name} ({seen[name]})"
+    return {name: list(map(to_hex, colours(levels))) for name, colours in COLOUR_MAPS.items()}
 
 
 def page_of(title: str, content: dict[str, Any]) -> str:
     """The page with a title and a content that JSON can hold."""
-    imports = json.dumps({"imports": _modules()})
+    modules = {
+        f"{PREFIX}{file.name.removesuffix('.js')}": "data:text/javascript;base64,"
+        + base64.b64encode(file.read_bytes()).decode("ascii")
+        for file in sorted(PAGE.iterdir(), key=lambda file: file.name)
+        if file.name.endswith(".js")
+    }
+    imports = json.dumps({"imports": modules})
     start = f'import "{PREFIX}main";'
     styles = "".join(map(_text, STYLES))
     policy = (
         f"default-src 'none'; script-src {_hash(imports)} {_hash(start)} data:;"
         f" style-src {_hash(styles)}; img-src data:; base-uri 'none'; form-action 'none'"
     )
-    parts = {
+    content_of = {
         "policy": html.escape(policy),
         "title": html.escape(title),
         "styles": styles,
@@ -92,7 +94,7 @@ def page_of(title: str, content: dict[str, Any]) -> str:
         "content": as_script_data(content),
         "start": start,
     }
-    return re.sub(r"{{(\w+)}}", lambda place: parts[place[1]], _text("page.html"))
+    return re.sub(r"{{(\w+)}}", lambda named: content_of[named[1]], _text("page.html"))
 
 
 def as_script_data(content: Any) -> str:
@@ -101,16 +103,6 @@ def as_script_data(content: Any) -> str:
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return text
-
-
-def _modules() -> dict[str, str]:
-    """The modules as data, by the names that they import each other by."""
-    names = sorted(file.name for file in PAGE.iterdir() if file.name.endswith(".js"))
-    return {
-        f"{PREFIX}{name.removesuffix('.js')}": "data:text/javascript;base64,"
-        + base64.b64encode(PAGE.joinpath(name).read_bytes()).decode("ascii")
-        for name in names
-    }
 
 
 def _text(name: str) -> str:

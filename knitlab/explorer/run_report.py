@@ -55,12 +55,9 @@ def run_of(
 
 def figures_of(folder: Path) -> dict[str, Any]:
     """The PNG figures of a results folder, reduced for the screen, and how many are left out."""
-    found = sorted((folder / "figures").glob("*.png"))
-    shown = found[:MOST_FIGURES]
-    return {
-        "shown": [{"name": path.stem, "source": _reduced(path)} for path in shown],
-        "left_out": len(found) - len(shown),
-    }
+    paths = sorted((folder / "figures").glob("*.png"))
+    shown = [{"name": path.stem, "source": _reduced(path)} for path in paths[:MOST_FIGURES]]
+    return {"shown": shown, "left_out": len(paths) - len(shown)}
 
 
 def _reduced(path: Path) -> str:
@@ -88,9 +85,8 @@ def _computing_time(seconds: Sequence[float | None]) -> str:
     # Cases of one batch state the same time.
     batches = set(known)
     total = f"{sum(batches):.0f} s, summed over {len(batches)} batches"
-    if len(known) == len(seconds):
-        return total
-    return f"{total}; known for {len(known)} of {len(seconds)} designs"
+    missing = f"; known for {len(known)} of {len(seconds)} designs"
+    return total + (missing if len(known) < len(seconds) else "")
 
 
 def _planned(folder: Path | None) -> Iterator[list[str]]:

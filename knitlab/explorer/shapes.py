@@ -21,7 +21,7 @@ SMALLEST_STEP = 1e-9  # step of a component that does not vary [mm]
 
 
 class Window(NamedTuple):
-    """First and last grid lines of a fabric that are shown; the note says which part it is."""
+    """First and last grid lines of a fabric that are shown, with a note if others are not."""
 
     rows: tuple[int, int]
     columns: tuple[int, int]
@@ -83,12 +83,12 @@ def pack_positions(positions: Float[np.ndarray, "strain node_y node_x 3"]) -> di
 
 
 def _window(case: "Case") -> Window:
-    """The whole fabric, or of a large sample the central unit cells."""
+    """All of a fabric, or of a large sample the central unit cells."""
     sample, (along_y, along_x) = case.sample, case.unit_cells
     height, width = sample.grid
     if case.options.boundary == "periodic" or (height + 1) * (width + 1) <= MOST_NODES:
         return Window((0, height), (0, width))
-    # A unit cell of a graded fabric may be as large as the whole.
+    # A unit cell of a graded fabric may be as large as the sample.
     shown = (MOST_NODES / (height * width)) ** 0.5
     rows, shown_y = _central(sample.row_borders, along_y, shown)
     columns, shown_x = _central(sample.column_borders, along_x, shown)
@@ -105,14 +105,14 @@ def _central(borders: np.ndarray, count: int, fraction: float) -> tuple[tuple[in
 
 
 def _patches(sample: "PatchGrid", window: Window) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    patches: dict[str, Any] = {}
     kept = []
     for name, (first, last) in (("row_borders", window.rows), ("column_borders", window.columns)):
         borders = getattr(sample, name)
         within = (borders >= first) & (borders <= last)
-        found[name] = (borders[within] - first).tolist()
+        patches[name] = (borders[within] - first).tolist()
         kept.append(np.flatnonzero(within)[:-1])
-    return {**found, "knit": ["".join(row) for row in sample.knit[np.ix_(*kept)]]}
+    return {**patches, "knit": ["".join(row) for row in sample.knit[np.ix_(*kept)]]}
 
 
 def _electrodes(case: "Case", window: Window) -> dict[str, Any] | None:

@@ -32,8 +32,7 @@ PERIODS_LABEL = (
     "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
 )
 """With spaces where no line may end."""
-MOST_NAMED = 16
-"""Largest number of columns or rows that have a tick each."""
+MOST_NAMED = 16  # largest number of columns or rows that have a tick each
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 """Frame of a measured cell."""
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)

@@ -26,8 +26,7 @@ FIGURES: dict[str, FigureKind] = {}
 for _module in iter_modules(kinds.__path__):
     FIGURES |= import_module(f"{kinds.__name__}.{_module.name}").FIGURES
 FIGURES = dict(sorted(FIGURES.items()))
-MOST_SLICES = 8
-"""Largest number of values of swept settings for which a run draws figures."""
+MOST_SLICES = 8  # largest number of values of swept settings for which a run draws figures
 NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into this folder"
 
 

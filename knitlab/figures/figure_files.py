@@ -23,10 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-MARK = "knitlab-drawn-of:"
-"""Prefix of the fingerprint that is stored in the file of every figure."""
-RUN_SUFFIXES = (".pdf", ".png")
-"""Formats of the figures of a run."""
+MARK = "knitlab-drawn-of:"  # prefix of the fingerprint that is stored in the file of every figure
+RUN_SUFFIXES = (".pdf", ".png")  # formats of the figures of a run
 PALETTE = 256
 """Colours of a PNG: with a palette it is a third as large, and no difference can be seen."""
 

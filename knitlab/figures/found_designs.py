@@ -11,8 +11,7 @@ from knitlab.cube.schema import VARIABLES
 from knitlab.cube.target import Target
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look
 
-MOST_SHOWN = 6
-"""Designs that are drawn, the nearest first."""
+MOST_SHOWN = 6  # designs that are drawn, the nearest first
 WANTED = CATEGORY_COLOURS[2]
 OWN, OTHERS, FRONT = CATEGORY_COLOURS[0], "0.7", CATEGORY_COLOURS[1]
 RANGE = "range over slightly different fabrics"

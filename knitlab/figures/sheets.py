@@ -13,14 +13,10 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from knitlab.figures.style import Look
 
-FABRIC = "0.85"
-"""Colour of a sheet."""
-LIGHT = np.array([-0.5, 0.5, 0.7])
-"""Direction of the light on a sheet in plan."""
-DARKEST = 0.45
-"""Brightness of a face that the light grazes."""
-TONES = 8
-"""Steps of brightness: few keep the files of large samples small."""
+FABRIC = "0.85"  # colour of a sheet
+LIGHT = np.array([-0.5, 0.5, 0.7])  # direction of the light on a sheet in plan
+DARKEST = 0.45  # brightness of a face that the light grazes
+TONES = 8  # steps of brightness: few keep the files of large samples small
 
 
 def design_text(case: xr.Dataset) -> str:

@@ -23,14 +23,10 @@ if TYPE_CHECKING:
 FRONT, BACK = "white", "0.68"
 ELECTRODES = {1: ("#FAD7A0", "#DC7633"), 2: ("#AED6F1", "#2471A3")}
 """Colours of the plated stitches of electrodes, on the front and on the back bed."""
-NARROWEST_MARKED = 0.045
-"""Width of a stitch from which on purls have a mark of their own [in]."""
-MOST_DRAWN = (256, 128)
-"""Courses and wales up to which more than one repeat is drawn."""
-WORD = 0.6
-"""Width of a patch from which on its knit is named by a word, else by its letter [in]."""
-MARGIN = 0.7
-"""Room for the numbers of an axis [in]."""
+NARROWEST_MARKED = 0.045  # width of a stitch from which on purls have a mark of their own [in]
+MOST_DRAWN = (256, 128)  # courses and wales up to which more than one repeat is drawn
+WORD = 0.6  # width of a patch from which on its knit is named by a word, else by its letter [in]
+MARGIN = 0.7  # room for the numbers of an axis [in]
 REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}
 """Line around the repeat, or the whole sample."""
 

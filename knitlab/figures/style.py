@@ -13,24 +13,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-ONE_COLUMN = 85 / 25.4
-"""Width of one journal column [in]."""
-TWO_COLUMNS = 175 / 25.4
-"""Width of two journal columns [in]."""
+ONE_COLUMN = 85 / 25.4  # width of one journal column [in]
+TWO_COLUMNS = 175 / 25.4  # width of two journal columns [in]
 
-STRAIN_COLOURS = "RdBu_r"
-"""Diverging colour map for signed values, white at zero."""
-SEQUENCE_COLOURS = "viridis"
-"""Sequential colour map for ordered values."""
+STRAIN_COLOURS = "RdBu_r"  # diverging colour map for signed values, white at zero
+SEQUENCE_COLOURS = "viridis"  # sequential colour map for ordered values
 OKABE_ITO = "#0072B2 #D55E00 #009E73 #CC79A7 #E69F00 #56B4E9 black 0.5"
-CATEGORY_COLOURS = tuple(OKABE_ITO.split())
-"""Colours of things without an order."""
-MARKERS = "osD^vP*X"
-"""Markers of things without an order."""
+CATEGORY_COLOURS = tuple(OKABE_ITO.split())  # colours of things without an order
+MARKERS = "osD^vP*X"  # markers of things without an order
 MINUS = "\u2212"
 
-DOTS_PER_INCH = 320
-"""Resolution of PNG files, and of what vector files hold as a picture."""
+DOTS_PER_INCH = 320  # resolution of PNG files, and of what vector files hold as a picture
 DECADES = 30.0
 """Ratio of the largest of positive values to their median above which colours follow decades.
 

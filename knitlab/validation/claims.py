@@ -34,15 +34,10 @@ CHECKS: dict[str, Callable[..., CheckResult]] = {
 
 
 class Claim(StrictModel):
-    """A statement of the paper, its place there, and its test.
+    """A statement of the paper, its place there, and its test in :data:`CHECKS`.
 
-    Attributes:
-        measured_along: direction that is tested here, if the statement is about both.
-        figure: kind of figure that shows it, if any.
-        why_not: why knitlab does not reproduce it, as far as known.
-        test: name of its test in :data:`CHECKS`.
-        knitlab: arguments of the test that are not from the paper but chosen for knitlab.
-        arguments: all arguments of the test besides cubes.
+    ``measured_along`` is the direction of the test, if the statement is about both. ``knitlab`` has
+    the arguments of the test that are not the paper's, ``arguments`` all of them besides cubes.
     """
 
     name: str

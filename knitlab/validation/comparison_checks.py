@@ -202,7 +202,7 @@ def linear(cube: xr.Dataset, n_stripe: Families, of: str, unexplained: Fraction)
 def common_slope(
     cube: xr.Dataset, n_stripe: Families, of: str, spread: PositiveFloat
 ) -> CheckResult:
-    """The slopes of all lines agree: they differ by at most a part ``spread`` of their mean."""
+    """The slopes of all lines differ by at most the fraction ``spread`` of their mean."""
     lines = _lines(cube, n_stripe, of, fewest=2)
     slopes = np.array([line.slope for line in lines.values()])
     difference = float(np.ptp(slopes) / abs(slopes.mean()))

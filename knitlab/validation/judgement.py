@@ -1,7 +1,7 @@
 """Judging claims by cubes; if several apply, the one nearest the paper's samples decides."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,18 +28,13 @@ Slice = tuple[Path, xr.Dataset]
 
 @dataclass(frozen=True)
 class Judgement:
-    """A claim, the result that decides it, and the samples that it was judged on, cube by cube.
-
-    Attributes:
-        quarters: the verdicts with thresholds chosen for knitlab at the factors :data:`QUARTER`.
-        contrary: cubes with another verdict, and their results.
-    """
+    """A claim, the result that decides it, and the samples that it was judged on, cube by cube."""
 
     claim: Claim
     result: CheckResult
     samples: tuple[JudgedSamples, ...]
-    quarters: tuple[Grade, ...] = ()
-    contrary: tuple[tuple[Path, CheckResult], ...] = ()
+    quarters: tuple[Grade, ...] = ()  # verdicts with knitlab's thresholds at the factors QUARTER
+    contrary: tuple[tuple[Path, CheckResult], ...] = ()  # cubes with another verdict
 
     @property
     def cubes(self) -> tuple[Path, ...]:
@@ -73,11 +68,18 @@ def judged(
         BadInput: if a cube cannot be read or has several values of a setting without a selection,
             or if a selection is not of a swept setting.
     """
-    whole = [(path, open_cube(path)) for path in cubes]
-    swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
-    remedy = f"select along {', '.join(swept)}" if swept else "leave it out: there are none"
-    refuse_others(selections, swept, f"is not a swept setting of these cubes; {remedy}")
-    return judged_slices(claims, [(path, _one(path, cube, selections)) for path, cube in whole])
+    opened = [(path, open_cube(path)) for path in cubes]
+    all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})
+    remedy = f"select along {', '.join(all_swept)}" if all_swept else "leave it out: there are none"
+    refuse_others(selections, all_swept, f"is not a swept setting of these cubes; {remedy}")
+    slices = []
+    for path, cube in opened:
+        swept = swept_dims(cube)
+        cube = selected(cube, selections_along(selections, swept))
+        if several := [dim for dim in swept if cube.sizes[dim] > 1]:
+            raise fault(str(path), f"has swept settings; select {choices(cube, several)}")
+        slices.append((path, cube.isel(dict.fromkeys(swept, 0))))
+    return judged_slices(claims, slices)
 
 
 def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judgement]:
@@ -112,15 +114,6 @@ def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     return Judgement(claim, result, samples)
 
 
-def _one(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The cube at one value of every swept setting, which stays as a coordinate."""
-    swept = swept_dims(cube)
-    cube = selected(cube, selections_along(selections, swept))
-    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        raise fault(str(path), f"has swept settings; select {choices(cube, several)}")
-    return cube.isel(dict.fromkeys(swept, 0))
-
-
 def summary(judgements: Sequence[Judgement]) -> str:
     """Numbers of claims of every grade, as text."""
     counts = Counter(each.result.grade for each in judgements)
@@ -149,17 +142,14 @@ def contrary(others: Sequence[tuple[Path, CheckResult]], name: Callable[[Path], 
     )
 
 
-def records(judgements: Sequence[Judgement]) -> list[dict[str, Any]]:
-    """A table row for each claim: texts, counts, and the margin if it was measured."""
-    return [_record(each) for each in judgements]
-
-
-def _record(each: Judgement) -> dict[str, Any]:
-    def joined(texts: Iterable[str]) -> str:
-        return " | ".join(dict.fromkeys(filter(None, texts)))
-
+def record(each: Judgement) -> dict[str, Any]:
+    """The table row of a claim: texts, counts, and the margin if it was measured."""
     claim, result = each.claim, each.result
     samples = each.samples if result.at else ()
+    described = {
+        column: " | ".join(dict.fromkeys(filter(None, (getattr(one, name) for one in samples))))
+        for column, name in (("boundary",) * 2, ("unit_cells", "size"), ("options",) * 2)
+    }
     return {
         "claim": claim.name,
         "topic": claim.topic,
@@ -179,8 +169,6 @@ def _record(each: Judgement) -> dict[str, Any]:
         "why_not": (claim.why_not or "") if result.verdict is Grade.fails else "",
         "figure": claim.figure or "",
         "cube": ", ".join(map(str, each.cubes)),
-        "boundary": joined(sample.boundary for sample in samples),
-        "unit_cells": joined(sample.size for sample in samples),
-        "options": joined(sample.options for sample in samples),
+        **described,
         "contrary": contrary(each.contrary, str),
     }

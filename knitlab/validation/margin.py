@@ -3,7 +3,7 @@
 A margin is at least 0 if the claim holds and below 0 if it fails, and it has no unit. It is the
 distance from the value to its limit, towards the side that the claim wants, over a scale:
 
-- a value and a limit, or the value of one place and that of another: over the size of the limit,
+- a value and a limit, or the value of one sample and that of another: over the size of the limit,
   so that -0.25 misses it by a quarter of itself; over 1 if the limit is 0, which only plain numbers
   such as Poisson's ratio, a gauge factor or a slope of strain against strain are held against;
 - steps that must rise or fall, and a value that must be the lowest: over the spread of all values
@@ -22,14 +22,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
-NEAR = 0.25
-"""A claim that fails by at most this margin is a near miss."""
-GOOD = 0.25
-"""A claim that holds by at least this margin holds with a good margin."""
-LARGEST = 1000.0
-"""Margins beyond this, of either sign, are given as this."""
-LEAST_MISS = math.nextafter(0.0, -1.0)
-"""Margin of a value on a limit that the claim excludes."""
+NEAR = 0.25  # a claim that fails by at most this margin is a near miss
+GOOD = 0.25  # a claim that holds by at least this margin holds with a good margin
+LARGEST = 1000.0  # margins beyond this, of either sign, are given as this
+LEAST_MISS = math.nextafter(0.0, -1.0)  # margin of a value on a limit that the claim excludes
 Labels = tuple[str | int, ...]
 """Labels of one sample along the cube's dimensions: (4, 16), or ("rib", 4, "periodic")."""
 
@@ -47,12 +43,9 @@ class Grade(StrEnum):
 class CheckResult:
     """What the check of a claim finds.
 
-    Attributes:
-        margin: distance to the threshold; ``None`` if the claim could not be measured.
-        text: the values that decide it, or what is missing.
-        judged, wanted: numbers of what is counted that it was judged on, and that it is about.
-        at: labels of the samples that it was judged on.
-        cubes: for a check of several cubes, the index of the cube of each of these samples.
+    Its margin is ``None`` if the claim could not be measured; then ``text`` says what is missing.
+    It was ``judged`` on so many of ``wanted`` things ``counted``: on the samples with the labels
+    ``at``, which a check of several cubes took from those with the indices ``cubes``.
     """
 
     margin: float | None
@@ -125,13 +118,9 @@ def below(
 
 
 def within(value: float, lowest: float, highest: float) -> float | None:
-    """Margin of a value that must lie between two limits, either of which may be infinite.
-
-    A limit of 0 is excluded, any other is not.
-    """
-    return worst(
-        [above(value, lowest, strict=lowest == 0), below(value, highest, strict=highest == 0)]
-    )
+    """Margin of a value between two limits; one may be infinite, and a limit of 0 is excluded."""
+    to_lowest = above(value, lowest, strict=lowest == 0)
+    return worst([to_lowest, below(value, highest, strict=highest == 0)])
 
 
 def worst(margins: Iterable[float | None]) -> float | None:

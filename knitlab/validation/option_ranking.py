@@ -4,17 +4,17 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import base_dims, cube_name, swept_dims
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.validation.claims import Claim
 from knitlab.validation.judgement import Slice, judged_slices
 from knitlab.validation.margin import CheckResult, Grade
-from knitlab.validation.samples import by_labels, parameters_of, stated_options
+from knitlab.validation.samples import by_labels, stated_options
 
 Options = dict[str, str | float]
 Key = tuple[tuple[str, str | float], ...]
@@ -33,15 +33,11 @@ CLIPPED = 1.0
 
 @dataclass(frozen=True)
 class RankedOptions:
-    """One set of model options, and the result of every check by the name of its claim.
-
-    ``designs`` is the number of checkerboards that it was judged on; fewer make it easier for
-    claims to hold.
-    """
+    """One set of model options, and the result of every check by the name of its claim."""
 
     options: Options
     results: dict[str, CheckResult]
-    designs: int
+    designs: int  # checkerboards that it was judged on; fewer make it easier for claims to hold
 
     def count(self, grade: Grade) -> int:
         """How many claims have a grade."""
@@ -63,10 +59,9 @@ class RankedOptions:
 def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list[RankedOptions]:
     """Rank the model options of cubes by how many claims hold under them, the best first.
 
-    Options are judged by all slices of all cubes that were computed with them; slices of pure
-    stripes serve all options that do not differ in :data:`OF_STRIPES`. Of options under which
-    equally many claims hold, those with more near misses come first, then those with the larger
-    sum of margins. They are those of the checkerboards; without these, those of the pure stripes.
+    Options are judged by all slices that were computed with them; slices of pure stripes serve all
+    options that do not differ in :data:`OF_STRIPES`. Ties are broken by near misses, then by the
+    sum of margins. The options are those of the checkerboards; without these, of the stripes.
     """
     boards: dict[Key, list[Slice]] = {}
     stripes: dict[Key, list[Slice]] = {}
@@ -103,13 +98,9 @@ def options_of(cube: xr.Dataset) -> Options:
     """The model options of a cube at one value of every swept setting."""
     parameters = parameters_of(cube)
     motion = parameters.get("dynamics") or {}
-    stated: dict[str, Any] = {
-        "drag": (parameters.get("solver") or {}).get("drag"),
-        **{name: motion[name] for name in OF_MOTION if name in motion},
-        **stated_options(cube),
-    }
-    if not stated["drag"]:
-        del stated["drag"]
+    drag = (parameters.get("solver") or {}).get("drag")
+    of_motion = {name: motion[name] for name in OF_MOTION if name in motion}
+    stated = ({"drag": drag} if drag else {}) | of_motion | stated_options(cube)
     # NetCDF attributes are NumPy's numbers.
     return {
         name: stated[name].item() if isinstance(stated[name], np.generic) else stated[name]

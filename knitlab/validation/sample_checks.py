@@ -22,10 +22,8 @@ from knitlab.validation.samples import (
     unit_of,
 )
 
-MOST_LISTED = 9
-"""Largest number of samples, or steps between them, whose values are listed."""
-FEWEST_POINTS = 3
-"""Fewest applied strains, or cells along a sample, for a curve."""
+MOST_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
+FEWEST_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve
 Measured = tuple[float | None, str]
 """Margin of one sample, and the measured value as text."""
 
@@ -38,7 +36,7 @@ def value_within(
     highest: float = np.inf,
     slack: float = 0.0,
 ) -> CheckResult:
-    """A value, or a whole curve over the applied strain, is between two limits, with some slack.
+    """A value, or a curve over the applied strain, is between two limits, with some slack.
 
     A value equal to a limit of 0 is outside.
     """

@@ -1,6 +1,5 @@
 """The samples of a cube that a claim is about, and how like the paper's they are."""
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -11,6 +10,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
+from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import base_dims, is_measured, model_options, source_of
 from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.toml import StrictModel
@@ -22,10 +22,7 @@ STRIPE_BOUNDARY = "periodic"
 
 
 class Checkerboards(StrictModel):
-    """Checkerboards that a claim is about: ``designs``, or all ``without`` some; of any n_stripe.
-
-    ``at_least`` is the number of designs in the paper.
-    """
+    """Checkerboards that a claim is about, of which the paper has ``at_least`` so many."""
 
     dims: ClassVar = DESIGN_DIMS
     kind: ClassVar = "checkerboards"
@@ -39,16 +36,15 @@ class Checkerboards(StrictModel):
         """The designs that the claim is about, of those that are planned."""
         if self.designs:
             return list(self.designs)
-        stripes = self.n_stripe
-        planned = [labels for labels in planned if not stripes or labels[0] in stripes]
-        return [labels for labels in planned if labels not in self.without]
+        return [
+            labels
+            for labels in planned
+            if labels[0] in (self.n_stripe or labels) and labels not in self.without
+        ]
 
 
 class PureStripes(StrictModel):
-    """Pure stripes that a claim is about, with a range of stitches across the stripe by knit.
-
-    ``at_least`` is the number of stripes in the paper.
-    """
+    """Pure stripes that a claim is about, by the stitches across; the paper has ``at_least``."""
 
     dims: ClassVar = STRIPE_DIMS
     kind: ClassVar = f"{STRIPE_BOUNDARY} pure stripes"
@@ -137,14 +133,11 @@ def unit_of(variable: str) -> str:
 
 @dataclass(frozen=True)
 class JudgedSamples:
-    """Samples of a cube that a claim was judged on, described by texts that may be empty.
-
-    ``size`` is their unit cells along weft × warp: one size, or smallest and largest.
-    """
+    """Samples of a cube that a claim was judged on, described by texts that may be empty."""
 
     cube: Path
     boundary: str
-    size: str
+    size: str  # unit cells along weft × warp: one size, or smallest and largest
     options: str
     experiment: str = ""
 
@@ -189,9 +182,10 @@ def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
 
 def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
     """Unit cells of one sample along (weft, warp), as stated or counted in the local strains."""
-    names = [each for each in ("unit_cells_x", "unit_cells_y", "strain_xx") if each in cube]
+    counts = ("unit_cells_x", "unit_cells_y")
+    names = [name for name in (*counts, "strain_xx") if name in cube]
     sample = one_sample(cube[["status", *names]], labels)
-    stated = [float(sample[name]) for name in ("unit_cells_x", "unit_cells_y") if name in sample]
+    stated = [float(sample[name]) for name in counts if name in sample]
     if len(stated) == 2 and np.isfinite(stated).all():
         return int(stated[0]), int(stated[1])
     if "strain_xx" in sample:
@@ -205,17 +199,9 @@ def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
 def stated_options(cube: xr.Dataset) -> dict[str, Any]:
     """The model options of a cube, with the gap between the walls and the swept settings."""
     z_max = parameters_of(cube).get("sheet", {}).get("z_max")
-    return {
-        **model_options(cube),
-        **({"z_max": z_max} if z_max else {}),
-        **{
-            str(name): each.item()
-            for name, each in cube.coords.items()
-            if not each.dims and name not in (SOURCE, *base_dims(cube))
-        },
+    swept = {
+        str(name): each.item()
+        for name, each in cube.coords.items()
+        if not each.dims and name not in (SOURCE, *base_dims(cube))
     }
-
-
-def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
-    """The parameters that all designs of a cube share."""
-    return json.loads(cube.attrs.get("parameters", "{}"))
+    return model_options(cube) | ({"z_max": z_max} if z_max else {}) | swept

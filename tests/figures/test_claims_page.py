@@ -1,8 +1,6 @@
-"""The page of claims: reliable claims, near misses, and one self-contained file."""
+"""The page of claims: reliable claims, near misses, and figures."""
 
-import base64
 import re
-from html.parser import HTMLParser
 
 import pytest
 from click.testing import CliRunner
@@ -10,6 +8,7 @@ from click.testing import CliRunner
 from knitlab.cli import main
 from knitlab.cube.cube_file import write_cube
 from knitlab.figures.claims_page import introduction, reliance, write_page
+from knitlab.io.errors import BadInput
 from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.judgement import judged
 from tests.validation.test_claims import good_checkerboards, good_stripes
@@ -33,33 +32,9 @@ def judgements(cubes):
     return judged(read_claims(), cubes)
 
 
-class References(HTMLParser):
-    def __init__(self):
-        super().__init__()
-        self.found, self.anchors = [], set()
-
-    def handle_starttag(self, tag, attrs):
-        self.found += [value for name, value in attrs if name in ("src", "href")]
-        self.anchors |= {value for name, value in attrs if name == "id"}
-
-
-@pytest.mark.slow
-def test_an_html_page_is_one_file_that_needs_no_other(cubes, tmp_path):
-    page = tmp_path / "page.html"
-    ran = CliRunner().invoke(main, ["claims", str(cubes[1]), "-o", str(page)])
-    assert ran.exit_code == 0
-    assert list(tmp_path.iterdir()) == [page]
-    text = page.read_text()
-    parser = References()
-    parser.feed(text)
-    embedded = [each for each in parser.found if each.startswith("data:image/png;base64,")]
-    inside = [each.removeprefix("#") for each in parser.found if each.startswith("#")]
-    assert embedded
-    assert inside
-    assert len(embedded) + len(inside) == len(parser.found)
-    assert set(inside) <= parser.anchors
-    assert all(base64.b64decode(each.partition(",")[2])[1:4] == b"PNG" for each in embedded)
-    assert "url(" not in text
+def test_a_page_of_another_format_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="is not a page of Markdown; give it the suffix .md"):
+        write_page([], tmp_path / "page.html")
 
 
 @pytest.mark.slow

@@ -265,7 +265,7 @@ def test_command_refuses_another_suffix(tmp_path):
         main, ["claims", str(tmp_path / "stripes.nc"), "-o", str(tmp_path / "page.txt")]
     )
     assert ran.exit_code == 2
-    assert "has no suffix of .md, .html" in ran.output
+    assert "is not a page of Markdown; give it the suffix .md" in ran.output
 
 
 def test_every_fault_of_a_claims_file_is_listed(tmp_path):
@@ -318,4 +318,4 @@ def test_a_page_of_an_unknown_format_is_refused_before_any_output(tmp_path):
     result = CliRunner().invoke(main, ["claims", str(tmp_path), "-o", str(tmp_path / "page.txt")])
     assert result.exit_code == 2
     assert not result.stdout
-    assert "has no suffix of .md, .html" in result.stderr
+    assert "is not a page of Markdown; give it the suffix .md" in result.stderr

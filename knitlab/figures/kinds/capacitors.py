@@ -32,10 +32,6 @@ PAPER_SAMPLES: dict[tuple[str | int, ...], str] = {
 }
 
 
-Sample = tuple[str, xr.Dataset]
-"""The name of a fabric with electrodes in the figure, and its cell of a cube."""
-
-
 def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     """C/C0 against applied strain, and the slopes, side by side (paper, Fig. "capacitor testing").
 
@@ -110,8 +106,8 @@ def _unloading(cell: xr.Dataset, name: str) -> np.ndarray:
     return np.where(apart | (np.isfinite(back) & ~finite), back, np.nan)
 
 
-def _samples(cube: xr.Dataset) -> list[Sample]:
-    """The samples of a cube that are shown, those with measured capacitances."""
+def _samples(cube: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
+    """The names and cells of the samples of a cube that have measured capacitances to show."""
     if "capacitance" not in cube:
         return []
     samples = []

@@ -26,13 +26,10 @@ if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
     from knitlab.simulation.case import Case
 
-MOST_NAMES = 4
-"""Patches along a side that are named; where there are more they have a letter each."""
+MOST_NAMES = 4  # patches along a side that are named; where there are more they have a letter each
 LETTERS = "R rib, G garter, P plain"
-COLOURS = ("#D55E00", "#0072B2")
-"""Colours of the electrodes."""
-SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}
-"""Grey of every knit, by its letter."""
+COLOURS = ("#D55E00", "#0072B2")  # colours of the electrodes
+SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}  # grey of every knit, by its letter
 CELLS_PER_TICK, MOST_TICKS = 4, 12
 FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
 """Subdivisions of a grid cell along each direction: fine up to this many cells, else coarse."""

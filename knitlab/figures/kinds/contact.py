@@ -13,10 +13,8 @@ from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, 
 from knitlab.io.errors import fault
 
 CONTACT = ("none", "barrier")
-NAMED = 3
-"""Number of curves, those of the largest changes, that have the names of their designs."""
-THROUGH = "#FBE3D0"
-"""Colour behind designs that pass through themselves without contact."""
+NAMED = 3  # number of curves, those of the largest changes, that have the names of their designs
+THROUGH = "#FBE3D0"  # colour behind designs that pass through themselves without contact
 NOTE = "relaxed, it passes through itself without contact"
 SIZES: dict[str, Look] = {
     "relaxed_cell_x": {"label": "width", "marker": "o", "ms": 4, "ls": ""},

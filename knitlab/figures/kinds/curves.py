@@ -21,8 +21,7 @@ from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Colour, Look, shades
 from knitlab.io.errors import fault
 
-BAND = 0.25
-"""Opacity of a band."""
+BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",

@@ -76,21 +76,21 @@ NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow 
 
 
 class Merit(NamedTuple):
-    """A variable of the cubes that is better the larger it is, and its format."""
+    """A variable of the cubes that is better the larger it is, and the format of its values."""
 
     name: str
     label: str
-    number: str
+    form: str
 
     def text(self, value: float, *_: object) -> str:
         """A value as text."""
-        return self.number.format(value)
+        return format(value, self.form)
 
 
 Merits = tuple[Merit, Merit]
 PAPER = (
-    Merit("sensitivity", "sensitivity |dC/dε| [pF]", "{:.2f}"),
-    Merit("working_range", "working range of applied strain [1]", "{:.0%}"),
+    Merit("sensitivity", "sensitivity |dC/dε| [pF]", ".2f"),
+    Merit("working_range", "working range of applied strain [1]", ".0%"),
 )
 
 
@@ -123,13 +123,12 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
 
 def _within(window: str, cubes: Sequence[xr.Dataset]) -> tuple[Merits, list[xr.Dataset]]:
     slope, straight = (f"{name}({CAPACITANCE}, {window})" for name in ("slope", "linearity"))
-    reduced = []
-    for cube in cubes:
-        (cube,) = with_columns([cube], [slope, straight])
-        reduced.append(cube.assign({slope: abs(cube[slope])}))
+    reduced = [
+        cube.assign({slope: abs(cube[slope])}) for cube in with_columns(cubes, [slope, straight])
+    ]
     merits = (
-        Merit(slope, f"|slope| of C over {window} [pF]", "{:.2f}"),
-        Merit(straight, f"R² of a line over {window} [1]", "{:.2f}"),
+        Merit(slope, f"|slope| of C over {window} [pF]", ".2f"),
+        Merit(straight, f"R² of a line over {window} [1]", ".2f"),
     )
     return merits, reduced
 
@@ -177,11 +176,10 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
 def values_of_designs(cubes: Sequence[xr.Dataset], merits: Merits) -> pd.DataFrame:
     """A row of both values for every design that is ok and has both."""
     names = [merit.name for merit in merits]
-    tables = [
+    table = pd.concat(
         cube[["status", *names]].to_dataframe().reset_index().assign(measured=is_measured(cube))
         for cube in cubes
-    ]
-    table = pd.concat(tables)
+    )
     return table[table["status"] == Status.ok].dropna(subset=names)
 
 

@@ -14,8 +14,7 @@ from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.margin import Grade, signed
 from knitlab.validation.option_ranking import RankedOptions, differing, ranked_options
 
-MOST = 16
-"""Largest number of sets of options that the figure shows."""
+MOST = 16  # largest number of sets of options that the figure shows
 LOOKS = {
     Grade.holds: ("#0072B2", "white"),
     Grade.near_miss: ("#F5D7A1", "black"),
@@ -24,8 +23,7 @@ LOOKS = {
 }
 """Colour of a cell and of its text, by grade."""
 NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quarter of it"
-UNSTATED = {"drag": 0}
-"""Labels of options that are stated only if they have an effect."""
+UNSTATED = {"drag": 0}  # labels of options that are stated only if they have an effect
 
 
 def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:

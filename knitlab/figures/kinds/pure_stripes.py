@@ -10,9 +10,9 @@ from matplotlib.lines import Line2D
 
 from knitlab.cube.schema import RUN, STRIPE_DIMS
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import TWO_COLUMNS, shades
+from knitlab.figures.style import TWO_COLUMNS, Look, shades
 
-SHEETS: dict[str, dict[str, Any]] = {
+SHEETS: dict[str, Look] = {
     "periodic": {"marker": "o", "ms": 2.5, "fillstyle": "full", "ls": ""},
     "clamped": {"marker": "s", "ms": 5, "fillstyle": "none", "ls": ""},
 }

@@ -14,8 +14,7 @@ from knitlab.io.errors import fault
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}
 PERIODS = {"rib": "$w$ (period)", "garter": "$h$ (period)"}
-MOST_DESIGNS = 60
-"""Largest number of rows that remain legible."""
+MOST_DESIGNS = 60  # largest number of rows that remain legible
 MOST_OVER_MEDIAN = 3
 """Limit of the colour scale over the median of the designs' largest sensitivities."""
 NOTE = (
