@@ -120,7 +120,7 @@ class _PatchLines(NamedTuple):
         return int(self.borders[-1])
 
     def between(self, ends: tuple[float, float]) -> Int[np.ndarray, " stitch"]:
-        """Courses or wales, at least one, between grid coordinates that may lie beyond its edges."""
+        """Courses or wales, at least one, between grid coordinates, also beyond its edges."""
         lines, position = self.grid_lines, np.array(ends)
         count = len(lines) - 1
         stitch = np.interp(position % count, np.arange(count + 1), lines)
