@@ -70,17 +70,17 @@ def _curves(cubes: Sequence[xr.Dataset], rows: Mapping[str, str]) -> Figure:
     colours = dict(zip(periods, shades(len(periods)), strict=True))
     figure = Figure(figsize=(TWO_COLUMNS, 4.9), layout="constrained")
     grid = figure.subplots(len(rows), len(stripes), sharex=True, sharey="row", squeeze=False)
-    # Axial strain follows the diagonal and stiffness rises, so that this corner is free.
-    corner = "lower right" if rows is ROWS else "upper left"
+    # Axial strain follows the diagonal and energy rises from 0, so that this corner is free.
+    row, corner = (1, "lower right") if rows is ROWS else (2, "upper left")
     for column, n_stripe in zip(grid.T, stripes, strict=True):
         for design in designs:
             if int(design["n_stripe"]) == n_stripe:
                 _draw_design(column, rows, design, colours[float(design["periods"])])
         column[0].set_title(f"n_stripe = {n_stripe}")
-        if column[1].lines:
+        if column[row].lines:
             small: Look = {"fontsize": 6, "title_fontsize": 6, "borderpad": 0, "labelspacing": 0.15}
             small["handlelength"] = 1.6 if any(map(is_measured, cubes)) else 1
-            column[1].legend(title="n_subunit", loc=corner, **small)
+            column[row].legend(title="n_subunit", loc=corner, **small)
         column[-1].set_xlabel("applied strain [1]")
     for axes, label in zip(grid[:, 0], rows.values(), strict=True):
         axes.set_ylabel(label)
