@@ -32,12 +32,7 @@ from knitlab.laboratory.curves import (
     simulated_test,
     with_factors,
 )
-<<<<<<< HEAD
-from knitlab.laboratory.target import Curves, MeasuredTest
 from knitlab.measure.calibration import ENTRY_UNITS
-=======
-from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
->>>>>>> trunk
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.material import Material
