@@ -17,9 +17,9 @@ from knitlab.fabric.settings import ModelOptions
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
-from knitlab.knitting.chart import Face, StitchChart
+from knitlab.knitting.chart import Face
 from knitlab.knitting.knitout import knitout
-from knitlab.knitting.machine import Machine, read_machine
+from knitlab.knitting.machine import read_machine
 from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Prediction, Specification
 from knitlab.knitting.stitch_chart import is_turned, stitch_chart
@@ -50,20 +50,16 @@ class SingleDesign(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class KnitSample:
+class KnitSample(Specification):
     """A design as it is knitted.
 
     Attributes:
         chart: its stitches.
         machine: the machine.
+        gauge: the size of a stitch.
         program: the text of its knitout file.
-        specification: what it takes to knit it.
+        prediction: what a cube says of it, if one is given.
     """
-
-    chart: StitchChart
-    machine: Machine
-    program: str
-    specification: Specification
 
     def __repr__(self) -> str:
         return f"<KnitSample {self.chart.size}, {len(self.program.splitlines())} lines of knitout>"
@@ -94,7 +90,7 @@ class KnitSample:
         from knitlab.figures.style import print_style
 
         with print_style():
-            return specification_sheet(self.specification)
+            return specification_sheet(self)
 
     def save(self, path: str | Path) -> Path:
         """Write the knitout or the chart.
@@ -207,8 +203,7 @@ def knitted(
         raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
-    needed = Specification(chart, used, design.gauge, program, design.prediction)
-    return KnitSample(chart, used, program, needed)
+    return KnitSample(chart, used, design.gauge, program, design.prediction)
 
 
 def check_output(path: Path) -> None:
