@@ -79,7 +79,7 @@ def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | s
     if folder is None:
         return NOT_FROM_FILE
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
-    return WHY_NOT[stored] if stored in WHY_NOT else read_case(folder, case_id)
+    return WHY_NOT.get(stored) or read_case(folder, case_id)
 
 
 def variables_of(cube: xr.Dataset, indices: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:

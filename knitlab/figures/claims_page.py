@@ -18,8 +18,7 @@ from knitlab.validation.margin import GOOD, NEAR, Grade, signed
 from knitlab.validation.samples import JudgedSamples
 
 SUFFIX = ".md"
-Key = tuple[str, tuple[Path, ...]]
-"""Kind of figure and cubes, which identify the figure of a claim."""
+Key = tuple[str, tuple[Path, ...]]  # kind of figure and cubes, which identify the figure of a claim
 EXPLAINED = (
     "A margin says how far a claim is from its threshold: it holds at 0 and above, and fails below."
     f" The scale is the threshold itself, or the spread of what is compared: {-NEAR:+g} misses a"
@@ -61,10 +60,8 @@ def reliance(one: Judgement) -> str:
     result = one.result
     if result.margin is None:
         return "not measured"
-    if result.grade is not Grade.holds:
-        return "near" if result.grade is Grade.near_miss else "gross"
     if result.margin < GOOD:
-        return "narrow"
+        return {Grade.holds: "narrow", Grade.near_miss: "near"}.get(result.grade, "gross")
     return "reserved" if one.contrary or result.judged < result.wanted else "good"
 
 
@@ -75,8 +72,8 @@ def _quoted(one: Judgement) -> str:
         result.count if result.judged < result.wanted else "",
         f"but it {contrary(one.contrary, cube_name)}" if one.contrary else "",
     ]
-    shown = ", ".join(filter(None, notes))
-    return f"“{one.claim.quoted}”" + (f" ({shown})" if shown else "")
+    noted = ", ".join(filter(None, notes))
+    return f"“{one.claim.quoted}”" + (f" ({noted})" if noted else "")
 
 
 def cube_name(path: Path) -> str:
@@ -116,11 +113,7 @@ def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, s
 
 
 def check_suffix(page: Path) -> None:
-    """Refuse a page that is not Markdown.
-
-    Raises:
-        BadInput: if its suffix is another one.
-    """
+    """Check that a page is Markdown by its suffix; else BadInput."""
     if page.suffix.lower() != SUFFIX:
         raise fault(f"output {page}", f"is not a page of Markdown; give it the suffix {SUFFIX}")
 
@@ -131,9 +124,6 @@ def write_page(
     """Write the claims as a page of Markdown, with its figures in a folder beside it.
 
     Returned are the files, and why some figures could not be drawn.
-
-    Raises:
-        BadInput: if the suffix is not that of Markdown.
     """
     check_suffix(page)
     folder = page.with_suffix("")

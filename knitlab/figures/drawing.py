@@ -40,10 +40,7 @@ def draw_figure(
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
     A figure of a single case shows the most auxetic design of the selection that has its case file
-    beside the cube. Options say what a kind shows, such as ``{"of": "reaction_force"}``.
-
-    Raises:
-        BadInput: if a cube, a selection or the suffix is at fault.
+    beside the cube. BadInput if a cube, a selection, an option or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))

@@ -80,10 +80,8 @@ def _draw_bars(panel: Axes, reached: Reached, names: list[str], banded: bool) ->
 
 def _label(target: Target) -> str:
     variable = VARIABLES.get(target.name)
-    if variable is None:
-        return f"{target.label}\n[1]"
-    name = variable.long_name if target.reduction is None else target.label
-    return f"{name}\n[{variable.units}]"
+    name = variable.long_name if variable and target.reduction is None else target.label
+    return f"{name}\n[{variable.units if variable else 1}]"
 
 
 def _name(found: Found, number: int) -> str:
@@ -98,8 +96,8 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
     shade: Look = {"color": WANTED, "alpha": 0.15, "lw": 0}
     if target.curve is None and target.low != target.high:
         ends = [end for end in (target.low, target.high) if np.isfinite(end)]
-        below, above = panel.get_ylim()
-        below, above = min([below, *ends]), max([above, *ends])
+        limits = [*panel.get_ylim(), *ends]
+        below, above = min(limits), max(limits)
         panel.set_ylim(below, above)
         panel.axhspan(max(target.low, below), min(target.high, above), label="wanted", **shade)
         return
@@ -121,7 +119,7 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
 def pareto_figure(
     distances: Float[np.ndarray, "trial 2"], labels: tuple[str, str], candidates: pd.Series
 ) -> Figure:
-    """Trials by their distances from two targets, over the tolerances of these, and the front.
+    """Trials by their distances from two targets, over their tolerances, and the Pareto front.
 
     ``candidates`` has the number of the candidate whose search each trial belongs to.
     """
@@ -148,6 +146,6 @@ def pareto_figure(
 
 def non_dominated(losses: Float[np.ndarray, "point loss"]) -> Bool[np.ndarray, " point"]:
     """Whether no other point dominates a point: no larger in any loss, and smaller in one."""
-    own, other = losses[:, None], losses[None]
-    dominated = np.all(other <= own, axis=2) & np.any(other < own, axis=2)
+    point, other = losses[:, None], losses[None]
+    dominated = np.all(other <= point, axis=2) & np.any(other < point, axis=2)
     return np.logical_not(dominated.any(axis=1))

@@ -251,16 +251,3 @@ def _slopes(lines: Lines) -> str:
         f"n_stripe {n}: {line.slope:.3f} ± {line.slope_halfwidth:.3f} mm a stitch"
         for n, line in lines.items()
     )
-
-
-CHECKS = (
-    common_slope,
-    departs_most,
-    linear,
-    lowest_of_all,
-    monotonic,
-    sample_order,
-    spread,
-    stripe_order,
-    trades_off,
-)

@@ -62,11 +62,7 @@ def judged(
 
     If several cubes measure a claim, the one whose samples are nearest the paper's decides
     (:func:`.preference`), or the first of equal ones. Selections are one value of each swept
-    setting.
-
-    Raises:
-        BadInput: if a cube cannot be read or has several values of a setting without a selection,
-            or if a selection is not of a swept setting.
+    setting; BadInput if they are not, or if a cube cannot be read.
     """
     opened = [(path, open_cube(path)) for path in cubes]
     all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})

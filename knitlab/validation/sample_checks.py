@@ -175,14 +175,3 @@ def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> CheckR
     listed = ", ".join(texts[labels] for labels in shown if labels in first)
     more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
     return samples.result(min(margins.values()), opening + listed + more, margins)
-
-
-CHECKS = (
-    follows,
-    largest_at_centre,
-    less_than,
-    rises_and_falls,
-    same_curves,
-    stripe_toe,
-    value_within,
-)

@@ -74,11 +74,7 @@ class Samples:
 
     @classmethod
     def of(cls, cube: xr.Dataset, about: Checkerboards | PureStripes, *variables: str) -> "Samples":
-        """The samples that a claim is about, of a cube at one value of every swept setting.
-
-        Raises:
-            NotMeasured: if the cube has no such samples, or lacks one of the variables.
-        """
+        """The samples of a cube that a claim is about; NotMeasured if there are none."""
         if base_dims(cube) != about.dims:
             raise NotMeasured(f"no {about.kind} in this cube")
         if missing := sorted(set(variables) - set(map(str, cube.data_vars))):

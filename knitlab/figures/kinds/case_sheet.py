@@ -85,8 +85,8 @@ def _name_patches(
     look: Look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8 if large else 6}
     look["path_effects"] = [withStroke(linewidth=2, foreground="black")]
     first_row, first_column = (
-        size * ((whole // size - 1) // 2)
-        for size, whole in zip(repeat, sample.knit.shape, strict=True)
+        size * ((count // size - 1) // 2)
+        for size, count in zip(repeat, sample.knit.shape, strict=True)
     )
     rows, columns = (
         (borders[:-1] + borders[1:]) // 2 for borders in (sample.row_borders, sample.column_borders)

@@ -28,7 +28,7 @@ def value_grid(
 ) -> Figure:
     """Any variable over any two dimensions of a cube, swept settings included.
 
-    A place where no design can be, or none was planned, stays empty; a design without a value is
+    There is no cell where no design can be, or none was planned; a design without a value is
     marked by status. Every other dimension needs one selected value. Either dimension may be
     ``periods`` for P = n_subunit / (2 n_stripe); without ``x`` and ``y`` they are those with more
     than one value, with P in place of n_subunit. ``of`` may be a reduction, as in queries.
@@ -39,7 +39,7 @@ def value_grid(
     if of in FLAGS or cube[of].dtype.kind not in "iuf":
         raise fault("of", f"{of} is not a number; choose a variable with a unit")
     has_periods = base_dims(cube) == DESIGN_DIMS
-    # Along n_subunit most places would be empty where both numbers of a design vary.
+    # Along n_subunit most cells would be missing where both numbers of a design vary.
     both = has_periods and all(cube.sizes[n] > 1 and n in cube[of].dims for n in DESIGN_DIMS)
     if PERIODS in (x, y) or (x is y is None and both):
         if not has_periods:
@@ -60,7 +60,8 @@ def value_grid(
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
     marked, gaps = _draw(axes, values, status, colours)
-    cells.name_places(axes, *([_text(each, "g") for each in values[dim].values] for dim in (x, y)))
+    names = ([_text(each, "g") for each in values[dim].values] for dim in (x, y))
+    cells.name_columns_and_rows(axes, *names)
     axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
     unit = values.attrs.get("units", "1")
     label = _upright(f"{values.attrs.get('long_name', of)} [{unit}]")
@@ -133,7 +134,7 @@ def _plane(
 def _draw(
     axes: Axes, values: xr.DataArray, status: xr.DataArray, colours: ValueColours
 ) -> tuple[set[Status], bool]:
-    """Draw the cells, and return the statuses marked and whether there are empty places."""
+    """Draw the cells, and return the statuses marked and whether there are gaps."""
     rows, columns = values.shape
     large = columns <= MOST_COLUMNS and rows <= MOST_ROWS
     marked: set[Status] = set()
@@ -141,7 +142,7 @@ def _draw(
         code, value = Status(int(status[row, column])), float(values[row, column])
         if code in RUN and np.isfinite(value):
             text = _text(value) if large else ""
-            cells.value_cell(axes, row, column, colours(value), text, large=large, fontsize=6)
+            cells.value_cell(axes, row, column, colours(value), text, fontsize=6)
         elif code is not Status.excluded:
             look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
             cells.cell(axes, row, column, **look)

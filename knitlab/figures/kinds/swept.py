@@ -34,7 +34,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         problem = f"the cube sweeps {', '.join(swept)}; select one value of all but one"
         raise fault("swept", problem)
     if cube.sizes[setting] > len(MARKERS):
-        # More could not be told apart.
+        # More could not be distinguished.
         raise fault("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
     rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
