@@ -45,12 +45,8 @@ def introduction(judgements: Sequence[Judgement]) -> dict[str, list[tuple[str, s
     """Which claims a user may rely on: pairs of an assessment and its claims, topic by topic."""
     topics: dict[str, list[tuple[str, str]]] = {}
     for topic, (group, opening) in product(TOPICS, OPENINGS.items()):
-        claims = [
-            _quoted(one)
-            for one in judgements
-            if one.claim.topic == topic and reliance(one) == group
-        ]
-        if claims:
+        of_topic = (one for one in judgements if one.claim.topic == topic)
+        if claims := [_quoted(one) for one in of_topic if reliance(one) == group]:
             topics.setdefault(topic, []).append((opening, "; ".join(claims) + "."))
     return topics
 
@@ -149,13 +145,10 @@ def _blocks(judgements: Sequence[Judgement], links: Mapping[Key, str]) -> list[s
     for topic, sentences in introduction(judgements).items():
         items = [f"- **{opening}:** {quoted}" for opening, quoted in sentences]
         blocks += [f"### {topic.capitalize()}", "\n".join(items)]
+    figures = {key: f"[{key[0]}]({link})" for key, link in links.items()}
     for grade, heading in HEADINGS.items():
-        rows = []
-        for one in judgements:
-            if one.result.grade is grade:
-                link = links.get(_key(one))
-                rows.append(_row(one, letters, f"[{one.claim.figure}]({link})" if link else ""))
-        if rows:
+        graded = (one for one in judgements if one.result.grade is grade)
+        if rows := [_row(one, letters, figures.get(_key(one), "")) for one in graded]:
             blocks += [f"## {heading}", _table(rows)]
     if letters:
         items = [f"- {letter}: {text}" for text, letter in letters.items()]
@@ -178,8 +171,7 @@ def _draw_figures(
     judgements: Sequence[Judgement], folder: Path, selections: Mapping[str, Any]
 ) -> tuple[dict[Key, Path], list[Fault]]:
     """Draw the figures of claims that were measured, or say why some cannot be drawn."""
-    files: dict[Key, Path] = {}
-    faults: list[Fault] = []
+    files, faults = dict[Key, Path](), list[Fault]()
     keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
     for kind, cubes in dict.fromkeys(keys):
         label = cube_name(cubes[0]).replace("/", "-")

@@ -28,10 +28,9 @@ class FigureKind:
     @property
     def takes(self) -> str:
         """What it takes, for the documentation."""
-        if self.several == "any":
-            return "any number of cubes"
-        if self.several == "experiments":
-            return "one simulated cube or test, and any experiments"
+        if self.several:
+            experiments = "one simulated cube or test, and any experiments"
+            return "any number of cubes" if self.several == "any" else experiments
         if self.designs:
             return "a cube with its case files"
         return "a test, or a cube with its case files" if self.needs else "a cube or a test"

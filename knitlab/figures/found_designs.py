@@ -137,9 +137,8 @@ def pareto_figure(
         # Trials far from the front would hide its shape.
         room = 0.3 * max(float(np.ptp(on_front)), 1.0)
         limits = max(float(on_front.min()) - room, -0.1), float(on_front.max()) + room
-        axes.set(**{f"{axis}lim": limits, f"{axis}label": f"off by, in tolerances:\n{label}"})
-    for each in (axes.xaxis, axes.yaxis):
-        each.label.set_fontsize("small")
+        axes.set(**{f"{axis}lim": limits})
+        getattr(axes, f"set_{axis}label")(f"off by, in tolerances:\n{label}", fontsize="small")
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 

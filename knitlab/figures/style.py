@@ -29,8 +29,7 @@ DOTS_PER_INCH = 320  # resolution of PNG files, and of what vector files hold as
 DECADES = 30.0
 
 Colour = tuple[float, float, float, float]
-Look = dict[str, Any]
-"""Keyword arguments of an artist of matplotlib."""
+Look = dict[str, Any]  # keyword arguments of an artist of matplotlib
 
 
 def number(value: float, form: str = ".2f") -> str:

@@ -17,13 +17,8 @@ from knitlab.validation.samples import JudgedSamples, preference
 
 QUARTER = (0.75, 1.25)
 """Factors on thresholds chosen for knitlab, to test whether a verdict depends on them."""
-WOULD = {
-    Grade.holds: "would hold",
-    Grade.fails: "would fail",
-    Grade.not_measured: "would not be measured",
-}
-Slice = tuple[Path, xr.Dataset]
-"""Path of a cube, and the cube at one value of every swept setting."""
+WOULD = {Grade.holds: "hold", Grade.fails: "fail", Grade.not_measured: "not be measured"}
+Slice = tuple[Path, xr.Dataset]  # path of a cube, and the cube at one value of every swept setting
 
 
 @dataclass(frozen=True)
@@ -48,7 +43,7 @@ class Judgement:
         if now is Grade.not_measured or not self.quarters:
             return ""
         changed = [
-            f"{WOULD[verdict]} at {factor - 1:+.0%}"
+            f"would {WOULD[verdict]} at {factor - 1:+.0%}"
             for factor, verdict in zip(QUARTER, self.quarters, strict=True)
             if verdict is not now
         ]

@@ -17,8 +17,7 @@ from knitlab.validation.margin import CheckResult, Grade
 from knitlab.validation.samples import by_labels, stated_options
 
 Options = dict[str, str | float]
-Key = tuple[tuple[str, str | float], ...]
-"""Options as a key, in the order of :data:`NAMES`."""
+Key = tuple[tuple[str, str | float], ...]  # options as a key, in the order of NAMES
 
 OF_STRIPES = ("cell_size", "hinge_stiffness", "length_scale")
 """Options that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
