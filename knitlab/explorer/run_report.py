@@ -46,9 +46,7 @@ def run_of(
         ],
         "settings": list(map(list, _flat(parameters_of(cube)))),
         "provenance": [
-            [label, str(cube.attrs[name])]
-            for name, label in PROVENANCE.items()
-            if name in cube.attrs
+            [PROVENANCE[name], str(cube.attrs[name])] for name in PROVENANCE if name in cube.attrs
         ],
     }
 

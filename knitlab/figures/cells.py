@@ -33,8 +33,8 @@ PERIODS_LABEL = (
     "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
 )
 MOST_NAMED = 16  # largest number of columns or rows that have a tick each
+# Frame of a measured cell.
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
-"""Frame of a measured cell."""
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 

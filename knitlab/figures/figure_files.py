@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 MARK = "knitlab-drawn-of:"  # prefix of the fingerprint that is stored in the file of every figure
 RUN_SUFFIXES = (".pdf", ".png")  # formats of the figures of a run
-PALETTE = 256
-"""Colours of a PNG: with a palette it is a third as large, and no difference can be seen."""
+PALETTE = 256  # colours of a PNG, which is a third as large, and no difference can be seen
 
 
 @dataclass(frozen=True)

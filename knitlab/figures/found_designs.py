@@ -16,8 +16,7 @@ WANTED = CATEGORY_COLOURS[2]
 OWN, OTHERS, FRONT = CATEGORY_COLOURS[0], "0.7", CATEGORY_COLOURS[1]
 RANGE = "range over slightly different fabrics"
 NAMED_BY = ("n_stripe", "n_subunit", "pattern")
-COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)
-"""Colours of the designs; none is that of what is wanted."""
+COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of the designs
 
 
 def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:

@@ -129,15 +129,14 @@ def _draw_stitches(axes: Axes, front: np.ndarray, extent: Extent, stitch: float)
 
 def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float) -> None:
     left, right, low, high = extent
-    ys = [y for y in chart.row_borders.tolist() if low <= y <= high]
-    xs = [x for x in chart.column_borders.tolist() if left <= x <= right]
+    rows, columns = chart.row_borders.tolist(), chart.column_borders.tolist()
+    ys = [y for y in rows if low <= y <= high]
+    xs = [x for x in columns if left <= x <= right]
     axes.hlines(ys, left, right, colors="black", lw=1.0)
     axes.vlines(xs, low, high, colors="black", lw=1.0)
     for y, above in pairwise(ys):
         for x, beside in pairwise(xs):
-            row = int(np.searchsorted(chart.row_borders, y, side="right")) - 1
-            column = int(np.searchsorted(chart.column_borders, x, side="right")) - 1
-            knit = str(chart.knit[row, column])
+            knit = str(chart.knit[rows.index(y), columns.index(x)])
             name = knit if (beside - x) * stitch > WORD else knit[0].upper()
             box: Look = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
             axes.text((x + beside) / 2, (y + above) / 2, name, ha="center", va="center", bbox=box)

@@ -32,8 +32,8 @@ Direction = Literal["rises", "falls"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 Sample = Annotated[tuple[PositiveInt | Literal["rib", "garter"], PositiveInt], Field(strict=False)]
 SampleList = Annotated[tuple[Sample, ...], Field(min_length=1, strict=False)]
+# Numbers n_stripe, each with designs at several n_subunit.
 Families = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
-"""Numbers n_stripe, each with designs at several n_subunit."""
 Lines = dict[int, LinearFit]  # the line fitted to the designs of each n_stripe, against n_subunit
 
 

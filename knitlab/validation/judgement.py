@@ -15,8 +15,7 @@ from knitlab.validation.claims import Claim
 from knitlab.validation.margin import CheckResult, Grade, signed
 from knitlab.validation.samples import JudgedSamples, preference
 
-QUARTER = (0.75, 1.25)
-"""Factors on thresholds chosen for knitlab, to test whether a verdict depends on them."""
+QUARTER = (0.75, 1.25)  # factors on thresholds chosen for knitlab, to test how they matter
 WOULD = {Grade.holds: "hold", Grade.fails: "fail", Grade.not_measured: "not be measured"}
 Slice = tuple[Path, xr.Dataset]  # path of a cube, and the cube at one value of every swept setting
 

@@ -81,9 +81,9 @@ class Samples:
             raise NotMeasured(f"no {', '.join(missing)} in this cube")
         statuses = by_labels(cube["status"])
         planned = [labels for labels, status in statuses.items() if status != Status.excluded]
-        asked = about.among(planned)
-        complete = [labels for labels in asked if statuses.get(labels) == Status.ok]
-        wanted = max(about.at_least, len(asked))
+        samples = about.among(planned)
+        complete = [labels for labels in samples if statuses.get(labels) == Status.ok]
+        wanted = max(about.at_least, len(samples))
         return cls(cube[["status", *variables]], complete, wanted, about.counted)
 
     def values(self, of: str) -> dict[Labels, float]:
