@@ -21,10 +21,8 @@ from knitlab.meshes.formats import FORMATS, SERIES, TRIANGLES, write_mesh, write
 from knitlab.meshes.solid import solid_of
 from knitlab.meshes.surface import SurfaceMesh
 
-Cube = str | Path | xr.Dataset
-"""A cube, its file, or the results folder that holds it."""
-Wanted = str | Mapping[str, Any] | Target
-"""A target as text, as the table of a curve, or as an object."""
+Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
+Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
 
 
 def opened(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
@@ -93,8 +91,8 @@ def find(
     Example:
         >>> wanted = ["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
         >>> cube = "results/reference/periodic"
-        >>> found = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
-        >>> found.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
+        >>> nearest = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
+        >>> nearest.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [4, 16]
     """
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")

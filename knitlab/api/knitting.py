@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KNITOUT, TABLE = ".k", ".csv"
-MOST_NAMED = 6
-"""Designs that a message lists."""
+MOST_NAMED = 6  # designs that a message lists
 
 
 class SingleDesign(NamedTuple):
@@ -284,13 +283,13 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     return SingleDesign(case, gauge, _prediction(design, case, name))
 
 
-def _check_is_one(whole: str, designs: Sequence[str]) -> None:
+def _check_is_one(title: str, designs: Sequence[str]) -> None:
     if not designs:
-        raise fault("selections", f"no design of {whole} is left; select fewer values")
+        raise fault("selections", f"no design of {title} is left; select fewer values")
     if len(designs) > 1:
         some = ", ".join(" ".join(name.split()) for name in designs[:MOST_NAMED])
         more = ", …" if len(designs) > MOST_NAMED else ""
-        raise fault("selections", f"{whole} has {len(designs)} designs; select one of {some}{more}")
+        raise fault("selections", f"{title} has {len(designs)} designs; select one of {some}{more}")
 
 
 def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:

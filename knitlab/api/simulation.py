@@ -35,8 +35,7 @@ from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
-OWN_PATTERN = "own pattern"
-"""Name of a pattern that is given as an object."""
+OWN_PATTERN = "own pattern"  # name of a pattern that is given as an object
 
 
 class NotConverged(UserWarning):

@@ -16,8 +16,7 @@ from knitlab.sweep.reproduce import reproduce as run_alone
 from knitlab.sweep.results_folder import FolderStatus, workflow_status
 from knitlab.sweep.run import RunOptions, run_plan
 
-RESULTS = Path("results")
-"""Default folder for the results folders of all workflows."""
+RESULTS = Path("results")  # default folder for the results folders of all workflows
 
 
 class NotAllOk(UserWarning):

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
-MOST_LINES = 20
-"""Largest number of cases that a command lists."""
+MOST_LINES = 20  # largest number of cases that a command lists
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)

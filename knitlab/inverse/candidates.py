@@ -29,8 +29,7 @@ from knitlab.sweep.plan import Plan, batched
 from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
 
-DISTANCES = ("distance", "distance_worst")
-"""Variables of the cube: distance of a candidate, and the worst within its spread."""
+DISTANCES = ("distance", "distance_worst")  # of a candidate, and the worst of its spread
 OF_TRIAL = ("converged", "snapped", "distance", "violation")
 
 
@@ -114,12 +113,12 @@ def completed(
 def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     """The candidates that meet the constraints, then the others; by their worst distance."""
     targets, constraints = request.targets, request.subject_to
-    found = find_designs([cube], request.wanted)
-    reached, kept = found.reached[: len(targets)], found.reached[len(targets) :]
+    nearest = find_designs([cube], request.wanted)
+    reached, kept = nearest.reached[: len(targets)], nearest.reached[len(targets) :]
     worst = distance_of(targets, [each.worst for each in reached])
-    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(found.table))
+    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(nearest.table))
     violation = np.array([violation_of(constraints, row) for row in off_by.T.tolist()])
-    table = found.table
+    table = nearest.table
     table["distance"] = distance_of(targets, [each.off_by for each in reached])
     column = list(table.columns).index("distance") + 1
     if constraints:
@@ -128,8 +127,8 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     order = np.lexsort((worst, violation))
     return Found(
         table.iloc[order].reset_index(drop=True),
-        tuple(each.in_order(order) for each in found.reached),
-        found.passed_over,
+        tuple(each.in_order(order) for each in nearest.reached),
+        nearest.passed_over,
     )
 
 

@@ -29,10 +29,8 @@ from knitlab.sweep.settings import PATTERN
 from knitlab.sweep.workers import interrupted_by_signals
 
 REQUEST = "request.json"
-BUDGET = 60
-"""Default number of simulations of the searches."""
-PAPERS_PATTERN = "checkerboard"
-"""Pattern of a cube that names none."""
+BUDGET = 60  # default number of simulations of the searches
+PAPERS_PATTERN = "checkerboard"  # pattern of a cube that names none
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,8 @@ from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name
 from knitlab.sweep.settings import PATTERN, SETTINGS
 
-CHOICES = ("n_stripe", "n_subunit", PATTERN)
-"""What may vary as a list: designs are made of all combinations."""
-PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
-"""Parameters of stripes and gauge that variables change."""
+CHOICES = ("n_stripe", "n_subunit", PATTERN)  # vary as lists, in all combinations
+PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))  # what variables change
 VARIABLES = (*PARAMETERS, *(f"{each}_factor" for each in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)))
 """Continuous variables, given with bounds."""
 

@@ -15,12 +15,9 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.plan import Plan, make_plan
 
 ROUND_OFF = 1e-9
-AT_BOUND = 1e-3
-"""Fraction of the distance between bounds within which a value counts as on one."""
-DesignLabels = tuple[int | str, ...]
-"""n_stripe, n_subunit and, where it varies, the name of the pattern."""
-Point = Float[np.ndarray, " variable"]
-"""Logarithms of the variables, scaled by their bounds to [0, 1]."""
+AT_BOUND = 1e-3  # fraction of the distance between bounds within which a value counts as on one
+DesignLabels = tuple[int | str, ...]  # n_stripe, n_subunit and, where it varies, pattern
+Point = Float[np.ndarray, " variable"]  # logarithms, scaled by their bounds to [0, 1]
 
 
 @dataclass(frozen=True)
@@ -107,19 +104,19 @@ def search_space(request: DesignRequest) -> SearchSpace:
     if "strain_step" in settings:
         # The workflow's last strain may not be a multiple of it.
         settings.setdefault("strain_max", settings["strain_step"])
-    whole = make_plan(request.workflow, {**settings, **labels})
-    if any(name not in CHOICES for name in whole.dims):
-        raise fault(request.workflow, f"has dimensions {whole.dims}; a search takes one setting")
-    settings |= {"strain_max": _last_strain(request, whole)}
-    settings |= {name: only[0] for name, only in labels.items() if name not in whole.dims}
+    allowed = make_plan(request.workflow, {**settings, **labels})
+    if any(name not in CHOICES for name in allowed.dims):
+        raise fault(request.workflow, f"has dimensions {allowed.dims}; a search takes one setting")
+    settings |= {"strain_max": _last_strain(request, allowed)}
+    settings |= {name: only[0] for name, only in labels.items() if name not in allowed.dims}
     bounds = np.array(list(request.bounds.values())).reshape(-1, 2)
     space = SearchSpace(
         request.workflow,
         settings,
-        whole.dims,
+        allowed.dims,
         tuple(
             tuple(label if isinstance(label, str) else int(label) for label in design)
-            for design in whole.designs.values()
+            for design in allowed.designs.values()
         ),
         tuple(request.bounds),
         *np.log(bounds).T,
