@@ -97,8 +97,9 @@ def read_claims(path: Path | None = None) -> list[Claim]:
         numbers = table.get("knitlab", {})
         if test not in CHECKS:
             faults.append(Fault(f"{source}: test", unknown(test, CHECKS, "test")))
-        elif table.keys() & numbers.keys():
-            faults.append(Fault(source, "has a number that is the paper's and knitlab's; keep one"))
+        elif twice := table.keys() & numbers.keys():
+            problem = "is the paper's number and knitlab's; keep one"
+            faults += [Fault(f"{source}: {key}", problem) for key in sorted(twice)]
         else:
             try:
                 claims.append(_schema(test).model_validate({"name": name} | table | numbers))
