@@ -18,8 +18,7 @@ from knitlab.io.errors import BadInput, ErrorCollector, fault
 from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
 from knitlab.meshes.formats import FORMATS, SERIES, TRIANGLES, write_mesh, write_series
-from knitlab.meshes.solid import solid_of
-from knitlab.meshes.surface import SurfaceMesh
+from knitlab.meshes.surface import SurfaceMesh, solid_of
 
 Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
 Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
@@ -281,8 +280,6 @@ def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
         return shapes
     if (source := shapes.encoding.get("source")) is None:
-        problem = (
-            "is a cube that was not opened from a file, beside which shapes lie; give its path"
-        )
-        raise fault("shapes", problem)
+        remedy = "beside which shapes lie; give its path"
+        raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")
     return chosen_case(shapes, Path(source).parent, selections)

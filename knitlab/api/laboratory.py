@@ -10,11 +10,11 @@ from jaxtyping import Float
 
 from knitlab.api.cubes import Cube, opened
 from knitlab.io.errors import fault
+from knitlab.laboratory.curves import case_for, target_of
 from knitlab.laboratory.description import RecordKind
 from knitlab.laboratory.experiment import Imported
 from knitlab.laboratory.experiment import import_records as import_kind
-from knitlab.laboratory.fit import Fit, NoFit, Step, fit_stripes
-from knitlab.laboratory.target import case_for, target_of
+from knitlab.laboratory.fit import Fit, Step, fit_stripes
 from knitlab.measure.calibration import Calibration, Law
 from knitlab.measure.calibration import calibrate as fit_zigzag
 from knitlab.sweep.plan import Plan, make_plan
@@ -104,7 +104,7 @@ def fit(
 
     Raises:
         BadInput: if the experiment cannot be fitted, the workflow has no or several such cases,
-            or settings are given beside a plan.
+            its test does not converge, or settings are given beside a plan.
     """
     if isinstance(workflow, Plan) and settings:
         raise fault("settings", "belong to workflows; plan the workflow with them")
@@ -113,8 +113,4 @@ def fit(
     case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))
-    try:
-        return fit_stripes(case, target, looseness, starts=starts, step=step)
-    except NoFit as problem:
-        remedy = "choose a smaller strain_max, or another sample"
-        raise fault(plan.workflow, f"{problem}; {remedy}") from problem
+    return fit_stripes(case, target, looseness, starts=starts, step=step)

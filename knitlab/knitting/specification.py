@@ -41,9 +41,6 @@ class Specification:
     program: str
     prediction: Prediction | None = None
 
-    def __repr__(self) -> str:
-        return f"<Specification {self.chart.size}, {self.duration.total} passes>"
-
     @cached_property
     def operations(self) -> list[Operation]:
         """The operations of the program."""

@@ -23,13 +23,15 @@ from scipy.stats import norm, qmc
 
 from knitlab.cube.schema import VARIABLES
 from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.laboratory.simulated_test import (
+from knitlab.io.errors import fault
+from knitlab.laboratory.curves import (
     QUANTITIES,
+    Curves,
+    MeasuredTest,
     SimulatedTest,
     simulated_test,
     with_factors,
 )
-from knitlab.laboratory.target import Curves, MeasuredTest
 from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
@@ -75,10 +77,6 @@ class Fit:
         return f"<Fit {self.after.label}: factors {factors}; {self.tests} tests>"
 
 
-class NoFit(ValueError):
-    """A fit that cannot be started, with the reason."""
-
-
 def fit_stripes(
     case: Case,
     target: MeasuredTest,
@@ -90,13 +88,14 @@ def fit_stripes(
 
     The prior has the relative standard deviation ``looseness``. At most ``starts`` are tried until
     the test is matched; the first is the tables. ``step`` is called after every test with the
-    number of tests and χ² of the last. NoFit if the test with the tables does not converge.
+    number of tests and χ² of the last. BadInput if the test with the tables does not converge.
     """
     search = _Search(case, target, looseness, step)
     tables = np.zeros(len(FITTED))
     first = search.begin(tables)
     if first is None:
-        raise NoFit("the test with the tabulated stripes does not converge at every strain")
+        problem = "the test with the tabulated stripes does not converge at every strain; choose a"
+        raise fault(case.label, f"{problem} smaller strain_max, or another sample")
     lower, upper = search.bounds
     quantiles = qmc.Halton(len(FITTED), rng=0).random(starts)
     others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)

@@ -42,23 +42,21 @@ class MarkedSample:
     corners: Float[np.ndarray, "frame corner_y corner_x 2"]
     grid: MarkerGrid
     relaxed_frames: int
-    unit_cells: tuple[int, int]  # of the whole sample along (y, x)
+    unit_cells: tuple[int, int]  # of the sample along (y, x)
     turn: float = 0.0  # of the fabric in the picture from the description, anticlockwise [rad]
 
     @property
     def summary(self) -> str:
         """Summary in one sentence."""
-        marked = " × ".join(str(count - 1) for count in self.relaxed.shape[:2])
-        whole = " × ".join(map(str, self.unit_cells))
-        missing = int((self.grid.marker < 0).sum())
-        turn = round(np.degrees(self.turn), 1) + 0.0
-        parts = [f"{marked} unit cells of {whole}", f"turned by {turn:.1f}°"]
-        if missing:
-            parts.append(f"{missing} position{'s' * (missing > 1)} of the grid without a marker")
+        rows, columns = (count - 1 for count in self.relaxed.shape[:2])
+        summary = "{} × {} unit cells of {} × {}".format(rows, columns, *self.unit_cells)
+        summary += f"; turned by {round(np.degrees(self.turn), 1) + 0.0:.1f}°"
+        if missing := int((self.grid.marker < 0).sum()):
+            summary += f"; {missing} position{'s' * (missing > 1)} of the grid without a marker"
         if self.grid.strays:
-            listed = ", ".join(map(str, self.grid.strays))
-            parts.append(f"markers {listed} are not on the grid and are ignored")
-        return "; ".join(parts)
+            strays = ", ".join(map(str, self.grid.strays))
+            summary += f"; markers {strays} are not on the grid and are ignored"
+        return summary
 
 
 def read_markers(folder: Path, description: Description) -> Imports:
@@ -148,11 +146,9 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     marked_rows, marked_columns = (count - 1 for count in marked.relaxed.shape[:2])
     rows, columns = sample.unit_cells
     if not (1 <= marked_rows <= rows and 1 <= marked_columns <= columns):
-        raise fault(
-            str(path),
-            f"shows {marked_rows} × {marked_columns} unit cells of a sample of {rows} × {columns};"
-            " give markers_per_cell, or a table of places",
-        )
+        shown = f"{marked_rows} × {marked_columns} unit cells of a sample of {rows} × {columns}"
+        remedy = "give markers_per_cell, or a table of places"
+        raise fault(str(path), f"shows {shown}; {remedy}")
     cells = lattice_vectors(marked.relaxed).reshape(-1, 2, 2)
     edges = cells[np.isfinite(cells).all(axis=(1, 2))]
     if not len(edges):
@@ -167,14 +163,14 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
             f"are {misaligned:.0f}° from the rows and columns of markers; correct them, or give"
             " turned",
         )
-    for size, whole, count, side in (
+    for size, stated, count, side in (
         (sizes[0], sample.width.to("mm"), columns, "width"),
         (sizes[1], sample.length.to("mm"), rows, "length"),
     ):
-        if not 1 / LARGEST_SIZE_RATIO < size * count / whole < LARGEST_SIZE_RATIO:
+        if not 1 / LARGEST_SIZE_RATIO < size * count / stated < LARGEST_SIZE_RATIO:
             raise fault(
                 f"{path}: sample.{side}",
-                f"is {whole:.4g} mm for {count} unit cells, but the markers give"
+                f"is {stated:.4g} mm for {count} unit cells, but the markers give"
                 f" {size:.4g} mm each; correct it, unit_cells, pixel or markers_per_cell",
             )
 
@@ -201,8 +197,8 @@ def along_pull(
     )
     by_drift, turn = _direction(drift), _direction(separation)
     difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
-    whole = np.linalg.norm(separation) * (moved.shape[1] - 1)
-    drifting = np.linalg.norm(drift) > LEAST_DRIFT * whole
+    apart = np.linalg.norm(separation) * (moved.shape[1] - 1)
+    drifting = np.linalg.norm(drift) > LEAST_DRIFT * apart
     if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
         raise fault(
             str(path),

@@ -45,10 +45,9 @@ def imported(folder):
 
 def knitted(folder):
     sample = kl.knit(CUBE, n_stripe=4, n_subunit=16)
-    sheet = sample.specification
     sample.save(folder / "a.k")
     lines = len((folder / "a.k").read_text().splitlines())
-    return [sample, sample.chart, sample.machine, sheet, sheet.prediction, sample.check()], [
+    return [sample, sample.chart, sample.machine, sample.prediction, sample.check()], [
         "KnitSample n_stripe 4  n_subunit 16: 64 courses, 32 wales",
         f"{lines} lines",
         "360 needles",

@@ -150,14 +150,14 @@ def test_the_copy_for_the_interpreter_keeps_the_number_of_every_line():
 def test_the_interpreter_is_not_asked_of_long_programs(monkeypatch):
     monkeypatch.setattr("knitlab.knitting.round_trip.MOST_OPERATIONS", 10)
     assert MOST_OPERATIONS > 10
-    monkeypatch.setattr("knitlab.knitting.round_trip.is_installed", lambda: True)
+    monkeypatch.setattr("knitlab.knitting.round_trip.find_spec", lambda name: True)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     found = round_trip(knitout(chart, machine), chart, machine)
     assert found.notes[1].startswith("interpreter: not run,")
 
 
 def test_an_installation_without_the_interpreter_says_how_to_get_it(monkeypatch):
-    monkeypatch.setattr("knitlab.knitting.round_trip.is_installed", lambda: False)
+    monkeypatch.setattr("knitlab.knitting.round_trip.find_spec", lambda name: None)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     found = round_trip(knitout(chart, machine), chart, machine)
     assert found.notes[1].endswith("install it by pip install knitlab[knitting]")

@@ -10,9 +10,15 @@ from knitlab.equilibrium.tensile_test import stretch
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
-from knitlab.laboratory.fit import FITTED, NoFit, fit_stripes, report, write_stripes
-from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
-from knitlab.laboratory.target import MeasuredTest, case_for, target_of
+from knitlab.laboratory.curves import (
+    QUANTITIES,
+    MeasuredTest,
+    case_for,
+    simulated_test,
+    target_of,
+    with_factors,
+)
+from knitlab.laboratory.fit import FITTED, fit_stripes, report, write_stripes
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plan import make_plan
@@ -148,7 +154,7 @@ def test_a_poor_fit_warns(case, truth):
 @pytest.mark.slow
 def test_a_sample_that_does_not_relax_is_refused(case, truth):
     hopeless = replace(case, solver=replace(case.equilibrium_solver, max_iterations=3))
-    with pytest.raises(NoFit, match="does not converge"):
+    with pytest.raises(BadInput, match="does not converge"):
         fit_stripes(hopeless, noisy(truth, 0.005, 1), looseness=0.2)
 
 
