@@ -107,10 +107,9 @@ def calibrate(
     except ValueError as error:
         raise fault(str(record), str(error)) from error
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
-    click.echo(title)
     compared = calibration.report_comparison(fitted, linear) if linear else []
     read = [f"record   {line}" for line in measured.summary]
-    for line in [*read, *calibration.report(fitted), *compared]:
+    for line in [title, *read, *calibration.report(fitted), *compared]:
         click.echo(line)
     for warning in fitted.warnings:
         options.echo_problem(warning)

@@ -22,20 +22,14 @@ Point = Float[np.ndarray, " variable"]  # logarithms, scaled by their bounds to 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """The variables of a search and their bounds.
-
-    Attributes:
-        settings: settings that replace the workflow's, the strains of the test included.
-        dims: what the labels of designs are: n_stripe, n_subunit and, if it varies, pattern.
-        lower, upper: logarithms of the bounds of the variables.
-    """
+    """The variables of a search and their bounds."""
 
     workflow: str
-    settings: Mapping[str, Any]
-    dims: tuple[str, ...]
+    settings: Mapping[str, Any]  # replace those of the workflow, the last strain included
+    dims: tuple[str, ...]  # n_stripe, n_subunit and, where it varies, pattern
     designs: tuple[DesignLabels, ...]
     names: tuple[str, ...]
-    lower: Point
+    lower: Point  # logarithms of the bounds
     upper: Point
 
     def values(self, point: Point) -> dict[str, float]:
@@ -60,25 +54,21 @@ class SearchSpace:
                 active.append(f"{name} <= {high:.4g}")
         return active
 
-    def plan(self, design: DesignLabels, values: Mapping[str, float]) -> Plan:
-        """The plan of one case; BadInput if a value is out of range."""
-        return make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
-
     def labels(self, design: DesignLabels) -> dict[str, int | str]:
         """The labels of a design, by dimension."""
         return dict(zip(self.dims, design, strict=True))
 
-    def case(self, design: DesignLabels, point: Point) -> tuple[Case, Gauge]:
-        """The case at a point, and the gauge of its sizes in cloth."""
-        plan = self.plan(design, self.values(point))
+    def case(self, design: DesignLabels, point: Point | None = None) -> tuple[Case, Gauge]:
+        """The case at a point, or by the tabulated values, and the gauge of its sizes in cloth."""
+        values = {} if point is None else self.values(point)
+        plan = make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
         (case,) = plan.cases.values()
         return case, plan.gauge
 
     def start(self, design: DesignLabels) -> Point:
         """The point of the tabulated values, or the nearest one within the bounds."""
-        plan = self.plan(design, {})
-        (case,) = plan.cases.values()
-        tabulated = dict.fromkeys(self.names, 1.0) | vars(plan.gauge)
+        case, gauge = self.case(design)
+        tabulated = dict.fromkeys(self.names, 1.0) | vars(gauge)
         for name, (side, quantity) in STRIPE_PARAMETERS.items():
             tabulated[name] = float(getattr(getattr(case, side), quantity))
         return self.point_of(tabulated)
@@ -96,8 +86,7 @@ class SearchSpace:
 def search_space(request: DesignRequest) -> SearchSpace:
     """The space that a request allows; the last strain follows from the targets if not given.
 
-    Raises BadInput if it has no possible design, a bound cannot be simulated, or the test ends
-    before the window of a target.
+    Raises BadInput if a bound cannot be simulated, or the test ends before that of a target.
     """
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}
