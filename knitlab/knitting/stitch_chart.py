@@ -59,11 +59,9 @@ def stitch_chart(
         (64, 32, 'a back knit')
     """
     if case.folds:
-        raise fault(
-            f"design {case.label}",
-            f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a given"
-            " rest angle; take a pattern of rib, garter and plain knit alone",
-        )
+        problem = f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a"
+        remedy = "take a pattern of rib, garter and plain knit alone"
+        raise fault(f"design {case.label}", f"{problem} given rest angle; {remedy}")
     turned = is_turned(case)
     unit = _patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].size, unit[1].size
@@ -190,11 +188,9 @@ def _plated_stitches(
     touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
     if touching.any():
         course, wale = np.argwhere(touching)[0].tolist()
-        raise fault(
-            "layout",
-            f"electrodes A and B touch at course {course + 1}, wale {wale + 1}, as whole stitches;"
-            " take a smaller width, or ridges farther apart",
-        )
+        where = f"course {course + 1}, wale {wale + 1}, as whole stitches"
+        remedy = "take a smaller width, or ridges farther apart"
+        raise fault("layout", f"electrodes A and B touch at {where}; {remedy}")
     return plated
 
 

@@ -40,7 +40,7 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import the records of one kind that a description names into the experiment's cube.
 
     The cube is in a folder with the name of the description; its records of other kinds are kept.
-    BadInput has every fault that was found; nothing is written then.
+    BadInput has every fault; nothing is written then.
     """
     description = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, description)
@@ -59,7 +59,11 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
             raise fault(str(cube_file), problem)
         imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
         kept = [name for other in imports if other != kind for name in imports[other]["variables"]]
-        if kept and not _is_same_sample(old, cube):
+        coordinates = (*design_dims(cube), "applied_strain", SOURCE)
+        same = parameters_of(old) == parameters_of(cube) and all(
+            name in old.coords and np.array_equal(old[name], cube[name]) for name in coordinates
+        )
+        if kept and not same:
             problem = "has another sample, length, width, source, cycles or strains than the"
             problem += " description; remove it, and import all records again"
             raise fault(str(cube_file), problem)
@@ -115,12 +119,3 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
         ATTRIBUTE: json.dumps(parameters),
     }
     return described(cube).assign_attrs(provenance() | attributes)
-
-
-def _is_same_sample(old: xr.Dataset, new: xr.Dataset) -> bool:
-    coordinates = (*design_dims(new), "applied_strain", SOURCE)
-    return (
-        set(coordinates) <= set(old.coords)
-        and all(np.array_equal(old[name], new[name]) for name in coordinates)
-        and parameters_of(old) == parameters_of(new)
-    )
