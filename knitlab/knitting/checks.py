@@ -1,10 +1,6 @@
 """Checks of a program of knitlab: a machine's state, followed operation by operation.
 
-Found are needles out of range, stitches on needles without a loop, wales on both beds, loops that
-are moved onto others, dropped while their yarn goes on, or left on a needle, carriers that are not
-in action or never taken out, what the inserting hook cannot do, and stitches that are not plated
-by the body's yarn and one conductor. What the machine does with its yarn is not: tension, floats,
-kickbacks, rollers and collisions of carriers are left to its back end.
+What it finds, and what is left to the back end of a machine, is listed in ``docs/how-to/knit.md``.
 """
 
 import itertools

@@ -165,16 +165,12 @@ class _Program:
 
     def _body(self) -> None:
         chart = self.chart
-        last_course = {
-            number: np.flatnonzero((chart.plated == number).any(axis=1))[-1]
-            for number in chart.electrodes
-        }
         for course in range(chart.courses):
             self.lines.append(f";course {course + 1}")
             self._move_to(chart.front[course])
             self._course(course)
-            for electrode, last in last_course.items():
-                if course == last:
+            for electrode in np.setdiff1d(chart.plated[course], 0).tolist():
+                if not (chart.plated[course + 1 :] == electrode).any():
                     self._bring_out(self.machine.carrier_of(electrode))
             self.direction = -self.direction
 

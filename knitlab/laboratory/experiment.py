@@ -46,9 +46,13 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     cycles, summary = READERS[kind](path.parent, description)
     cube_file = results / path.stem / CUBE
     cube = _experiment(description, cycles)
+    table, tensile = getattr(description, kind), description.tensile
+    files = [table.file, getattr(table, "places", None)]
+    if tensile is not None and getattr(table, "strain_per_frame", None) is None:
+        files.append(tensile.file)
     record = {
         "description": file_digest(path),
-        "files": {name: file_digest(path.parent / name) for name in _files(description, kind)},
+        "files": {name: file_digest(path.parent / name) for name in dict.fromkeys(files) if name},
         "variables": list(dict.fromkeys(name for values in cycles for name in values)),
     }
     imports = {kind: record}
@@ -71,14 +75,6 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     cube.attrs[IMPORTS] = json.dumps(imports)
     write_cube(cube, cube_file)
     return Imported(cube, cube_file, tuple(summary))
-
-
-def _files(description: Description, kind: RecordKind) -> list[str]:
-    table, tensile = getattr(description, kind), description.tensile
-    files = [table.file, getattr(table, "places", None)]
-    if tensile is not None and getattr(table, "strain_per_frame", None) is None:
-        files.append(tensile.file)
-    return [file for file in dict.fromkeys(files) if file]
 
 
 def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
