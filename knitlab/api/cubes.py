@@ -280,8 +280,6 @@ def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
         return shapes
     if (source := shapes.encoding.get("source")) is None:
-        problem = (
-            "is a cube that was not opened from a file, beside which shapes lie; give its path"
-        )
-        raise fault("shapes", problem)
+        remedy = "beside which shapes lie; give its path"
+        raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")
     return chosen_case(shapes, Path(source).parent, selections)

@@ -193,7 +193,7 @@ def knitted(
     face: Face | None,
     machine: Mapping[str, Any] | None,
 ) -> KnitSample:
-    """A single design as it is knitted; arguments and errors as of :func:`knit`."""
+    """A single design as it is knitted, as by :func:`knit`."""
     if repeats is not None and needles is not None:
         raise fault("repeats", "and needles both set the size; give one of them")
     if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
@@ -217,11 +217,9 @@ def check_output(path: Path) -> None:
 def single_design(
     source: str | Path | xr.Dataset, settings: Overrides, selections: Mapping[str, Any]
 ) -> SingleDesign:
-    """The design that settings leave of a workflow, and selections of that, a cube or a test.
+    """The one design that settings leave of a workflow, and selections of that, a cube or a test.
 
-    Raises:
-        BadInput: if one of these is at fault, if it is not one design, or if its case is recorded
-            nowhere.
+    Raises BadInput if one of these is at fault, or if its case is recorded nowhere.
     """
     if not is_cube(source):
         return _of_workflow(str(source), settings, selections)
@@ -253,11 +251,7 @@ def _of_workflow(
 
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
-    """The design of a cube or of a test.
-
-    Its case is read from the plan or the case file beside the cube. Where there is neither, the
-    workflow of the cube is planned again, which finds the case by its identifier.
-    """
+    """The design of a cube or of a test."""
     gauge = gauge_of(cube.attrs) or defaults().gauge
     if is_case(cube):
         case = case_of(json.loads(cube.attrs["parameters"]))
@@ -266,7 +260,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     kept = selected(cube, selections).stack(design=dims)
     kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
     names = [
-        "  ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
+        " ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
         for labels in kept["design"].values.tolist()
     ]
     _check_is_one("the cube", names)
@@ -282,12 +276,13 @@ def _check_is_one(title: str, designs: Sequence[str]) -> None:
     if not designs:
         raise fault("selections", f"no design of {title} is left; select fewer values")
     if len(designs) > 1:
-        some = ", ".join(" ".join(name.split()) for name in designs[:MOST_NAMED])
-        more = ", …" if len(designs) > MOST_NAMED else ""
-        raise fault("selections", f"{title} has {len(designs)} designs; select one of {some}{more}")
+        some = [" ".join(name.split()) for name in designs[:MOST_NAMED]]
+        listed = ", ".join([*some, "…"] if len(designs) > MOST_NAMED else some)
+        raise fault("selections", f"{title} has {len(designs)} designs; select one of {listed}")
 
 
 def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
+    """The case in the plan or the case files beside a cube, or else in a new plan."""
     if folder is not None:
         with suppress(BadInput):
             return find_case(folder, case_id).case

@@ -193,11 +193,7 @@ def case_of_design(
     *,
     electrodes: bool,
 ) -> Case:
-    """The case of a design, with parameters where it has no stripes and boundary of its own.
-
-    Raises:
-        BadInput: with every fault of the design and the strains, or if settings contradict.
-    """
+    """The case of a design, with tabulated stripes where it has none; BadInput with all faults."""
     strains = tuple(map(float, applied_strain))
     faults = []
     if not strains or strains[0] != 0:

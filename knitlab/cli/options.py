@@ -71,11 +71,7 @@ def _with_option(message: str, command: click.Command) -> str:
 
 
 def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
-    """The values of ``--select`` by their coordinate.
-
-    Raises:
-        BadInput: with every text that is malformed, or of a coordinate that an earlier one selects.
-    """
+    """The values of ``--select`` by coordinate; BadInput if malformed, or given twice."""
     selections: dict[str, list[float | str]] = {}
     faults = []
     for text in texts:
@@ -102,11 +98,7 @@ def _number_or_label(text: str) -> float | str:
 
 
 def _two_counts(text: str) -> tuple[int, int]:
-    """The counts of ``--repeats``.
-
-    Raises:
-        BadInput: if the text is of another form.
-    """
+    """The counts of ``--repeats``; BadInput if the text is of another form."""
     match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
     if match is None:
         raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
@@ -114,26 +106,17 @@ def _two_counts(text: str) -> tuple[int, int]:
 
 
 def read_machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
-    """The values of ``--machine`` by their key.
+    """The values of ``--machine`` by key; BadInput with every text that is not ``KEY=VALUE``."""
+    from knitlab.sweep.workflow_file import read_overrides
 
-    Raises:
-        BadInput: with every text that is not ``KEY=VALUE``.
-    """
-    from knitlab.sweep.workflow_file import read_value
-
-    if malformed := [text for text in texts if "=" not in text]:
-        problem = "is not KEY=VALUE; give both"
-        raise BadInput(Fault(f"machine {text}", problem) for text in malformed)
-    pairs = (text.partition("=") for text in texts)
-    return {name.strip(): read_value(value.strip()) for name, _, value in pairs}
+    read, faults = read_overrides(texts, "machine")
+    if faults:
+        raise BadInput(faults)
+    return {each.key: each.value for each in read}
 
 
 def check_toml(output: Path) -> None:
-    """Check the suffix of a file for stripes.
-
-    Raises:
-        BadInput: if it is not ``.toml``.
-    """
+    """Raise BadInput unless a file for stripes has the suffix ``.toml``."""
     if output.suffix != ".toml":
         raise fault(f"output {output}", "has no suffix .toml; give it one")
 

@@ -1,4 +1,4 @@
-"""Fits of the stripes: to the tension curve of a stripe, and to a test of a whole fabric."""
+"""Fits of the stripes: to the tension curve of a stripe, and to a test of a fabric."""
 
 import numpy as np
 from matplotlib.axes import Axes

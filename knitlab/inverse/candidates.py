@@ -29,9 +29,6 @@ from knitlab.sweep.plan import Plan, batched
 from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
 
-DISTANCES = ("distance", "distance_worst")  # of a candidate, and the worst of its spread
-OF_TRIAL = ("converged", "snapped", "distance", "violation")
-
 
 class Candidate(NamedTuple):
     """The best trial of a search: its number, labels, values of variables, case and gauge."""
@@ -135,7 +132,7 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
 def with_distances(cube: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
     """The cube with the distances of the ranked candidates."""
     dims = cube["status"].dims
-    for name in DISTANCES:
+    for name in ("distance", "distance_worst"):
         cube[name] = (dims, np.full(cube["status"].shape, np.nan))
         for row in table.to_dict("records"):
             cube[name].loc[{dim: row[dim] for dim in dims}] = row[name]
@@ -172,13 +169,14 @@ def trials_table(
     request: DesignRequest, dims: Sequence[str], searches: Sequence[SearchResult]
 ) -> pd.DataFrame:
     """One row for each trial: design, values, distance, and how far it is from each target."""
+    facts = ("converged", "snapped", "distance", "violation")
     unknown = [None] * len(request.wanted)
     rows: list[dict[str, Any]] = [
         {
             "candidate": number,
             **dict(zip(dims, search.design, strict=True)),
             **trial.values,
-            **{name: getattr(trial, name) for name in OF_TRIAL},
+            **{name: getattr(trial, name) for name in facts},
             **{f"off_by_{k}": off for k, off in enumerate(trial.off_by or unknown, start=1)},
             "case_id": trial.case_id,
         }

@@ -92,13 +92,8 @@ def run_design(
 ) -> Designed:
     """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
 
-    Trials of an interrupted design in the folder are reused. Without workers, simulations run in
-    this process. The tests of the candidates with their siblings are not part of the budget.
-
-    Raises:
-        BadInput: if the request cannot be run, the folder holds another request, or a search
-            failed.
-        KeyboardInterrupt: if it is interrupted; finished simulations are kept.
+    Raises BadInput if the request cannot be run, the folder holds another, or a search failed;
+    and KeyboardInterrupt if it is interrupted; finished simulations are kept, and reused.
     """
     began, run = time.time(), RunOptions(workers=workers)
     if own and workers:

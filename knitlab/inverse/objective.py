@@ -52,15 +52,12 @@ def aimed(target: Target) -> Target:
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Targets and constraints of a search, which may name the user's functions of shapes.
-
-    ``acts_on`` are derivatives of the logarithm of each parameter by each variable.
-    """
+    """Targets and constraints of a search, which may name the user's functions of shapes."""
 
     targets: tuple[Target, ...]
     subject_to: tuple[Target, ...]
     own: ShapeFunctions
-    acts_on: Float[np.ndarray, "parameter variable"]
+    acts_on: Float[np.ndarray, "parameter variable"]  # of logarithms of parameters, by variables
 
     @property
     def wanted(self) -> tuple[Target, ...]:

@@ -37,11 +37,7 @@ ATTEMPTS = 3  # how often a search is started if its worker dies
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """The record of a trial: its point in the search space, its case, and how far off it is.
-
-    ``off_by`` are distances from each target and constraint, in the unit of the variable;
-    ``distance`` and ``violation`` are those of the :class:`.Objective`.
-    """
+    """A trial in files of results; distances are those of the :class:`.Objective`."""
 
     point: list[float]
     values: dict[str, float]
@@ -60,25 +56,17 @@ class TrialRecord:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The result of a search from one start.
-
-    Attributes:
-        best: index of the best trial; ``None`` if none converged.
-        ended: why the search ended.
-        held_by: active bounds, such as ``rib_theta_0 <= 2.5``.
-        determined_to: relative change of each variable, with the others adapting, that increases
-            the distance by one; at most that to its bounds.
-        undetermined: variables that the targets hardly determine, as others can compensate them.
-    """
+    """The result of a search from one start."""
 
     design: DesignLabels
     trials: list[TrialRecord]
-    best: int | None
-    ended: str
+    best: int | None  # index of the best trial; None if none converged
+    ended: str  # why the search ended
     methods: list[str]
-    held_by: list[str] = field(default_factory=list)
+    held_by: list[str] = field(default_factory=list)  # active bounds, as rib_theta_0 <= 2.5
+    # Relative change of a variable that increases the distance by one while others adapt.
     determined_to: dict[str, float] = field(default_factory=dict)
-    undetermined: list[str] = field(default_factory=list)
+    undetermined: list[str] = field(default_factory=list)  # as others can compensate them
 
     def __repr__(self) -> str:
         return f"<SearchResult {self.design}: {len(self.trials)} trials, ended: {self.ended}>"
@@ -98,24 +86,17 @@ class SearchEnded(Exception):
 
 @dataclass(eq=False)
 class DesignSearch:
-    """The search from one design, and its trials so far, of which ``budget`` are allowed.
-
-    Attributes:
-        folder: results folder of the request, with those of trials and searches.
-        deadline: time after which no further trial starts, by :func:`time.time` [s].
-        report: called after each trial with its distance.
-        rough: whether a trial snapped or failed, so that gradients may mislead.
-    """
+    """The search from one design, and its trials so far."""
 
     space: SearchSpace
     objective: Objective
     design: DesignLabels
-    folder: Path
-    budget: int
-    deadline: float = np.inf
-    report: Callable[[float], None] = field(init=False)
+    folder: Path  # results folder of the request
+    budget: int  # largest number of trials
+    deadline: float = np.inf  # time after which no further trial starts, by time.time [s]
+    report: Callable[[float], None] = field(init=False)  # called with the distance of each trial
     records: list[TrialRecord] = field(default_factory=list)
-    rough: bool = False
+    rough: bool = False  # whether a trial snapped or failed, so that gradients may mislead
     _last: tuple[Trial, TrialRecord] | None = None
 
     def run(self, report: Callable[[float], None]) -> SearchResult:
@@ -307,11 +288,10 @@ def run_searches(
     workers: int,
     progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
-    """Run searches, each in one worker, with its result in a JSON file.
+    """Run searches, each in one worker; BadInput with the reason of every one that failed.
 
     A search that was killed repeats its trials from their files and continues; one whose worker
     died is tried again. After each trial ``progress`` is called with its design and distance.
-    Raises BadInput with the reason of every search that failed.
     """
     first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
     starts = {case.case_id: case for case in first}

@@ -22,20 +22,14 @@ Point = Float[np.ndarray, " variable"]  # logarithms, scaled by their bounds to 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """The variables of a search and their bounds.
-
-    Attributes:
-        settings: settings that replace the workflow's, the strains of the test included.
-        dims: what the labels of designs are: n_stripe, n_subunit and, if it varies, pattern.
-        lower, upper: logarithms of the bounds of the variables.
-    """
+    """The variables of a search and their bounds."""
 
     workflow: str
-    settings: Mapping[str, Any]
-    dims: tuple[str, ...]
+    settings: Mapping[str, Any]  # replace those of the workflow, the last strain included
+    dims: tuple[str, ...]  # n_stripe, n_subunit and, where it varies, pattern
     designs: tuple[DesignLabels, ...]
     names: tuple[str, ...]
-    lower: Point
+    lower: Point  # logarithms of the bounds
     upper: Point
 
     def values(self, point: Point) -> dict[str, float]:
@@ -96,8 +90,7 @@ class SearchSpace:
 def search_space(request: DesignRequest) -> SearchSpace:
     """The space that a request allows; the last strain follows from the targets if not given.
 
-    Raises BadInput if it has no possible design, a bound cannot be simulated, or the test ends
-    before the window of a target.
+    Raises BadInput if a bound cannot be simulated, or the test ends before that of a target.
     """
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}

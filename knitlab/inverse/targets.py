@@ -35,9 +35,8 @@ def scale_of(target: Target) -> float:
 def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]:
     """Pairs of targets of one variable whose allowed values have nothing in common.
 
-    They are compared at the strains that both windows share, and those of a mean, minimum or
-    maximum with the range allowed over the window of the other. Other reductions over
-    different windows are not compared.
+    Compared are curves where both windows are, equal reductions over equal windows, and a mean,
+    minimum or maximum with the range allowed by a curve over its window.
     """
     for one, other in combinations(targets, 2):
         if one.name == other.name and _contradict(one, other):
@@ -76,14 +75,11 @@ def _strains(window: StrainWindow | None) -> Float[np.ndarray, " point"]:
 
 
 class Conflict(NamedTuple):
-    """Two targets of which no trial meets both.
-
-    Distances of trials are over the tolerance of each; ``candidates`` numbers their searches.
-    """
+    """Two targets of which no trial meets both."""
 
     targets: tuple[str, str]
-    distances: Float[np.ndarray, "trial 2"]
-    candidates: pd.Series
+    distances: Float[np.ndarray, "trial 2"]  # over the tolerance of each
+    candidates: pd.Series  # number of the search of each trial
 
 
 def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | None:
