@@ -88,9 +88,8 @@ def calibrate(
     except ValueError as error:
         raise fault(str(curve), str(error)) from error
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
-    click.echo(title)
     compared = calibration.report_comparison(fitted, linear) if linear else []
-    for line in [*calibration.report(fitted), *compared]:
+    for line in [title, *calibration.report(fitted), *compared]:
         click.echo(line)
     for warning in fitted.warnings:
         options.echo_problem(warning)

@@ -75,7 +75,7 @@ def candidates_plan(
         overrides={},
         inputs={},
         stripes=text_fingerprint(request.text),
-        gauge=space.plan(space.designs[0], {}).gauge,
+        gauge=space.case(space.designs[0])[1],
     )
 
 

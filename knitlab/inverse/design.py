@@ -100,7 +100,7 @@ def run_design(
         raise fault("workers", "own measures run in this process only; give workers = 0")
     space = search_space(request)
     objective = Objective(request.targets, request.subject_to, own, space.acts_on())
-    first, _ = space.case(space.designs[0], space.start(space.designs[0]))
+    first, _ = space.case(space.designs[0])
     check_targets(request.wanted, own, first)
     if not objective.has_gradient and find_spec("cmaes") is None:
         problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"

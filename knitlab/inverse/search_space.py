@@ -54,25 +54,21 @@ class SearchSpace:
                 active.append(f"{name} <= {high:.4g}")
         return active
 
-    def plan(self, design: DesignLabels, values: Mapping[str, float]) -> Plan:
-        """The plan of one case; BadInput if a value is out of range."""
-        return make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
-
     def labels(self, design: DesignLabels) -> dict[str, int | str]:
         """The labels of a design, by dimension."""
         return dict(zip(self.dims, design, strict=True))
 
-    def case(self, design: DesignLabels, point: Point) -> tuple[Case, Gauge]:
-        """The case at a point, and the gauge of its sizes in cloth."""
-        plan = self.plan(design, self.values(point))
+    def case(self, design: DesignLabels, point: Point | None = None) -> tuple[Case, Gauge]:
+        """The case at a point, or by the tabulated values, and the gauge of its sizes in cloth."""
+        values = {} if point is None else self.values(point)
+        plan = make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
         (case,) = plan.cases.values()
         return case, plan.gauge
 
     def start(self, design: DesignLabels) -> Point:
         """The point of the tabulated values, or the nearest one within the bounds."""
-        plan = self.plan(design, {})
-        (case,) = plan.cases.values()
-        tabulated = dict.fromkeys(self.names, 1.0) | vars(plan.gauge)
+        case, gauge = self.case(design)
+        tabulated = dict.fromkeys(self.names, 1.0) | vars(gauge)
         for name, (side, quantity) in STRIPE_PARAMETERS.items():
             tabulated[name] = float(getattr(getattr(case, side), quantity))
         return self.point_of(tabulated)
