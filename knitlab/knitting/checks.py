@@ -1,12 +1,9 @@
 """Checks of a program of knitlab: a machine's state, followed operation by operation.
 
-Found are needles out of range, stitches on needles without a loop, wales on both beds, loops that
-are moved onto others, dropped while their yarn goes on, or left on a needle, carriers that are not
-in action or never taken out, what the inserting hook cannot do, and stitches that are not plated
-by the body's yarn and one conductor. What the machine does with its yarn is not: tension, floats,
-kickbacks, rollers and collisions of carriers are left to its back end.
+What it finds, and what is left to the back end of a machine, is listed in ``docs/how-to/knit.md``.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -99,17 +96,14 @@ class _State:
             if carrier not in self.active:
                 self._report(f"carrier {carrier} is not in action; bring it in by inhook {carrier}")
         if self.hook_from is not None and needle.number >= self.hook_from:
-            self._report(
-                f"the inserting hook with carrier {self.hooked} is in the way; put"
-                f" releasehook {self.hooked} before this line"
-            )
+            problem = f"the inserting hook with carrier {self.hooked} is in the way"
+            self._report(f"{problem}; put releasehook {self.hooked} before this line")
             self.hooked = self.hook_from = None
         if self.hooked in carriers and self.hook_from is None:
             if self.now.direction == "+":
-                self._report(
-                    f"the first stitch of carrier {self.hooked} goes rightwards; the hook brings"
-                    " yarn in leftwards: begin with a stitch leftwards"
-                )
+                problem = f"the first stitch of carrier {self.hooked} goes rightwards"
+                remedy = "the hook brings yarn in leftwards: begin with a stitch leftwards"
+                self._report(f"{problem}; {remedy}")
             self.hook_from = needle.number + 1
         return carriers
 
@@ -120,9 +114,8 @@ class _State:
         across = self._opposite(needle)
         if self.held.get(across):
             state = "too" if through else "and this needle holds none"
-            self._report(
-                f"{across} holds a loop of this wale, {state}; transfer it before knitting here"
-            )
+            problem = f"{across} holds a loop of this wale, {state}"
+            self._report(f"{problem}; transfer it before knitting here")
         elif not through:
             self._report("knits on a needle without a loop; cast on there, or drop no loop before")
         self._check_plating(carriers)
@@ -150,10 +143,8 @@ class _State:
     def _transfer(self) -> None:
         source, target = self.now.needles
         if self._opposite(source) != target:
-            self._report(
-                f"{source} is opposite {self._opposite(source)} at racking {self.racking}; rack"
-                " before, or correct the needles"
-            )
+            opposite = f"{source} is opposite {self._opposite(source)} at racking {self.racking}"
+            self._report(f"{opposite}; rack before, or correct the needles")
         moved, there = self.held.pop(source, []), self.held.get(target, [])
         if not moved:
             self._report(f"{source} holds no loop; transfer only where the bed changes")
@@ -163,19 +154,15 @@ class _State:
 
     def _drop(self) -> None:
         (needle,) = self.now.needles
-        for number in self.held.pop(needle, []):
-            for carrier in self.graph[number].carriers:
-                if carrier in self.active:
-                    self._report(
-                        f"drops a loop of carrier {carrier}, which goes on, so that the wale runs;"
-                        f" drop after outhook {carrier}"
-                    )
+        dropped = (self.graph[number].carriers for number in self.held.pop(needle, []))
+        for carrier in itertools.chain.from_iterable(dropped):
+            if carrier in self.active:
+                problem = f"drops a loop of carrier {carrier}, which goes on, so that the wale runs"
+                self._report(f"{problem}; drop after outhook {carrier}")
 
     def _check_hook_is_free(self) -> None:
-        if self.hooked is not None:
-            self._report(
-                f"the hook still holds carrier {self.hooked}; put releasehook {self.hooked} before"
-            )
+        if (held := self.hooked) is not None:
+            self._report(f"the hook still holds carrier {held}; put releasehook {held} before")
 
     def _inhook(self) -> None:
         carrier = int(self.now.carriers[0])

@@ -119,10 +119,9 @@ def _in_words(stitch: FormedStitch, machine: Machine) -> str:
         return stitch_in_words(stitch.front, 0, "front")
     carrier, *others = conductors
     if others or carrier not in machine.electrode_carriers:
-        raise NotAChart(
-            f"needle {stitch.position} knits carriers {' and '.join(map(str, stitch.carriers))},"
-            " which are not a yarn of the body and one conductor"
-        )
+        names = " and ".join(map(str, stitch.carriers))
+        problem = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
+        raise NotAChart(f"{problem} body and one conductor")
     electrode = machine.electrode_carriers.index(carrier) + 1
     named_first = stitch.carriers[0] == carrier
     on_loop_face = named_first == (machine.plating == "face_first")

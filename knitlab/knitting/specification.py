@@ -48,7 +48,7 @@ class Specification:
 
     @cached_property
     def duration(self) -> Duration:
-        """Passes and time of the whole program."""
+        """Passes and time of the program."""
         return duration(self.operations, self.machine)
 
     @cached_property

@@ -59,11 +59,9 @@ def stitch_chart(
         (64, 32, 'a back knit')
     """
     if case.folds:
-        raise fault(
-            f"design {case.label}",
-            f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a given"
-            " rest angle; take a pattern of rib, garter and plain knit alone",
-        )
+        problem = f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a"
+        remedy = "take a pattern of rib, garter and plain knit alone"
+        raise fault(f"design {case.label}", f"{problem} given rest angle; {remedy}")
     turned = is_turned(case)
     unit = _patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].size, unit[1].size
@@ -78,9 +76,12 @@ def stitch_chart(
         repeats = (along_x, along_y) if turned else (along_y, along_x)
     case = replace(case, unit_cells=repeats or case.unit_cells)
     rows, columns = _patch_lines(case)
+    knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
+    back_first = case.options.garter_start == "mountain" and not case.pure
+    garter = (rows.first != back_first)[:, None]
     chart = StitchChart(
         title=case.label,
-        front=_front_stitches(case, rows, columns),
+        front=np.where(knit == "G", garter, np.where(knit == "R", columns.first, True)),
         plated=_plated_stitches(case, rows, columns),
         plated_face=_plated_faces(case, face),
         knit=np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit),
@@ -141,11 +142,7 @@ def _lines_of(
 
 
 def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
-    """The rows and the columns of patches of a case.
-
-    A pure stripe, with as many grid cells along its ridges as across them, takes a stripe's length
-    of stitches for the same number of cells, by the stitch's shape of 1:2.
-    """
+    """The rows and the columns of patches of a case; pure ones by the stitch's shape of 1:2."""
     sample, grading = case.sample, case.grading
     warp = (case.warp,) if grading is None else grading.warp
     weft = (case.weft,) if grading is None else grading.weft
@@ -156,19 +153,8 @@ def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
     elif case.pure:
         columns = np.maximum(1, columns // GARTER_STITCHES_PER_RIB_STITCH)
     cells = sample.cells_per_period
-    return (
-        _lines_of(rows, sample.row_periods, cells),
-        _lines_of(columns, sample.column_periods, cells),
-    )
-
-
-def _front_stitches(
-    case: Case, rows: _PatchLines, columns: _PatchLines
-) -> Bool[np.ndarray, "course wale"]:
-    knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
-    back_first = case.options.garter_start == "mountain" and not case.pure
-    garter = rows.first != back_first
-    return np.where(knit == "G", garter[:, None], np.where(knit == "R", columns.first, True))
+    of_rows = _lines_of(rows, sample.row_periods, cells)
+    return of_rows, _lines_of(columns, sample.column_periods, cells)
 
 
 def _plated_stitches(
@@ -190,11 +176,9 @@ def _plated_stitches(
     touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
     if touching.any():
         course, wale = np.argwhere(touching)[0].tolist()
-        raise fault(
-            "layout",
-            f"electrodes A and B touch at course {course + 1}, wale {wale + 1}, as whole stitches;"
-            " take a smaller width, or ridges farther apart",
-        )
+        where = f"course {course + 1}, wale {wale + 1}, as whole stitches"
+        remedy = "take a smaller width, or ridges farther apart"
+        raise fault("layout", f"electrodes A and B touch at {where}; {remedy}")
     return plated
 
 

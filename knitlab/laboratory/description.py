@@ -105,7 +105,7 @@ class ProtocolTable(StrictModel):
     skip_cycles: NonNegativeInt = 0
 
     @model_validator(mode="after")
-    def _is_a_whole_number_of_steps(self) -> "ProtocolTable":
+    def _is_a_number_of_steps(self) -> "ProtocolTable":
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6 or steps > MOST_STEPS:
             raise ValueError(

@@ -109,11 +109,9 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         time = log["time"] + (pulls.triggered - triggered)
     first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
-        raise fault(
-            f"{path}: column {table.time.column}",
-            f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran from"
-            f" {first:g} s to {last:g} s; correct starts or the trigger",
-        )
+        problem = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran"
+        problem += f" from {first:g} s to {last:g} s; correct starts or the trigger"
+        raise fault(f"{path}: column {table.time.column}", problem)
     strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
     seen, least = np.isfinite(strain), defaults().capacitor.linearity
 
@@ -158,11 +156,9 @@ def _read_log(
         raise fault(str(path), f"has {len(time)} rows; give at least {FEWEST_POINTS}")
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
         at = falls[0]
-        raise fault(
-            f"{path}: column {table.time.column}",
-            f"does not rise from point {at + 1} to point {at + 2} ({time[at]:g} s to"
-            f" {time[at + 1]:g} s); sort the rows, and keep one of each time",
-        )
+        points = f"point {at + 1} to point {at + 2} ({time[at]:g} s to {time[at + 1]:g} s)"
+        problem = f"does not rise from {points}; sort the rows, and keep one of each time"
+        raise fault(f"{path}: column {table.time.column}", problem)
     if table.trigger is None:
         return values, None
     levels = numbers[table.trigger.column]

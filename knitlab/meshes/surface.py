@@ -80,9 +80,8 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
     """The solid of a sheet: half of its thickness [mm] lies on either side.
 
     Both sides are offset along mitred normals, so that flanks keep their thickness next to a fold,
-    and joined by a wall along the rim. Fields are those of the sheet on both sides, and of the face
-    beside it on the wall. The sheet is an oriented surface of quads. BadInput if the thickness is
-    not above 0, or above :func:`largest_thickness`.
+    and joined by a wall along the rim, with the fields of the face beside it. BadInput if the
+    thickness is not above 0, or above :func:`largest_thickness`.
     """
     if not thickness > 0:
         raise fault(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")
