@@ -23,8 +23,8 @@ from .api.sweeps import reproduce as reproduce
 from .api.sweeps import run as run
 from .api.sweeps import status as status
 from .cube.cube_file import open_cube as open_cube
-from .dynamics.settings import DynamicsSettings as DynamicsSettings
-from .equilibrium.settings import SolverSettings as SolverSettings
+from .dynamics.settings import Dynamics as Dynamics
+from .equilibrium.settings import Solver as Solver
 from .fabric.electrodes import ElectrodeLayout as ElectrodeLayout
 from .fabric.settings import PlainKnit as PlainKnit
 from .fabric.settings import Sheet as Sheet

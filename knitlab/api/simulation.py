@@ -18,9 +18,9 @@ from tqdm.auto import tqdm
 from knitlab.cube.case_file import configurations
 from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import Status, described
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
 from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slopes
@@ -122,8 +122,8 @@ def simulate(
     model: ModelOptions | None = None,
     sheet: Sheet | None = None,
     plain: PlainKnit | None = None,
-    solver: SolverSettings | None = None,
-    dynamics: DynamicsSettings | None = None,
+    solver: Solver | None = None,
+    dynamics: Dynamics | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
     material: Material | None = None,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
@@ -352,7 +352,7 @@ def _capacitor(
 
 
 def _check_together(
-    workflow: Workflow, options: ModelOptions, solver: SolverSettings, source: Source
+    workflow: Workflow, options: ModelOptions, solver: Solver, source: Source
 ) -> None:
     """Refuse drag and contact where they have no meaning."""
     by_dynamics = workflow.protocol.method == "dynamics"

@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 from pydantic import Field, PositiveInt, RootModel
 
-from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.settings import CellSize, GarterStart, ModelOptions, PlainKnit, Sheet
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
@@ -79,8 +79,8 @@ class Parameters:
     sheet: Sheet
     plain: PlainKnit | None
     model: ModelOptions
-    solver: SolverSettings
-    dynamics: DynamicsSettings
+    solver: Solver
+    dynamics: Dynamics
     capacitor: Capacitor
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
@@ -115,8 +115,8 @@ TABLES: dict[str, type[Any]] = {
     "sheet": Sheet,
     "plain": PlainKnit,
     "model": ModelOptions,
-    "solver": SolverSettings,
-    "dynamics": DynamicsSettings,
+    "solver": Solver,
+    "dynamics": Dynamics,
     "capacitor": Capacitor,
     "gauge": Gauge,
 }

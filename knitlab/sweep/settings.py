@@ -1,7 +1,7 @@
 """Settings: name, type, default and unit of each, for workflows and sweeps.
 
 A setting is declared once, as a field of a table such as
-:class:`~knitlab.equilibrium.settings.SolverSettings` or of a section of
+:class:`~knitlab.equilibrium.settings.Solver` or of a section of
 :mod:`knitlab.sweep.workflow`; ``--set``, sweeps, coordinates and the reference follow.
 """
 

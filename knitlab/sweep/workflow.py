@@ -13,8 +13,8 @@ from pydantic import (
     model_validator,
 )
 
-from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet
@@ -229,12 +229,12 @@ class ModelSection(StrictModel):
         return self.model_dump(include=set(CHANGES | PLAIN_NUMBERS), exclude_none=True)
 
 
-@with_fields(optional(declared(SolverSettings)))
+@with_fields(optional(declared(Solver)))
 class SolverSection(StrictModel):
     """``[solver]``: settings that replace ``solver.toml``; a list is a dimension."""
 
 
-@with_fields(optional(declared(DynamicsSettings)))
+@with_fields(optional(declared(Dynamics)))
 class DynamicsSection(StrictModel):
     """``[dynamics]``: settings that replace ``dynamics.toml``; a list is a dimension."""
 

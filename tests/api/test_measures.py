@@ -9,7 +9,7 @@ import pytest
 import knitlab as kl
 
 STRAINS = [0.0, 0.03, 0.06]
-TIGHT = kl.SolverSettings(tolerance=1e-10)
+TIGHT = kl.Solver(tolerance=1e-10)
 
 
 def thickness(shape):
