@@ -10,8 +10,8 @@ import pytest
 
 from knitlab.dynamics.damped_test import MovingFabrics
 from knitlab.dynamics.grid import Shape
-from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import relax, stretch
@@ -44,8 +44,8 @@ PERIODIC = ModelOptions(cell_size="relaxed", boundary="periodic")
 CLAMPED = ModelOptions(cell_size="relaxed", boundary="clamped")
 """Longer cells than those of the default options: they fold more easily and snap, which is a harder
 test of solvers."""
-DEFAULT = SolverSettings()
-FINE = SolverSettings(tolerance=1e-12)
+DEFAULT = Solver()
+FINE = Solver(tolerance=1e-12)
 compiled_tension = jax.jit(tension)
 """Tension of a zigzag, compiled; otherwise every call would compile its root finder again."""
 
@@ -168,7 +168,7 @@ def whole_element_hessians(
     )
 
 
-def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = DEFAULT) -> State:
+def relaxed(net: Network, fabric: Fabric, settings: Solver = DEFAULT) -> State:
     return relax(equations(net, fabric), settings)
 
 
@@ -176,7 +176,7 @@ def stretched(
     net: Network,
     fabric: Fabric,
     strains: list[float],
-    settings: SolverSettings = DEFAULT,
+    settings: Solver = DEFAULT,
 ) -> TensileTest:
     return stretch(equations(net, fabric), strains, settings)
 
@@ -184,7 +184,7 @@ def stretched(
 def moving(
     designs: list[tuple[int, int]],
     options: ModelOptions,
-    settings: DynamicsSettings,
+    settings: Dynamics,
     unit_cells: tuple[int, int] = (1, 1),
     damping_ratios: list[float] | None = None,
 ) -> MovingFabrics:

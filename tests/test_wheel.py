@@ -37,14 +37,14 @@ def test_the_wheel_installs_one_package(installed):
     assert {top for top in tops if not top.endswith(".dist-info")} == {"knitlab"}
 
 
-def test_the_wheel_holds_every_module_every_input_and_py_typed(installed):
+def test_the_wheel_holds_every_module_every_input_and_types(installed):
     modules = {file.relative_to(ROOT).as_posix() for file in PACKAGE.rglob("*.py")}
     inputs = {
         f"knitlab/shipped/{file.relative_to(ROOT).as_posix()}"
         for folder in ("params", "workflows")
         for file in (ROOT / folder).glob("*.toml")
     }
-    assert modules | inputs | {"knitlab/py.typed"} <= set(installed)
+    assert modules | inputs | {"knitlab/py.typed", "knitlab/__init__.pyi"} <= set(installed)
 
 
 def test_the_wheel_holds_the_page_of_the_explorer(installed):

@@ -13,7 +13,7 @@ from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
 from knitlab.dynamics.motion import Moving, advance
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.loading import all_free
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.inertia import Inertia
@@ -22,7 +22,7 @@ PIECE = 1.0
 """Length of a piece of motion [ms]."""
 
 
-def dynamics(settings: DynamicsSettings, damping_ratio: float) -> Search:
+def dynamics(settings: Dynamics, damping_ratio: float) -> Search:
     """Damped dynamics from rest.
 
     Args:
@@ -45,7 +45,7 @@ def dynamics(settings: DynamicsSettings, damping_ratio: float) -> Search:
     return search
 
 
-def prepare(settings: DynamicsSettings, problem: Problem) -> None:
+def prepare(settings: Dynamics, problem: Problem) -> None:
     """Compile its programs by a short motion, after which any force may be left."""
     moving = _at_rest(problem, problem.flat, settings, held=False)
     advance(moving, np.array([1e-6]), settings)
@@ -54,7 +54,7 @@ def prepare(settings: DynamicsSettings, problem: Problem) -> None:
 def _at_rest(
     problem: Problem,
     start: Unknowns,
-    settings: DynamicsSettings,
+    settings: Dynamics,
     held: bool,
     damping_factor: float = 1.0,
 ) -> Moving:

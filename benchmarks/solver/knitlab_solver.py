@@ -20,7 +20,7 @@ from knitlab.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.equilibrium.loading import all_free
 from knitlab.equilibrium.search import Search as OneSearch
 from knitlab.equilibrium.search import SearchRules, minimise
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import State
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.equilibrium.system import System, one_thread_of_blas
@@ -36,7 +36,7 @@ Systems = type[System]
 
 
 def knitlab(
-    settings: SolverSettings,
+    settings: Solver,
     systems: Systems = System,
     direct: bool = False,
     periodic: Case | None = None,
@@ -52,7 +52,7 @@ def knitlab(
             is laid out of it.
     """
 
-    def each(problem: Problem) -> SolverSettings:
+    def each(problem: Problem) -> Solver:
         return replace(settings, tolerance=problem.tolerance)
 
     def start(problem: Problem, watch: Watch) -> Configuration | None:
@@ -83,7 +83,7 @@ def knitlab(
     return Method(relaxed, pull, prepare)
 
 
-def _search(each: Callable[[Problem], SolverSettings], systems: Systems) -> Search:
+def _search(each: Callable[[Problem], Solver], systems: Systems) -> Search:
     def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
         rules = SearchRules(free_stiffness(problem.shape, free), each(problem))
 
@@ -109,7 +109,7 @@ def shipped_relaxation(case: Case, watch: Watch) -> State:
 
 
 def _laid_out(
-    problem: Problem, periodic: Case, settings: SolverSettings, systems: Systems, watch: Watch
+    problem: Problem, periodic: Case, settings: Solver, systems: Systems, watch: Watch
 ) -> Configuration:
     cell = Problem.of(periodic, settings.tolerance)
     with watch.paused():

@@ -18,13 +18,10 @@ from knitlab.io.errors import BadInput, ErrorCollector, fault
 from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
 from knitlab.meshes.formats import FORMATS, SERIES, TRIANGLES, write_mesh, write_series
-from knitlab.meshes.solid import solid_of
-from knitlab.meshes.surface import SurfaceMesh
+from knitlab.meshes.surface import SurfaceMesh, solid_of
 
-Cube = str | Path | xr.Dataset
-"""A cube, its file, or the results folder that holds it."""
-Wanted = str | Mapping[str, Any] | Target
-"""A target as text, as the table of a curve, or as an object."""
+Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
+Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
 
 
 def opened(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
@@ -93,8 +90,8 @@ def find(
     Example:
         >>> wanted = ["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
         >>> cube = "results/reference/periodic"
-        >>> found = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
-        >>> found.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
+        >>> nearest = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
+        >>> nearest.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [4, 16]
     """
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
@@ -283,8 +280,6 @@ def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
         return shapes
     if (source := shapes.encoding.get("source")) is None:
-        problem = (
-            "is a cube that was not opened from a file, beside which shapes lie; give its path"
-        )
-        raise fault("shapes", problem)
+        remedy = "beside which shapes lie; give its path"
+        raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")
     return chosen_case(shapes, Path(source).parent, selections)

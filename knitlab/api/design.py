@@ -12,8 +12,7 @@ from knitlab.inverse.request import checked_request, read_request
 from knitlab.inverse.trial import ShapeFunction
 from knitlab.io.errors import fault
 
-UNLIMITED = 1_000_000
-"""Number of simulations if the budget is a time."""
+UNLIMITED = 1_000_000  # number of simulations if the budget is a time
 
 
 def design(

@@ -17,9 +17,9 @@ from knitlab.fabric.settings import ModelOptions
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
-from knitlab.knitting.chart import Face, StitchChart
+from knitlab.knitting.chart import Face
 from knitlab.knitting.knitout import knitout
-from knitlab.knitting.machine import Machine, read_machine
+from knitlab.knitting.machine import read_machine
 from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Prediction, Specification
 from knitlab.knitting.stitch_chart import is_turned, stitch_chart
@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KNITOUT, TABLE = ".k", ".csv"
-MOST_NAMED = 6
-"""Designs that a message lists."""
+MOST_NAMED = 6  # designs that a message lists
 
 
 class SingleDesign(NamedTuple):
@@ -51,20 +50,16 @@ class SingleDesign(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class KnitSample:
+class KnitSample(Specification):
     """A design as it is knitted.
 
     Attributes:
         chart: its stitches.
         machine: the machine.
+        gauge: the size of a stitch.
         program: the text of its knitout file.
-        specification: what it takes to knit it.
+        prediction: what a cube says of it, if one is given.
     """
-
-    chart: StitchChart
-    machine: Machine
-    program: str
-    specification: Specification
 
     def __repr__(self) -> str:
         return f"<KnitSample {self.chart.size}, {len(self.program.splitlines())} lines of knitout>"
@@ -95,7 +90,7 @@ class KnitSample:
         from knitlab.figures.style import print_style
 
         with print_style():
-            return specification_sheet(self.specification)
+            return specification_sheet(self)
 
     def save(self, path: str | Path) -> Path:
         """Write the knitout or the chart.
@@ -198,7 +193,7 @@ def knitted(
     face: Face | None,
     machine: Mapping[str, Any] | None,
 ) -> KnitSample:
-    """A single design as it is knitted; arguments and errors as of :func:`knit`."""
+    """A single design as it is knitted, as by :func:`knit`."""
     if repeats is not None and needles is not None:
         raise fault("repeats", "and needles both set the size; give one of them")
     if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
@@ -208,8 +203,7 @@ def knitted(
         raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
-    needed = Specification(chart, used, design.gauge, program, design.prediction)
-    return KnitSample(chart, used, program, needed)
+    return KnitSample(chart, used, design.gauge, program, design.prediction)
 
 
 def check_output(path: Path) -> None:
@@ -223,11 +217,9 @@ def check_output(path: Path) -> None:
 def single_design(
     source: str | Path | xr.Dataset, settings: Overrides, selections: Mapping[str, Any]
 ) -> SingleDesign:
-    """The design that settings leave of a workflow, and selections of that, a cube or a test.
+    """The one design that settings leave of a workflow, and selections of that, a cube or a test.
 
-    Raises:
-        BadInput: if one of these is at fault, if it is not one design, or if its case is recorded
-            nowhere.
+    Raises BadInput if one of these is at fault, or if its case is recorded nowhere.
     """
     if not is_cube(source):
         return _of_workflow(str(source), settings, selections)
@@ -259,11 +251,7 @@ def _of_workflow(
 
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
-    """The design of a cube or of a test.
-
-    Its case is read from the plan or the case file beside the cube. Where there is neither, the
-    workflow of the cube is planned again, which finds the case by its identifier.
-    """
+    """The design of a cube or of a test."""
     gauge = gauge_of(cube.attrs) or defaults().gauge
     if is_case(cube):
         case = case_of(json.loads(cube.attrs["parameters"]))
@@ -272,7 +260,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     kept = selected(cube, selections).stack(design=dims)
     kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
     names = [
-        "  ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
+        " ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
         for labels in kept["design"].values.tolist()
     ]
     _check_is_one("the cube", names)
@@ -284,16 +272,17 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     return SingleDesign(case, gauge, _prediction(design, case, name))
 
 
-def _check_is_one(whole: str, designs: Sequence[str]) -> None:
+def _check_is_one(title: str, designs: Sequence[str]) -> None:
     if not designs:
-        raise fault("selections", f"no design of {whole} is left; select fewer values")
+        raise fault("selections", f"no design of {title} is left; select fewer values")
     if len(designs) > 1:
-        some = ", ".join(" ".join(name.split()) for name in designs[:MOST_NAMED])
-        more = ", …" if len(designs) > MOST_NAMED else ""
-        raise fault("selections", f"{whole} has {len(designs)} designs; select one of {some}{more}")
+        some = [" ".join(name.split()) for name in designs[:MOST_NAMED]]
+        listed = ", ".join([*some, "…"] if len(designs) > MOST_NAMED else some)
+        raise fault("selections", f"{title} has {len(designs)} designs; select one of {listed}")
 
 
 def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
+    """The case in the plan or the case files beside a cube, or else in a new plan."""
     if folder is not None:
         with suppress(BadInput):
             return find_case(folder, case_id).case

@@ -10,11 +10,11 @@ from jaxtyping import Float
 
 from knitlab.api.cubes import Cube, opened
 from knitlab.io.errors import fault
+from knitlab.laboratory.curves import case_for, target_of
 from knitlab.laboratory.description import RecordKind
 from knitlab.laboratory.experiment import Imported
 from knitlab.laboratory.experiment import import_records as import_kind
-from knitlab.laboratory.fit import Fit, NoFit, Step, fit_stripes
-from knitlab.laboratory.target import case_for, target_of
+from knitlab.laboratory.fit import Fit, Step, fit_stripes
 from knitlab.measure.calibration import Calibration, Law
 from knitlab.measure.calibration import calibrate as fit_zigzag
 from knitlab.sweep.plan import Plan, make_plan
@@ -22,7 +22,14 @@ from knitlab.sweep.plan import Plan, make_plan
 Curve = Sequence[float] | Float[np.ndarray, " point"]
 
 
-def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear") -> Calibration:
+def calibrate(
+    strain: Curve,
+    force: Curve | Float[np.ndarray, "repeat point"],
+    *,
+    period: float,
+    law: Law = "linear",
+    per_width: bool = False,
+) -> Calibration:
     """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric (paper, "2D model").
 
     Measure until the folds are open and the springs stretch, to about 200 % strain: below that the
@@ -30,10 +37,12 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
 
     Args:
         strain: strain relative to the relaxed period, not negative [1].
-        force: force on one row of the network [N].
+        force: force on one row of the network [N], also of several repeats, as
+            :func:`knitlab.read_tension_record` gives it.
         period: relaxed peak-to-peak distance of the stripe [mm].
         law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
             or a :class:`~knitlab.fabric.spring_law.SpringCurve`.
+        per_width: whether the force is over the width of the swatch [N/mm].
 
     Returns:
         The fitted numbers with standard errors, 95 % intervals and correlations; its method
@@ -52,7 +61,8 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
         0.817
     """
     try:
-        return fit_zigzag(period, np.asarray(strain, float), np.asarray(force, float), law)
+        curve = np.asarray(strain, float), np.asarray(force, float)
+        return fit_zigzag(float(period), *curve, law, per_width=per_width)
     except ValueError as problem:
         raise fault("curve", str(problem)) from problem
 
@@ -104,7 +114,7 @@ def fit(
 
     Raises:
         BadInput: if the experiment cannot be fitted, the workflow has no or several such cases,
-            or settings are given beside a plan.
+            its test does not converge, or settings are given beside a plan.
     """
     if isinstance(workflow, Plan) and settings:
         raise fault("settings", "belong to workflows; plan the workflow with them")
@@ -113,8 +123,4 @@ def fit(
     case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))
-    try:
-        return fit_stripes(case, target, looseness, starts=starts, step=step)
-    except NoFit as problem:
-        remedy = "choose a smaller strain_max, or another sample"
-        raise fault(plan.workflow, f"{problem}; {remedy}") from problem
+    return fit_stripes(case, target, looseness, starts=starts, step=step)

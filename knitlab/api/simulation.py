@@ -16,12 +16,13 @@ from pydantic import ValidationError
 from tqdm.auto import tqdm
 
 from knitlab.cube.case_file import configurations
+from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import Status, described
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
-from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
 from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slopes
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
@@ -31,12 +32,13 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cases import cases, design_space, electrode_problems
 from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
-from knitlab.sweep.parameters import Parameters, StripeRow, defaults
+from knitlab.sweep.material import Material, with_material
+from knitlab.sweep.parameters import Parameters, defaults
 from knitlab.sweep.patterns import Pattern
+from knitlab.sweep.stripe_tables import StripeRow
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
-OWN_PATTERN = "own pattern"
-"""Name of a pattern that is given as an object."""
+OWN_PATTERN = "own pattern"  # name of a pattern that is given as an object
 
 
 class NotConverged(UserWarning):
@@ -86,6 +88,10 @@ class Design:
     def __post_init__(self) -> None:
         stitches = {"rib": self.n_stripe, "garter": GARTER_STITCHES_PER_RIB_STITCH * self.n_stripe}
         faults: list[Fault] = []
+        try:
+            periods_per_patch(self.n_stripe, self.n_subunit)
+        except (ValueError, TypeError, ZeroDivisionError) as problem:
+            faults.append(Fault("Design", str(problem)))
         further = [("further_stripes", stripe) for stripe in self.further_stripes]
         for name, stripe in (("rib", self.rib), ("garter", self.garter), *further):
             if stripe is None:
@@ -116,10 +122,11 @@ def simulate(
     model: ModelOptions | None = None,
     sheet: Sheet | None = None,
     plain: PlainKnit | None = None,
-    solver: SolverSettings | None = None,
-    dynamics: DynamicsSettings | None = None,
+    solver: Solver | None = None,
+    dynamics: Dynamics | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
+    material: Material | None = None,
     progress: bool = False,
 ) -> xr.Dataset:
     """Relax a fabric and pull it along the warp, in this process.
@@ -140,6 +147,8 @@ def simulate(
         dynamics: settings of motion in time.
         capacitor: electrodes and their layout.
         gauge: size of a stitch in cloth.
+        material: stripes of another yarn and the lengths that go with them, in place of the
+            paper's.
         progress: whether to draw a progress bar.
 
     Returns:
@@ -158,7 +167,10 @@ def simulate(
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
     """
-    parameters = defaults().with_tables(
+    if not isinstance(design, Design):
+        raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
+    parameters = defaults() if material is None else with_material(defaults(), material)
+    parameters = parameters.with_tables(
         model=model,
         sheet=sheet,
         plain=plain,
@@ -183,7 +195,7 @@ def simulate(
     results.attrs |= stated_gauge(parameters.gauge)
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
-    return described(results)
+    return with_derived(described(results))
 
 
 def case_of_design(
@@ -194,11 +206,7 @@ def case_of_design(
     *,
     electrodes: bool,
 ) -> Case:
-    """The case of a design, with parameters where it has no stripes and boundary of its own.
-
-    Raises:
-        BadInput: with every fault of the design and the strains, or if settings contradict.
-    """
+    """The case of a design, with tabulated stripes where it has none; BadInput with all faults."""
     strains = tuple(map(float, applied_strain))
     faults = []
     if not strains or strains[0] != 0:

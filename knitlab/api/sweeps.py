@@ -8,6 +8,7 @@ from typing import Any
 import xarray as xr
 
 from knitlab.cube.cube_file import CUBE
+from knitlab.cube.derived import with_derived
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
@@ -16,8 +17,7 @@ from knitlab.sweep.reproduce import reproduce as run_alone
 from knitlab.sweep.results_folder import FolderStatus, workflow_status
 from knitlab.sweep.run import RunOptions, run_plan
 
-RESULTS = Path("results")
-"""Default folder for the results folders of all workflows."""
+RESULTS = Path("results")  # default folder for the results folders of all workflows
 
 
 class NotAllOk(UserWarning):
@@ -100,7 +100,7 @@ def run(
         warnings.warn(remark, NotAllOk, stacklevel=2)
     if shard is None:
         done.cube.encoding["source"] = str(folder / CUBE)
-    return done.cube
+    return with_derived(done.cube)
 
 
 def merge(
@@ -133,7 +133,7 @@ def merge(
     for path in done.damaged:
         warnings.warn(f"damaged, and left out: {path}", NotAllOk, stacklevel=2)
     done.cube.encoding["source"] = str(done.folder / CUBE)
-    return done.cube
+    return with_derived(done.cube)
 
 
 def plan(workflow: str | Path, **settings: Any) -> Plan:

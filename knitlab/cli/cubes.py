@@ -73,18 +73,18 @@ def find(
 
     if output is not None:
         check_figure_suffix(output)
-    found = api.find(*cubes, targets=targets, subject_to=subject_to, most=most)
+    nearest = api.find(*cubes, targets=targets, subject_to=subject_to, most=most)
     if style == "table":
-        for number, reached in enumerate(found.reached, start=1):
+        for number, reached in enumerate(nearest.reached, start=1):
             click.echo(f"target {number}: {reached.target.text}")
-    click.echo(formatted(found.table, style))
-    for reason, count in found.passed_over.items():
+    click.echo(formatted(nearest.table, style))
+    for reason, count in nearest.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)
-    if output is not None and len(found.table):
+    if output is not None and len(nearest.table):
         from knitlab.figures.figure_files import draw_into
         from knitlab.figures.found_designs import found_figure
 
-        draw_into(lambda: found_figure(found), output)
+        draw_into(lambda: found_figure(nearest), output)
         click.echo(f"figure  {output}", err=True)
 
 

@@ -14,22 +14,29 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
 
 @click.command()
-@click.argument("curve", type=options.FILE)
+@click.argument("record", type=options.FILE)
 @click.option("--stripe", "knit", type=click.Choice(["rib", "garter"]), required=True)
 @click.option(
     "-n", "stitches", type=options.COUNT, required=True, help="Stitches across the stripe."
 )
+@click.option("--period", type=MILLIMETRES, help="Relaxed peak-to-peak distance [mm].")
+@click.option("--gauge-length", type=MILLIMETRES, help="Relaxed length between the clamps [mm].")
 @click.option(
-    "--period", type=MILLIMETRES, required=True, help="Relaxed peak-to-peak distance [mm]."
+    "--gauge-stitches",
+    type=options.POSITIVE,
+    help="Stitches along the gauge length; they give the period.",
+)
+@click.option("--width", type=MILLIMETRES, help="Width of the swatch that the force pulls [mm].")
+@click.option(
+    "--thickness", type=MILLIMETRES, help="Thickness of the fabric, for stress over area [mm]."
+)
+@click.option(
+    "--cycle", type=options.COUNT, default=1, help="The cycle whose loading branch is taken."
 )
 @click.option(
     "--cell-size",
     type=click.Choice(["flat", "relaxed"]),
     help="Model option to simulate the stripe with. [default: that of params/model.toml]",
-)
-@click.option("--width", type=MILLIMETRES, help="Width of one row, for a curve of stress [mm].")
-@click.option(
-    "--thickness", type=MILLIMETRES, help="Thickness of the fabric, for stress over area [mm]."
 )
 @click.option(
     "--law",
@@ -42,67 +49,80 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
     type=options.FILE,
     help="Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
 )
-@options.output("Stripe entry to write, .toml, with figures beside it. [default: STRIPE-N.toml]")
+@options.output(
+    "Material file to write, or to add the stripe to, .toml, with figures beside it.",
+    default=Path("material.toml"),
+)
 def calibrate(
-    curve: Path,
+    record: Path,
     knit: Literal["rib", "garter"],
     stitches: int,
-    period: float,
-    cell_size: Literal["flat", "relaxed"] | None,
+    period: float | None,
+    gauge_length: float | None,
+    gauge_stitches: float | None,
     width: float | None,
     thickness: float | None,
+    cycle: int,
+    cell_size: Literal["flat", "relaxed"] | None,
     law: Literal["linear", "stiffening", "tabulated"],
     spring_curve: Path | None,
-    output: Path | None,
+    output: Path,
 ) -> None:
-    """Fit k_s, k_t and theta_0 of a stripe to the tension CURVE of its pure fabric.
+    """Fit k_s, k_t and theta_0 of a stripe to the RECORD of a tensile test of its pure fabric.
 
-    CURVE is a CSV file with a header such as "strain [1],force [N]": the force on one row of the
-    network, or the stress with the row's --width. Measure until the folds are open and the springs
-    stretch, to about 200 % strain: below that the three cannot be determined separately.
+    RECORD is a CSV file with a header such as "repeat [1],extension [mm],force [N]": strain, or
+    extension with --gauge-length, and the force on a swatch of this --width, or the stress. Several
+    repeats give one curve; of cycles, one loading branch is taken. Without --width, the force is
+    that on one row of the network. Pull until the folds are open and the springs stretch, to about
+    200 % strain: below that the three cannot be determined separately.
     """
     from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.fits import calibration_figure
     from knitlab.io.errors import fault
-    from knitlab.io.table_file import read_tension_curve
+    from knitlab.laboratory.tension_record import period_of, read_tension_record
     from knitlab.measure import calibration
+    from knitlab.sweep.material import add_stripe
     from knitlab.sweep.parameters import defaults
 
-    output = output or Path(f"{knit}-{stitches}.toml")
     options.check_toml(output)
     if (law == "tabulated") != (spring_curve is not None):
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
-    measured = read_tension_curve(curve, width, thickness)
+    period = period_of(stitches, period, gauge_length, gauge_stitches)
+    measured = read_tension_record(
+        record, gauge_length=gauge_length, width=width, thickness=thickness, cycle=cycle
+    )
     springs: Any = law
     if spring_curve is not None:
-        table = read_tension_curve(spring_curve)
+        table = read_tension_record(spring_curve)
         try:
-            springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force.tolist()))
+            springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
         except ValueError as error:
             raise fault(str(spring_curve), str(error)) from error
+    curve = (period, measured.strain, measured.force)
     try:
-        fitted = calibration.calibrate(period, measured.strain, measured.force, springs)
+        fitted = calibration.calibrate(*curve, springs, per_width=measured.per_width)
         linear = None
         if law != "linear":
-            linear = calibration.calibrate(period, measured.strain, measured.force)
+            linear = calibration.calibrate(*curve, per_width=measured.per_width)
     except ValueError as error:
-        raise fault(str(curve), str(error)) from error
+        raise fault(str(record), str(error)) from error
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
-    click.echo(title)
     compared = calibration.report_comparison(fitted, linear) if linear else []
-    for line in [*calibration.report(fitted), *compared]:
+    read = [f"record   {line}" for line in measured.summary]
+    for line in [title, *read, *calibration.report(fitted), *compared]:
         click.echo(line)
     for warning in fitted.warnings:
         options.echo_problem(warning)
     if fitted.usable:
         used_size = cell_size or defaults().model.cell_size
-        source = calibration.source_of(fitted, curve, used_size)
+        source = calibration.source_of(fitted, record, used_size)
         stripe = fitted.stripe(knit, stitches, used_size)
-        calibration.write_stripe_table(output, [(stripe, source)])
-        click.echo(f"stripe   {output}")
+        add_stripe(output, stripe, source, fitted.covariance)
+        click.echo(f"stripe   {knit} {stitches} in {output}")
     else:
         options.echo_problem("no stripe is written, as this fit cannot be used")
-    options.draw_beside(output, lambda: calibration_figure(fitted, title, linear))
+    beside = output.with_name(f"{output.stem}-{knit}-{stitches}.toml")
+    options.draw_beside(beside, lambda: calibration_figure(fitted, title, linear))
     options.exit_unless(fitted.usable)
 
 
@@ -172,7 +192,7 @@ def fit(
     from knitlab.cube.cube_file import open_cube
     from knitlab.cube.selection import selected
     from knitlab.figures.fits import fit_figure
-    from knitlab.laboratory.fit import report, write_stripes
+    from knitlab.laboratory.fit import fitted_material, report
     from knitlab.sweep.plan import make_plan
 
     options.check_toml(output)
@@ -186,7 +206,7 @@ def fit(
         click.echo(line)
     for warning in fitted.warnings:
         options.echo_problem(warning)
-    write_stripes(output, fitted, experiment)
+    fitted_material(fitted, experiment).write(output)
     click.echo(f"stripes  {output}")
     title = f"{fitted.before.label}, fitted to {experiment}"
     options.draw_beside(output, lambda: fit_figure(fitted, title))

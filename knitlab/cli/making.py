@@ -109,9 +109,9 @@ def knit(
         check_figure_suffix(path)
     single = single_design(design, settings, selections)
     sample = knitted(single, repeats, needles, face, options.read_machine_values(changes))
-    for name, value in sample.specification.rows():
+    for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
-    for remark in sample.specification.remarks:
+    for remark in sample.remarks:
         click.echo(f"remark: {remark}", err=True)
     for path in outputs:
         click.echo(f"{'knitout' if path.suffix == '.k' else 'chart':13} {sample.save(path)}")

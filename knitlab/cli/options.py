@@ -1,5 +1,6 @@
 """Options, exit codes and messages that commands share."""
 
+import json
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -15,9 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BAD_INPUT = 2
+MATERIAL = "knitlab.material"
+"""Key of the material file in the context of a command."""
 SOME_CASE_NOT_OK = 1
-MOST_LINES = 20
-"""Largest number of cases that a command lists."""
+MOST_LINES = 20  # largest number of cases that a command lists
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -72,11 +74,7 @@ def _with_option(message: str, command: click.Command) -> str:
 
 
 def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
-    """The values of ``--select`` by their coordinate.
-
-    Raises:
-        BadInput: with every text that is malformed, or of a coordinate that an earlier one selects.
-    """
+    """The values of ``--select`` by coordinate; BadInput if malformed, or given twice."""
     selections: dict[str, list[float | str]] = {}
     faults = []
     for text in texts:
@@ -103,11 +101,7 @@ def _number_or_label(text: str) -> float | str:
 
 
 def _two_counts(text: str) -> tuple[int, int]:
-    """The counts of ``--repeats``.
-
-    Raises:
-        BadInput: if the text is of another form.
-    """
+    """The counts of ``--repeats``; BadInput if the text is of another form."""
     match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
     if match is None:
         raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
@@ -115,26 +109,17 @@ def _two_counts(text: str) -> tuple[int, int]:
 
 
 def read_machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
-    """The values of ``--machine`` by their key.
+    """The values of ``--machine`` by key; BadInput with every text that is not ``KEY=VALUE``."""
+    from knitlab.sweep.workflow_file import read_overrides
 
-    Raises:
-        BadInput: with every text that is not ``KEY=VALUE``.
-    """
-    from knitlab.sweep.workflow_file import read_value
-
-    if malformed := [text for text in texts if "=" not in text]:
-        problem = "is not KEY=VALUE; give both"
-        raise BadInput(Fault(f"machine {text}", problem) for text in malformed)
-    pairs = (text.partition("=") for text in texts)
-    return {name.strip(): read_value(value.strip()) for name, _, value in pairs}
+    read, faults = read_overrides(texts, "machine")
+    if faults:
+        raise BadInput(faults)
+    return {each.key: each.value for each in read}
 
 
 def check_toml(output: Path) -> None:
-    """Check the suffix of a file for stripes.
-
-    Raises:
-        BadInput: if it is not ``.toml``.
-    """
+    """Raise BadInput unless a file for stripes has the suffix ``.toml``."""
     if output.suffix != ".toml":
         raise fault(f"output {output}", "has no suffix .toml; give it one")
 
@@ -172,11 +157,31 @@ def repeatable(names: str, help: str, **options: Any) -> Decorator:
     return click.option(*names.split(), multiple=True, help=f"{help} Repeatable.", **options)
 
 
-settings = repeatable(
+_material = click.option(
+    "--material",
+    type=FILE,
+    help="Material file with the stripes of another yarn, in place of the paper's.",
+    is_eager=True,
+    expose_value=False,
+    callback=lambda context, _, path: context.meta.update({MATERIAL: path}),
+)
+_settings = repeatable(
     "--set settings",
     "Override a setting of the workflow; a comma makes a list.",
     metavar="KEY=VALUE",
+    callback=lambda context, _, texts: _with_material(context.meta.get(MATERIAL), texts),
 )
+
+
+def settings(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options ``--set`` and ``--material``, which is the setting ``material``."""
+    return _material(_settings(command))
+
+
+def _with_material(path: Path | None, texts: tuple[str, ...]) -> tuple[str, ...]:
+    return texts if path is None else (f"material={json.dumps(str(path))}", *texts)
+
+
 select = repeatable(
     "--select selections",
     "Keep one value of a coordinate, or several with commas.",

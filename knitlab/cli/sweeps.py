@@ -1,7 +1,7 @@
 """Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,8 +53,7 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
         options.echo_first(lines, indent="  ")
     if len(made.batches) > options.MOST_LINES:
         click.echo(f"… and {len(made.batches) - options.MOST_LINES} more batches")
-    for design, reason in made.excluded.items():
-        _echo_excluded(made.dims, design, reason)
+    _echo_excluded(made.dims, made.excluded)
     strains = made.applied_strain
     time = _duration(sum(batch.estimated_seconds for batch in made.batches))
     click.echo(
@@ -79,9 +78,18 @@ def _echo_warnings(made: "Plan") -> None:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> None:
-    labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
-    click.echo(f"excluded: {labels}: {reason}")
+def _echo_excluded(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str]) -> None:
+    for design, reason in excluded.items():
+        labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
+        click.echo(f"excluded: {labels}: {reason}")
+
+
+def _echo_files(folder: Path, figures: Iterable[Path]) -> None:
+    from knitlab.cube.cube_file import CUBE
+
+    click.echo(f"cube    {folder / CUBE}")
+    for path in figures:
+        click.echo(f"figure  {path}")
 
 
 @click.command()
@@ -125,7 +133,6 @@ def run(
     overrides = settings + scale
     if shard is None and _is_finished(workflow, overrides, results):
         return
-    from knitlab.cube.cube_file import CUBE
     from knitlab.sweep.batches import Shard
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.run import RunOptions, run_plan
@@ -144,16 +151,13 @@ def run(
         from knitlab.figures.drawing import draw_figures
 
         drawn, faults = draw_figures(made.figures, folder)
-    for design, reason in made.excluded.items():
-        _echo_excluded(made.dims, design, reason)
+    _echo_excluded(made.dims, made.excluded)
     of_shard = f" in shard {own_shard}" if own_shard else ""
     click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there{of_shard}")
     if done.joined:
-        click.echo(f"cube    {folder / CUBE}")
+        _echo_files(folder, drawn)
     else:
         click.echo("other shards still run; the last one to end writes the cube")
-    for path in drawn:
-        click.echo(f"figure  {path}")
     for fault in faults:
         options.echo_problem(fault)
     for line in done.remarks(made.dims, folder):
@@ -163,7 +167,7 @@ def run(
 
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
-    from knitlab.cube.cube_file import CUBE, open_cube
+    from knitlab.cube.cube_file import open_cube
     from knitlab.figures.figure_files import requested_figures
     from knitlab.sweep.results_folder import finished_plan
 
@@ -174,12 +178,10 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     figures = requested_figures(record["figures"], open_cube(folder, lazily=True), folder)
     if any(figure.missing for figure in figures):
         return False
-    for *design, reason in record["excluded"]:
-        _echo_excluded(record["dims"], design, reason)
+    excluded = {tuple(design): reason for *design, reason in record["excluded"]}
+    _echo_excluded(record["dims"], excluded)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
-    click.echo(f"cube    {folder / CUBE}")
-    for output in (output for figure in figures for output in figure.outputs):
-        click.echo(f"figure  {output}")
+    _echo_files(folder, (output for figure in figures for output in figure.outputs))
     return True
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 
 from knitlab.cube import schema
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
+from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
@@ -42,7 +43,7 @@ def cube_name(cube: xr.Dataset) -> str:
 
 
 def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
-    """Read a knitlab cube into memory.
+    """Read a knitlab cube into memory, with the variables that follow from its own.
 
     Args:
         path: a ``cube.nc``, or the results folder that holds one.
@@ -51,6 +52,11 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     Raises:
         BadInput: if there is no such file, or it is not a cube.
     """
+    return with_derived(read_cube(path, lazily=lazily))
+
+
+def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
+    """The variables in the file of a cube; otherwise as :func:`open_cube`."""
     path = cube_path(path)
     try:
         cube = xr.open_dataset(path, engine="netcdf4")

@@ -11,6 +11,7 @@ import xarray as xr
 
 from knitlab.cube.condition import holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path
+from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.strain_window import with_columns
@@ -29,7 +30,7 @@ class KnitlabAccessor:
     """
 
     def __init__(self, cube: xr.Dataset) -> None:
-        self._cube = cube
+        self._cube = with_derived(cube)
 
     def select(self, **selections: Any) -> xr.Dataset:
         """The cube at selected values of its coordinates; all dimensions are kept.

@@ -29,8 +29,9 @@ class Variable:
 
     ``of`` says which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
     patches, with sensitivities, electrodes, unloading, siblings or contact, experiments, candidates
-    of a design. Variables of a ``design``, of its ``stripes`` or of ``cloth`` are in the cube only:
-    case files state the first two among their parameters, and the last follow from its gauge.
+    of a design; ``derived`` ones are in no file. Those of a ``design``, of its ``stripes`` or of
+    ``cloth`` are in the cube only: case files state the first two among their parameters, and the
+    last follow from its gauge.
     """
 
     dims: tuple[str, ...]
@@ -262,7 +263,13 @@ _TABLE = {
     "reaction_force_error": "curve, laboratory: standard error of the reaction force [N];"
     f" {_SCATTER}",
     "force_per_width": "curve, laboratory: reaction force per width [N/mm]; of the relaxed sample"
-    " between the clamps",
+    " between the clamps, in millimetres of cloth",
+    "tangent_stiffness": "curve, derived: tangent stiffness per width [N/mm]; derivative of"
+    " force_per_width with respect to the applied strain",
+    "stretch_energy": "curve, derived: energy to stretch, per area [N/mm]; integral of"
+    " force_per_width over the applied strain, in mJ per mm² of relaxed cloth",
+    "intersections_at_min": "number, derived: pairs of grid cells that pass through each other at"
+    " the lowest Poisson's ratio; where there are any, that ratio is not one of a real fabric",
     "markers_lost": "curve, laboratory: markers lost; corners of unit cells that are not seen",
     "cells_lost": "curve, laboratory: unit cells lost; cells with a corner that is not seen; no"
     " mean includes them",
@@ -300,6 +307,7 @@ _TABLE = {
 VARIABLES = {name: _in_table(name, text) for name, text in _TABLE.items()}
 INTEGERS = (
     *("iterations", "factorisations", "hinges_past_pi", "self_intersections"),
+    "intersections_at_min",
     *("siblings", "relaxed_branches", "periods", "unit_cells_y", "unit_cells_x"),
     *("capacitor_status", "markers_lost", "cells_lost"),
 )

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Moving, advance, largest_step
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.loading import (
     Loading,
     all_free,
@@ -38,7 +38,7 @@ class MovingFabrics:
     shape: MeshShape
     fabrics: Sequence[Fabric]
     inertias: Sequence[Inertia]
-    settings: DynamicsSettings
+    settings: Dynamics
 
     def bodies(self, clamped: bool) -> list[Body]:
         """The fabrics as bodies, free or with what a tensile test holds held."""

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.fabric.energy import Energy
 
 FIRST_ITERATIONS = 40
@@ -287,9 +287,7 @@ class Moving:
         return cls(body, motion, seen, mode, none, none.astype(int), none, energy, no, no)
 
 
-def advance(
-    moving: Moving, until: OfCases, settings: DynamicsSettings, to_rest: bool = False
-) -> Moving:
+def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = False) -> Moving:
     """Move a batch until given times [ms], or until each is at rest by ``rest_force``."""
     rest = settings.rest_force if to_rest else -1.0
     moving = replace(moving, resting=np.zeros_like(moving.diverged))
@@ -345,7 +343,7 @@ def _by_leapfrog(
     return _with_peaks(moved), fraction
 
 
-def _by_runge_kutta(moving: Moving, left: OfCases, settings: DynamicsSettings) -> Moving:
+def _by_runge_kutta(moving: Moving, left: OfCases, settings: Dynamics) -> Moving:
     tolerances = settings.relative_tolerance, settings.absolute_tolerance
     # Every millisecond the fabric is looked at, whether it is at rest.
     taken = np.minimum(left, 1.0)

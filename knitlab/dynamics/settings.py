@@ -12,7 +12,7 @@ Ending = Literal["rest", "time", "steps"]
 
 
 @dataclass(frozen=True)
-class DynamicsSettings:
+class Dynamics:
     """Settings of damped motion in time (paper, Secs. "3D model" and "Relaxation of a pattern").
 
     Attributes:

@@ -1,6 +1,6 @@
 """Equilibria of a fabric: relaxed off the needles, then pulled step by step, quasi-statically.
 
-In: a ``System`` (a fabric's energy, forces and factorised stiffness), ``SolverSettings`` and a
+In: a ``System`` (a fabric's energy, forces and factorised stiffness), ``Solver`` and a
 start. Out: states with residual, status and number of iterations; for a test, one a strain.
 
 Read ``tensile_test.py`` (``relax``, ``stretch``), then ``equilibrium.py``

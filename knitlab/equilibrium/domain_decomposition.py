@@ -11,7 +11,7 @@ from jaxtyping import Bool
 
 from knitlab.equilibrium.search import Search, SearchRules, minimise
 from knitlab.equilibrium.second_process import SecondProcess
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.subdomains import Subdomain, couplings, independent_groups, subdomains_of
@@ -46,7 +46,7 @@ class SubdomainSolver:
         system: System,
         at: Point,
         free: FreeStiffness,
-        settings: SolverSettings,
+        settings: Solver,
         force_part: float = 0.01,
     ) -> tuple[Point, float]:
         """Solve the subdomains to low accuracy, those with the largest forces first.
@@ -109,9 +109,7 @@ class SubdomainSolver:
         return processes
 
 
-def solve_subdomain(
-    system: System, free: FreeStiffness, start: Point, settings: SolverSettings
-) -> State:
+def solve_subdomain(system: System, free: FreeStiffness, start: Point, settings: Solver) -> State:
     """The equilibrium of a subdomain with its boundary held."""
     search = Search(system, start, SearchRules(free, settings, convexified=False))
     return search.state(minimise(search))

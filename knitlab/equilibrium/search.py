@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg.blas import daxpy
 
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.system import System
@@ -54,7 +54,7 @@ class SearchRules:
     """Rules of a search."""
 
     free: FreeStiffness
-    settings: SolverSettings
+    settings: Solver
     floor: float = -np.inf  # stop below it: the state sought has more energy [N mm]
     convexified: bool = True  # rather than raise μ
     contact: "Barrier | None" = None

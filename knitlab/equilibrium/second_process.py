@@ -18,7 +18,7 @@ from typing import IO
 import numpy as np
 from jaxtyping import Int
 
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import State
 from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Fabric
@@ -46,7 +46,7 @@ class SecondProcess:
         weakref.finalize(self, _end, process, self._requests, self._replies)
 
     def solve(
-        self, number: int, subdomain: SentSubdomain, start: Point, settings: SolverSettings
+        self, number: int, subdomain: SentSubdomain, start: Point, settings: Solver
     ) -> State | None:
         """Equilibrium of a subdomain, known to the process by its number; ``None`` if it died."""
         try:

@@ -11,7 +11,7 @@ Start = Literal["dynamics", "flat", "periodic"]
 
 
 @dataclass(frozen=True)
-class SolverSettings:
+class Solver:
     """Settings of the search for equilibria.
 
     Attributes:

@@ -11,7 +11,7 @@ import numpy as np
 from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
 from knitlab.equilibrium.loading import Loading, all_free, between_walls, rigidly_aligned, tensile
 from knitlab.equilibrium.search import Drag, SearchRules
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome, State, TensileTest
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import worth_dividing
@@ -37,7 +37,7 @@ FRACTIONS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
 def stretch(
     system: System,
     applied_strain: Sequence[float],
-    settings: SolverSettings,
+    settings: Solver,
     progress: Callable[[int], None] = lambda done: None,
     start: Configuration | None = None,
     folded: Configuration | None = None,
@@ -95,7 +95,7 @@ def stretch(
 
 def relax(
     system: System,
-    settings: SolverSettings,
+    settings: Solver,
     start: Configuration | None = None,
     contact: "Barrier | None" = None,
 ) -> State:
@@ -141,7 +141,7 @@ def relax(
 
 
 def relax_near(
-    system: System, settings: SolverSettings, start: Configuration, contact: "Barrier | None" = None
+    system: System, settings: Solver, start: Configuration, contact: "Barrier | None" = None
 ) -> State:
     """The relaxed shape next to a configuration that is nearly in equilibrium."""
     free = free_stiffness(system.shape, all_free(system.shape))
@@ -149,7 +149,7 @@ def relax_near(
     return find_equilibrium(system, Point(np.asarray(start.flattened())), rules)
 
 
-def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
+def intermediate_settings(settings: Solver, fabric: Fabric) -> Solver:
     """Settings for an intermediate state, which need not be in exact equilibrium."""
     moments = np.asarray(fabric.fold_stiffness) * np.abs(fabric.rest_fold)
     near = settings.waypoint_force * float(moments.max() / fabric.cell_sides.min())
@@ -167,7 +167,7 @@ def imperfect_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
 def starts_from_periodic(
     samples: Sequence[tuple[Network, Fabric]],
     cells: Sequence[tuple[Network, Fabric]],
-    settings: Sequence[SolverSettings],
+    settings: Sequence[Solver],
     seed: int | None = None,
     contacts: Sequence["Barrier | None"] = (),
 ) -> list[Configuration | None]:
@@ -203,12 +203,12 @@ def tiled(net: Network, fabric: Fabric, cell: Network, relaxed: Configuration) -
 class PathStep:
     """Step of strain along a path; it is extrapolated quadratically if that was ``smooth``."""
 
-    settings: SolverSettings
+    settings: Solver
     length: float
     smooth: bool = False
 
     @classmethod
-    def first(cls, settings: SolverSettings) -> "PathStep":
+    def first(cls, settings: Solver) -> "PathStep":
         """First step of a path, and the first on another branch."""
         return cls(settings, settings.path_step)
 
@@ -248,7 +248,7 @@ class _Path:
     system: System
     loading: Loading
     last: list[tuple[float, State]]
-    settings: SolverSettings
+    settings: Solver
     contact: "Barrier | None" = None
 
     def __post_init__(self) -> None:
@@ -317,9 +317,7 @@ class _Path:
         elastic = self.system.evaluate(Point(state.unknowns))
         return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))
 
-    def _found(
-        self, start: Point, settings: SolverSettings, floor: float, convexified: bool
-    ) -> State:
+    def _found(self, start: Point, settings: Solver, floor: float, convexified: bool) -> State:
         rules = SearchRules(self.free, settings, floor, convexified, self.contact)
         return find_equilibrium(self.system, start, rules)
 

@@ -20,8 +20,6 @@ EXPANDED = ("stripe_parameter",)  # dimensions along which a variable becomes on
 DIGITS = 6  # significant digits of the numbers on the page
 NEGLIGIBLE = 1e-7  # fraction of the largest value, below which one is zero but for round-off
 BAND = ("low", "high", "error")  # endings of the variables that give the band of another
-MEASURED = "It was measured, so that there is no shape."
-NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
 WHY_NOT = {
     StoredCase.nothing: "Its case file is not beside the cube, so that there is no shape.",
     StoredCase.damaged: "Its case file is damaged, so that there is no shape.",
@@ -30,8 +28,7 @@ WHY_NOT = {
 
 def cube_content(cube: xr.Dataset) -> dict[str, Any]:
     """What the page holds of a cube, with what is in the results folder that it was opened from."""
-    source = cube.encoding.get("source")
-    folder = Path(source).parent if source else None
+    folder = Path(source).parent if (source := cube.encoding.get("source")) else None
     indices = list(map(tuple, np.argwhere(cube["status"].values != Status.excluded).tolist()))
     failures = earlier_failures(folder) if folder else {}
     designs = []
@@ -75,11 +72,11 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
 
 def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | str:
     if is_measured(cube):
-        return MEASURED
+        return "It was measured, so that there is no shape."
     if folder is None:
-        return NOT_FROM_FILE
+        return "The cube was not opened from a file, so that there is no shape."
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
-    return WHY_NOT[stored] if stored in WHY_NOT else read_case(folder, case_id)
+    return WHY_NOT.get(stored) or read_case(folder, case_id)
 
 
 def variables_of(cube: xr.Dataset, indices: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:

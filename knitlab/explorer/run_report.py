@@ -44,11 +44,9 @@ def run_of(
             ["computing time", _computing_time([design["seconds"] for design in designs])],
             *_planned(folder),
         ],
-        "settings": [[name, value] for name, value in _flat(parameters_of(cube))],
+        "settings": list(map(list, _flat(parameters_of(cube)))),
         "provenance": [
-            [label, str(cube.attrs[name])]
-            for name, label in PROVENANCE.items()
-            if name in cube.attrs
+            [PROVENANCE[name], str(cube.attrs[name])] for name in PROVENANCE if name in cube.attrs
         ],
     }
 

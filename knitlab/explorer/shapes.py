@@ -89,9 +89,9 @@ def _window(case: "Case") -> Window:
     if case.options.boundary == "periodic" or (height + 1) * (width + 1) <= MOST_NODES:
         return Window((0, height), (0, width))
     # A unit cell of a graded fabric may be as large as the sample.
-    shown = (MOST_NODES / (height * width)) ** 0.5
-    rows, shown_y = _central(sample.row_borders, along_y, shown)
-    columns, shown_x = _central(sample.column_borders, along_x, shown)
+    fraction = (MOST_NODES / (height * width)) ** 0.5
+    rows, shown_y = _central(sample.row_borders, along_y, fraction)
+    columns, shown_x = _central(sample.column_borders, along_x, fraction)
     note = f"central {shown_y} × {shown_x} of {along_y} × {along_x} unit cells (warp × weft)"
     return Window(rows, columns, note)
 
@@ -119,9 +119,9 @@ def _electrodes(case: "Case", window: Window) -> dict[str, Any] | None:
     """What both electrodes run along, and their strips [left, right, bottom, top] in a window."""
     if case.capacitor is None:
         return None
-    electrodes, x, y = case.electrodes, window.columns[0], window.rows[0]
+    x, y = window.columns[0], window.rows[0]
     strips = [
         [[one.left - x, one.right - x, one.bottom - y, one.top - y] for one in of_electrode]
-        for of_electrode in electrodes.strips
+        for of_electrode in case.electrodes.strips
     ]
-    return {"along": electrodes.along, "strips": strips}
+    return {"along": case.electrodes.along, "strips": strips}

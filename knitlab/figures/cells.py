@@ -28,13 +28,13 @@ NAMES = {
     Status.failed: "failed",
 }
 EMPTY = "no cell: no such design in this cube"
+# With spaces where no line may end.
 PERIODS_LABEL = (
     "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
 )
-"""With spaces where no line may end."""
 MOST_NAMED = 16  # largest number of columns or rows that have a tick each
+# Frame of a measured cell.
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
-"""Frame of a measured cell."""
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 
@@ -49,13 +49,10 @@ def draw_map(
 ) -> tuple[set[Status], bool]:
     """Draw a map of cells over n_stripe and P, with its colour bar.
 
-    P stands for n_subunit: every n_stripe has designs at the same few P, but at values of n_subunit
-    of its own. A measured design has a dashed frame; where it is simulated too, the measurement is
-    the strip at the bottom of its cell. Returned are the statuses that are marked, and whether
-    there are places without a cell.
-
-    Raises:
-        BadInput: if there are several experiments on one design.
+    Every n_stripe has designs at the same few P, but at different n_subunit. A measured design has
+    a dashed frame; if it is simulated too, the measurement is the strip at the bottom of its cell.
+    Returned are the statuses that are marked, and whether there are gaps between the cells. Several
+    experiments on one design are refused.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = ValueColours.of(np.concatenate([np.empty(0), *values]), signed)
@@ -94,7 +91,7 @@ def draw_map(
                 corner = column - 0.5 + inset, bottom + inset
                 size = 1 - 2 * inset, top - bottom - 2 * inset
                 axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
-    name_places(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
+    name_columns_and_rows(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
     axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
     colours.bar(figure, axes, pad=0.01, label=label)
     return marked, len(cells) < len(stripes) * len(periods)
@@ -134,11 +131,10 @@ def value_cell(
     colour: Colour,
     text: str,
     span: tuple[float, float] | None = None,
-    large: bool = True,
     **letters: Any,
 ) -> None:
-    """Draw a cell in the colour of its value, with a text; many small cells have no borders."""
-    edge = {"edgecolor": "white"} if large else {"edgecolor": colour, "linewidth": 0.2}
+    """Draw a cell in the colour of its value, with a text; one without text is small."""
+    edge = {"edgecolor": "white"} if text else {"edgecolor": colour, "linewidth": 0.2}
     cell(axes, row, column, span, facecolor=colour, **edge)
     middle = row if span is None else sum(span) / 2
     if text:
@@ -152,7 +148,7 @@ def remove_frame(axes: Axes) -> None:
     axes.spines[:].set_visible(False)
 
 
-def name_places(axes: Axes, columns: Sequence[str], rows: Sequence[str]) -> None:
+def name_columns_and_rows(axes: Axes, columns: Sequence[str], rows: Sequence[str]) -> None:
     """Fit the axes to a map of cells, and name as many of its columns and rows as have room."""
     for axis, names in ((axes.xaxis, columns), (axes.yaxis, rows)):
         named = slice(None, None, 1 + (len(names) - 1) // MOST_NAMED)
@@ -168,10 +164,7 @@ def marks_legend(
     notes: Sequence[str] = (),
     cubes: Sequence[xr.Dataset] = (),
 ) -> None:
-    """Add a legend of the statuses marked, of notes, and of the frames of measured cubes.
-
-    ``no_value`` says why a design that is ok may have no value.
-    """
+    """Add a legend of marked statuses (``no_value``: of a design that is ok), notes and frames."""
     names = NAMES | {Status.ok: no_value}
     handles: list[Artist] = []
     if sources := dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube)):

@@ -18,8 +18,7 @@ from knitlab.validation.margin import GOOD, NEAR, Grade, signed
 from knitlab.validation.samples import JudgedSamples
 
 SUFFIX = ".md"
-Key = tuple[str, tuple[Path, ...]]
-"""Kind of figure and cubes, which identify the figure of a claim."""
+Key = tuple[str, tuple[Path, ...]]  # kind of figure and cubes, which identify the figure of a claim
 EXPLAINED = (
     "A margin says how far a claim is from its threshold: it holds at 0 and above, and fails below."
     f" The scale is the threshold itself, or the spread of what is compared: {-NEAR:+g} misses a"
@@ -46,12 +45,8 @@ def introduction(judgements: Sequence[Judgement]) -> dict[str, list[tuple[str, s
     """Which claims a user may rely on: pairs of an assessment and its claims, topic by topic."""
     topics: dict[str, list[tuple[str, str]]] = {}
     for topic, (group, opening) in product(TOPICS, OPENINGS.items()):
-        claims = [
-            _quoted(one)
-            for one in judgements
-            if one.claim.topic == topic and reliance(one) == group
-        ]
-        if claims:
+        of_topic = (one for one in judgements if one.claim.topic == topic)
+        if claims := [_quoted(one) for one in of_topic if reliance(one) == group]:
             topics.setdefault(topic, []).append((opening, "; ".join(claims) + "."))
     return topics
 
@@ -61,10 +56,8 @@ def reliance(one: Judgement) -> str:
     result = one.result
     if result.margin is None:
         return "not measured"
-    if result.grade is not Grade.holds:
-        return "near" if result.grade is Grade.near_miss else "gross"
     if result.margin < GOOD:
-        return "narrow"
+        return {Grade.holds: "narrow", Grade.near_miss: "near"}.get(result.grade, "gross")
     return "reserved" if one.contrary or result.judged < result.wanted else "good"
 
 
@@ -75,8 +68,8 @@ def _quoted(one: Judgement) -> str:
         result.count if result.judged < result.wanted else "",
         f"but it {contrary(one.contrary, cube_name)}" if one.contrary else "",
     ]
-    shown = ", ".join(filter(None, notes))
-    return f"“{one.claim.quoted}”" + (f" ({shown})" if shown else "")
+    noted = ", ".join(filter(None, notes))
+    return f"“{one.claim.quoted}”" + (f" ({noted})" if noted else "")
 
 
 def cube_name(path: Path) -> str:
@@ -116,11 +109,7 @@ def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, s
 
 
 def check_suffix(page: Path) -> None:
-    """Refuse a page that is not Markdown.
-
-    Raises:
-        BadInput: if its suffix is another one.
-    """
+    """Check that a page is Markdown by its suffix; else BadInput."""
     if page.suffix.lower() != SUFFIX:
         raise fault(f"output {page}", f"is not a page of Markdown; give it the suffix {SUFFIX}")
 
@@ -131,9 +120,6 @@ def write_page(
     """Write the claims as a page of Markdown, with its figures in a folder beside it.
 
     Returned are the files, and why some figures could not be drawn.
-
-    Raises:
-        BadInput: if the suffix is not that of Markdown.
     """
     check_suffix(page)
     folder = page.with_suffix("")
@@ -159,13 +145,10 @@ def _blocks(judgements: Sequence[Judgement], links: Mapping[Key, str]) -> list[s
     for topic, sentences in introduction(judgements).items():
         items = [f"- **{opening}:** {quoted}" for opening, quoted in sentences]
         blocks += [f"### {topic.capitalize()}", "\n".join(items)]
+    figures = {key: f"[{key[0]}]({link})" for key, link in links.items()}
     for grade, heading in HEADINGS.items():
-        rows = []
-        for one in judgements:
-            if one.result.grade is grade:
-                link = links.get(_key(one))
-                rows.append(_row(one, letters, f"[{one.claim.figure}]({link})" if link else ""))
-        if rows:
+        graded = (one for one in judgements if one.result.grade is grade)
+        if rows := [_row(one, letters, figures.get(_key(one), "")) for one in graded]:
             blocks += [f"## {heading}", _table(rows)]
     if letters:
         items = [f"- {letter}: {text}" for text, letter in letters.items()]
@@ -188,8 +171,7 @@ def _draw_figures(
     judgements: Sequence[Judgement], folder: Path, selections: Mapping[str, Any]
 ) -> tuple[dict[Key, Path], list[Fault]]:
     """Draw the figures of claims that were measured, or say why some cannot be drawn."""
-    files: dict[Key, Path] = {}
-    faults: list[Fault] = []
+    files, faults = dict[Key, Path](), list[Fault]()
     keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
     for kind, cubes in dict.fromkeys(keys):
         label = cube_name(cubes[0]).replace("/", "-")

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from knitlab.cube import cube_file
 from knitlab.cube.case_file import case_path, read_case
 from knitlab.cube.cube_file import base_dims, is_measured, swept_dims
+from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
@@ -40,10 +41,7 @@ def draw_figure(
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
     A figure of a single case shows the most auxetic design of the selection that has its case file
-    beside the cube. Options say what a kind shows, such as ``{"of": "reaction_force"}``.
-
-    Raises:
-        BadInput: if a cube, a selection or the suffix is at fault.
+    beside the cube. BadInput if a cube, a selection, an option or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
@@ -59,11 +57,9 @@ def draw_figure(
 def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
-    A cube with dimensions of swept settings gives a figure for each of their values. Figures that
-    are up to date are kept. Returned are the files, and why some figures could not be drawn.
+    Figures that are up to date are kept. Returned are the files, and why some could not be drawn.
     """
-    files: list[Path] = []
-    faults: list[Fault] = []
+    files, faults = list[Path](), list[Fault]()
     cube = cube_file.open_cube(folder)
     requested = requested_figures(names, cube, folder)
     slices = {tuple(each.selections.items()) for each in requested if each.kind not in COMPARING}
@@ -99,6 +95,7 @@ def draw(
     Node positions are those of a case, or of case files beside the file that a cube was read from.
     """
     kind = FIGURES[name]
+    cubes = [with_derived(cube) for cube in cubes]
     if not cubes:
         raise fault(name, "shows a cube; give one")
     if len(cubes) > 1 and not kind.several:

@@ -20,13 +20,11 @@ from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.sweep.figure_names import COMPARING
 
 if TYPE_CHECKING:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
 MARK = "knitlab-drawn-of:"  # prefix of the fingerprint that is stored in the file of every figure
 RUN_SUFFIXES = (".pdf", ".png")  # formats of the figures of a run
-PALETTE = 256
-"""Colours of a PNG: with a palette it is a third as large, and no difference can be seen."""
+PALETTE = 256  # colours of a PNG, which is a third as large, and no difference can be seen
 
 
 @dataclass(frozen=True)
@@ -67,11 +65,7 @@ def fingerprint_of_figure(
     selections: Mapping[str, Any],
     options: Mapping[str, str] = {},
 ) -> str:
-    """Fingerprint of all that a figure depends on: cubes, their slice, code and matplotlib's.
-
-    Raises:
-        OSError: if a cube cannot be read.
-    """
+    """Fingerprint of all that a figure depends on: cubes, their slice, code and matplotlib's."""
     chosen = [f"{name}:{value}" for name, value in options.items()]
     parts = [kind, *as_given(selections), *chosen, package_fingerprint(), version("matplotlib")]
     parts += [file_digest(cube_path(path)) for path in cube_paths]
@@ -84,17 +78,30 @@ def is_drawn(output: Path, fingerprint: str) -> bool:
 
 
 def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
-    """Write a figure in the format of its suffix, with the fingerprint of its sources."""
+    """Write a figure in the format of its suffix, with the fingerprint of its sources.
+
+    A PNG has at most :data:`PALETTE` colours.
+    """
+    import matplotlib as mpl
+    import numpy as np
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
     mark, suffix = f"{MARK}{fingerprint}", output.suffix.lower()
-    canvas = FigureCanvasAgg(figure)
+    canvas, dpi, note = FigureCanvasAgg(figure), mpl.rcParams["savefig.dpi"], PngInfo()
     with atomic_write(output) as temporary:
-        if suffix == ".png":
-            _write_png(canvas, temporary, mark)
-        else:
+        if suffix != ".png":
             key = "Keywords" if suffix == ".pdf" else "Description"
             figure.savefig(temporary, metadata={key: mark})
+            return
+        # Not by savefig, which would compress the image only to be read again.
+        figure.set_dpi(dpi)
+        canvas.draw()
+        note.add_text("Description", mark)
+        image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        image = image.quantize(PALETTE, dither=Image.Dither.NONE)
+        image.save(temporary, format="PNG", optimize=True, dpi=(dpi, dpi), pnginfo=note)
 
 
 def draw_into(draw: Callable[[], "Figure"], *outputs: Path) -> None:
@@ -105,21 +112,3 @@ def draw_into(draw: Callable[[], "Figure"], *outputs: Path) -> None:
         figure = draw()
         for output in outputs:
             save(figure, output)
-
-
-def _write_png(canvas: "FigureCanvasAgg", output: Path, mark: str) -> None:
-    """Write a figure as a PNG of at most :data:`PALETTE` colours."""
-    import matplotlib as mpl
-    import numpy as np
-    from PIL import Image
-    from PIL.PngImagePlugin import PngInfo
-
-    dpi = mpl.rcParams["savefig.dpi"]
-    # Not by savefig, which would compress the image only to be read again.
-    canvas.figure.set_dpi(dpi)
-    canvas.draw()
-    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    note = PngInfo()
-    note.add_text("Description", mark)
-    reduced = image.quantize(PALETTE, dither=Image.Dither.NONE)
-    reduced.save(output, format="PNG", optimize=True, dpi=(dpi, dpi), pnginfo=note)

@@ -13,34 +13,24 @@ from knitlab.cube.schema import DESIGN_DIMS
 class FigureKind:
     """One kind of figure.
 
-    Attributes:
-        draw: draws it from a cube, or from a case if ``needs`` names a variable, or from several
-            cases if ``designs`` lists some. The first paragraph of its docstring describes the
-            figure in the reference and in :mod:`knitlab.plot`.
-        dims: design dimensions of the cubes that it can show; ``None`` for any.
-        needs: variable that the case it shows must have.
-        coordinates: further coordinates that it can be sliced along.
-        designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
-            missing are left out, and if all are, other designs are shown instead.
-        options: names of keyword arguments that select what ``draw`` shows.
-        several: whether it takes several cubes: any, or experiments beside one simulation.
+    ``draw`` takes a cube, or a case if ``needs`` names a variable, or several cases if ``designs``
+    lists some. The first paragraph of its docstring describes the figure in :mod:`knitlab.plot`.
     """
 
     draw: Callable[..., Figure]
-    dims: tuple[str, ...] | None = DESIGN_DIMS
-    needs: str | None = None
-    designs: tuple[tuple[int, int], ...] = ()
-    coordinates: tuple[str, ...] = ()
-    options: tuple[str, ...] = ()
-    several: Literal["any", "experiments"] | None = None
+    dims: tuple[str, ...] | None = DESIGN_DIMS  # of the cubes that it can show; None for any
+    needs: str | None = None  # variable that the case must have
+    designs: tuple[tuple[int, int], ...] = ()  # shown side by side; if all are missing, others
+    coordinates: tuple[str, ...] = ()  # further ones that it can be sliced along
+    options: tuple[str, ...] = ()  # keyword arguments that select what it shows
+    several: Literal["any", "experiments"] | None = None  # cubes: any, or beside one simulation
 
     @property
     def takes(self) -> str:
         """What it takes, for the documentation."""
-        if self.several == "any":
-            return "any number of cubes"
-        if self.several == "experiments":
-            return "one simulated cube or test, and any experiments"
+        if self.several:
+            experiments = "one simulated cube or test, and any experiments"
+            return "any number of cubes" if self.several == "any" else experiments
         if self.designs:
             return "a cube with its case files"
         return "a test, or a cube with its case files" if self.needs else "a cube or a test"

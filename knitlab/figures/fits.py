@@ -1,4 +1,4 @@
-"""Fits of the stripes: to the tension curve of a stripe, and to a test of a whole fabric."""
+"""Fits of the stripes: to the tension curve of a stripe, and to a test of a fabric."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,18 +25,20 @@ def calibration_figure(
     figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     strain = fitted.strain
-    above.plot(strain, fitted.force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
+    label = "measured" if fitted.repeats == 1 else f"mean of {fitted.repeats} repeats"
+    above.plot(strain, fitted.force, "o", ms=2.5, mfc="none", color="0.3", label=label)
     if linear is not None:
         label = "with linear springs"
         above.plot(strain, linear.fitted_force, color=LINEAR, ls="--", label=label)
         below.plot(strain, 1000 * linear.residuals, "x", ms=2.5, color=LINEAR)
     above.plot(strain, fitted.fitted_force, color=FITTED, label="zigzag, fitted")
-    above.set(ylabel="force for one row [N]")
+    load = "force over width [N/mm]" if fitted.per_width else "force on one row [N]"
+    above.set(ylabel=load)
     above.set_title(title, fontsize=7)
     above.legend()
     below.axhline(0, color="0.7", lw=0.6)
     below.plot(strain, 1000 * fitted.residuals, ".", ms=3, color=FITTED)
-    below.set(xlabel="applied strain [1]", ylabel="residual [mN]")
+    below.set(xlabel="applied strain [1]", ylabel=f"residual [m{fitted.force_unit}]")
     figure.align_ylabels([above, below])
     return figure
 

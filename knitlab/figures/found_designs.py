@@ -16,8 +16,7 @@ WANTED = CATEGORY_COLOURS[2]
 OWN, OTHERS, FRONT = CATEGORY_COLOURS[0], "0.7", CATEGORY_COLOURS[1]
 RANGE = "range over slightly different fabrics"
 NAMED_BY = ("n_stripe", "n_subunit", "pattern")
-COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)
-"""Colours of the designs; none is that of what is wanted."""
+COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of the designs
 
 
 def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:
@@ -80,10 +79,8 @@ def _draw_bars(panel: Axes, reached: Reached, names: list[str], banded: bool) ->
 
 def _label(target: Target) -> str:
     variable = VARIABLES.get(target.name)
-    if variable is None:
-        return f"{target.label}\n[1]"
-    name = variable.long_name if target.reduction is None else target.label
-    return f"{name}\n[{variable.units}]"
+    name = variable.long_name if variable and target.reduction is None else target.label
+    return f"{name}\n[{variable.units if variable else 1}]"
 
 
 def _name(found: Found, number: int) -> str:
@@ -98,8 +95,8 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
     shade: Look = {"color": WANTED, "alpha": 0.15, "lw": 0}
     if target.curve is None and target.low != target.high:
         ends = [end for end in (target.low, target.high) if np.isfinite(end)]
-        below, above = panel.get_ylim()
-        below, above = min([below, *ends]), max([above, *ends])
+        limits = [*panel.get_ylim(), *ends]
+        below, above = min(limits), max(limits)
         panel.set_ylim(below, above)
         panel.axhspan(max(target.low, below), min(target.high, above), label="wanted", **shade)
         return
@@ -121,7 +118,7 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
 def pareto_figure(
     distances: Float[np.ndarray, "trial 2"], labels: tuple[str, str], candidates: pd.Series
 ) -> Figure:
-    """Trials by their distances from two targets, over the tolerances of these, and the front.
+    """Trials by their distances from two targets, over their tolerances, and the Pareto front.
 
     ``candidates`` has the number of the candidate whose search each trial belongs to.
     """
@@ -139,15 +136,14 @@ def pareto_figure(
         # Trials far from the front would hide its shape.
         room = 0.3 * max(float(np.ptp(on_front)), 1.0)
         limits = max(float(on_front.min()) - room, -0.1), float(on_front.max()) + room
-        axes.set(**{f"{axis}lim": limits, f"{axis}label": f"off by, in tolerances:\n{label}"})
-    for each in (axes.xaxis, axes.yaxis):
-        each.label.set_fontsize("small")
+        axes.set(**{f"{axis}lim": limits})
+        getattr(axes, f"set_{axis}label")(f"off by, in tolerances:\n{label}", fontsize="small")
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
 def non_dominated(losses: Float[np.ndarray, "point loss"]) -> Bool[np.ndarray, " point"]:
     """Whether no other point dominates a point: no larger in any loss, and smaller in one."""
-    own, other = losses[:, None], losses[None]
-    dominated = np.all(other <= own, axis=2) & np.any(other < own, axis=2)
+    point, other = losses[:, None], losses[None]
+    dominated = np.all(other <= point, axis=2) & np.any(other < point, axis=2)
     return np.logical_not(dominated.any(axis=1))

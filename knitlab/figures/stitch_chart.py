@@ -27,11 +27,8 @@ NARROWEST_MARKED = 0.045  # width of a stitch from which on purls have a mark of
 MOST_DRAWN = (256, 128)  # courses and wales up to which more than one repeat is drawn
 WORD = 0.6  # width of a patch from which on its knit is named by a word, else by its letter [in]
 MARGIN = 0.7  # room for the numbers of an axis [in]
-REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}
-"""Line around the repeat, or the whole sample."""
-
-A4 = 210 / 25.4, 297 / 25.4
-"""Width and height of the specification sheet [in]."""
+REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}  # around the repeat, or the sample
+A4 = 210 / 25.4, 297 / 25.4  # width and height of the specification sheet [in]
 NOTE = """Sizes are of cloth, by the gauge;
 times by the speeds in machine.toml.
 Both are estimates."""
@@ -109,16 +106,15 @@ def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
         face = chart.plated_face[electrode - 1]
         label = f"electrode {electrode_name(electrode)}, outlined: conductor on the {face}"
         colours[f"{label}; darker: purl"] = ELECTRODES[electrode][0]
-    part = "edge of the sample" if chart.is_whole_sample else "repeat"
+    outline = "edge of the sample" if chart.is_whole_sample else "repeat"
     return [
         *(Patch(fc=colour, ec="0.3", lw=0.5, label=label) for label, colour in colours.items()),
         Line2D([], [], color="black", linewidth=1.0, label="border of a patch"),
-        Line2D([], [], color="black", label=part, **REPEAT),
+        Line2D([], [], color="black", label=outline, **REPEAT),
     ]
 
 
-Extent = tuple[int, int, int, int]
-"""First and last wale and course that are drawn, as borders between stitches."""
+Extent = tuple[int, int, int, int]  # first and last wale and course drawn, as borders of stitches
 
 
 def _draw_stitches(axes: Axes, front: np.ndarray, extent: Extent, stitch: float) -> None:
@@ -133,15 +129,14 @@ def _draw_stitches(axes: Axes, front: np.ndarray, extent: Extent, stitch: float)
 
 def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float) -> None:
     left, right, low, high = extent
-    ys = [y for y in chart.row_borders.tolist() if low <= y <= high]
-    xs = [x for x in chart.column_borders.tolist() if left <= x <= right]
+    rows, columns = chart.row_borders.tolist(), chart.column_borders.tolist()
+    ys = [y for y in rows if low <= y <= high]
+    xs = [x for x in columns if left <= x <= right]
     axes.hlines(ys, left, right, colors="black", lw=1.0)
     axes.vlines(xs, low, high, colors="black", lw=1.0)
     for y, above in pairwise(ys):
         for x, beside in pairwise(xs):
-            row = int(np.searchsorted(chart.row_borders, y, side="right")) - 1
-            column = int(np.searchsorted(chart.column_borders, x, side="right")) - 1
-            knit = str(chart.knit[row, column])
+            knit = str(chart.knit[rows.index(y), columns.index(x)])
             name = knit if (beside - x) * stitch > WORD else knit[0].upper()
             box: Look = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
             axes.text((x + beside) / 2, (y + above) / 2, name, ha="center", va="center", bbox=box)
@@ -166,14 +161,14 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent:
 def _draw_repeat(axes: Axes, chart: StitchChart, extent: Extent) -> None:
     left, right, low, high = extent
     height, width = chart.repeat
-    part = "whole sample" if chart.is_whole_sample else "repeat"
+    named = "whole sample" if chart.is_whole_sample else "repeat"
     outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
     axes.add_patch(outline)
     beside: Look = {"textcoords": "offset points", "annotation_clip": False}
     above: Look = {"xytext": (0, 4), "ha": "center", "va": "bottom"} | beside
     beside |= {"xytext": (4, 0), "ha": "left", "va": "center", "rotation": 90}
-    axes.annotate(f"{part}: {width} wales", (left + width / 2, high), **above)
-    axes.annotate(f"{part}: {height} courses", (right, low + height / 2), **beside)
+    axes.annotate(f"{named}: {width} wales", (left + width / 2, high), **above)
+    axes.annotate(f"{named}: {height} courses", (right, low + height / 2), **beside)
 
 
 def specification_sheet(specification: "Specification") -> Figure:

@@ -1,4 +1,4 @@
-"""The look of every figure: print sizes, legible type, and colours that colour-blind people tell.
+"""The look of every figure: print sizes, legible type, and colours for every kind of colour vision.
 
 Colours of values are about zero if some are negative, and by decades if they span several.
 """
@@ -24,15 +24,12 @@ MARKERS = "osD^vP*X"  # markers of things without an order
 MINUS = "\u2212"
 
 DOTS_PER_INCH = 320  # resolution of PNG files, and of what vector files hold as a picture
+# Ratio of the largest of positive values to their median above which colours follow decades. To the
+# smallest it would depend on a single value, such as a force of 1e-10 N at zero strain.
 DECADES = 30.0
-"""Ratio of the largest of positive values to their median above which colours follow decades.
-
-To the smallest it would depend on a single value, such as a force of 1e-10 N at zero strain.
-"""
 
 Colour = tuple[float, float, float, float]
-Look = dict[str, Any]
-"""Keyword arguments of an artist of matplotlib."""
+Look = dict[str, Any]  # keyword arguments of an artist of matplotlib
 
 
 def number(value: float, form: str = ".2f") -> str:

@@ -29,10 +29,6 @@ from knitlab.sweep.plan import Plan, batched
 from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
 
-DISTANCES = ("distance", "distance_worst")
-"""Variables of the cube: distance of a candidate, and the worst within its spread."""
-OF_TRIAL = ("converged", "snapped", "distance", "violation")
-
 
 class Candidate(NamedTuple):
     """The best trial of a search: its number, labels, values of variables, case and gauge."""
@@ -79,7 +75,7 @@ def candidates_plan(
         overrides={},
         inputs={},
         stripes=text_fingerprint(request.text),
-        gauge=space.plan(space.designs[0], {}).gauge,
+        gauge=space.case(space.designs[0])[1],
     )
 
 
@@ -114,12 +110,12 @@ def completed(
 def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     """The candidates that meet the constraints, then the others; by their worst distance."""
     targets, constraints = request.targets, request.subject_to
-    found = find_designs([cube], request.wanted)
-    reached, kept = found.reached[: len(targets)], found.reached[len(targets) :]
+    nearest = find_designs([cube], request.wanted)
+    reached, kept = nearest.reached[: len(targets)], nearest.reached[len(targets) :]
     worst = distance_of(targets, [each.worst for each in reached])
-    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(found.table))
+    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(nearest.table))
     violation = np.array([violation_of(constraints, row) for row in off_by.T.tolist()])
-    table = found.table
+    table = nearest.table
     table["distance"] = distance_of(targets, [each.off_by for each in reached])
     column = list(table.columns).index("distance") + 1
     if constraints:
@@ -128,15 +124,15 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     order = np.lexsort((worst, violation))
     return Found(
         table.iloc[order].reset_index(drop=True),
-        tuple(each.in_order(order) for each in found.reached),
-        found.passed_over,
+        tuple(each.in_order(order) for each in nearest.reached),
+        nearest.passed_over,
     )
 
 
 def with_distances(cube: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
     """The cube with the distances of the ranked candidates."""
     dims = cube["status"].dims
-    for name in DISTANCES:
+    for name in ("distance", "distance_worst"):
         cube[name] = (dims, np.full(cube["status"].shape, np.nan))
         for row in table.to_dict("records"):
             cube[name].loc[{dim: row[dim] for dim in dims}] = row[name]
@@ -161,9 +157,10 @@ def write_workflow(
     table["design"].pop("set", None)
     table["title"] = f"{path.stem} of the design {request.name}"
     table["figures"] = ["curves", "shape"]
-    for section, name in (("model", "stripe_files"), ("design", "pattern_files")):
-        if files := table.get(section, {}).get(name):
-            table[section][name] = [str((base.parent / file).resolve()) for file in files]
+    if files := table["design"].get("pattern_files"):
+        table["design"]["pattern_files"] = [str((base.parent / file).resolve()) for file in files]
+    if material := table.get("model", {}).get("material"):
+        table["model"]["material"] = str((base.parent / material).resolve())
     with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
     return path
@@ -173,13 +170,14 @@ def trials_table(
     request: DesignRequest, dims: Sequence[str], searches: Sequence[SearchResult]
 ) -> pd.DataFrame:
     """One row for each trial: design, values, distance, and how far it is from each target."""
+    facts = ("converged", "snapped", "distance", "violation")
     unknown = [None] * len(request.wanted)
     rows: list[dict[str, Any]] = [
         {
             "candidate": number,
             **dict(zip(dims, search.design, strict=True)),
             **trial.values,
-            **{name: getattr(trial, name) for name in OF_TRIAL},
+            **{name: getattr(trial, name) for name in facts},
             **{f"off_by_{k}": off for k, off in enumerate(trial.off_by or unknown, start=1)},
             "case_id": trial.case_id,
         }

@@ -29,10 +29,8 @@ from knitlab.sweep.settings import PATTERN
 from knitlab.sweep.workers import interrupted_by_signals
 
 REQUEST = "request.json"
-BUDGET = 60
-"""Default number of simulations of the searches."""
-PAPERS_PATTERN = "checkerboard"
-"""Pattern of a cube that names none."""
+BUDGET = 60  # default number of simulations of the searches
+PAPERS_PATTERN = "checkerboard"  # pattern of a cube that names none
 
 
 @dataclass(frozen=True)
@@ -94,20 +92,15 @@ def run_design(
 ) -> Designed:
     """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
 
-    Trials of an interrupted design in the folder are reused. Without workers, simulations run in
-    this process. The tests of the candidates with their siblings are not part of the budget.
-
-    Raises:
-        BadInput: if the request cannot be run, the folder holds another request, or a search
-            failed.
-        KeyboardInterrupt: if it is interrupted; finished simulations are kept.
+    Raises BadInput if the request cannot be run, the folder holds another, or a search failed;
+    and KeyboardInterrupt if it is interrupted; finished simulations are kept, and reused.
     """
     began, run = time.time(), RunOptions(workers=workers)
     if own and workers:
         raise fault("workers", "own measures run in this process only; give workers = 0")
     space = search_space(request)
     objective = Objective(request.targets, request.subject_to, own, space.acts_on())
-    first, _ = space.case(space.designs[0], space.start(space.designs[0]))
+    first, _ = space.case(space.designs[0])
     check_targets(request.wanted, own, first)
     if not objective.has_gradient and find_spec("cmaes") is None:
         problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"

@@ -16,12 +16,9 @@ from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
 
-OF_PLANS = ("design", "stripes", "cloth")
-"""Kinds of variables that follow from a case without simulating it."""
-INSET = 0.9
-"""Fraction of an allowance that a search uses."""
-INSIDE = 0.1
-"""Fraction of the tolerance by which a search aims inside a range, so as to end within it."""
+OF_PLANS = ("design", "stripes", "cloth")  # kinds of variables known without a simulation
+INSET = 0.9  # fraction of an allowance that a search uses
+INSIDE = 0.1  # fraction of the tolerance by which a search aims inside a range
 
 Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
@@ -55,15 +52,12 @@ def aimed(target: Target) -> Target:
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Targets and constraints of a search, which may name the user's functions of shapes.
-
-    ``acts_on`` are derivatives of the logarithm of each parameter by each variable.
-    """
+    """Targets and constraints of a search, which may name the user's functions of shapes."""
 
     targets: tuple[Target, ...]
     subject_to: tuple[Target, ...]
     own: ShapeFunctions
-    acts_on: Float[np.ndarray, "parameter variable"]
+    acts_on: Float[np.ndarray, "parameter variable"]  # of logarithms of parameters, by variables
 
     @property
     def wanted(self) -> tuple[Target, ...]:
@@ -93,23 +87,8 @@ class Objective:
         """Violation of the constraints alone."""
         return violation_of(self.subject_to, off_by[len(self.targets) :])
 
-    def residuals(self, trial: Trial) -> Residuals:
-        """Residuals whose sum of squares is the squared distance from the aims of the search."""
-        return self._stacked(trial, None)[0]
-
-    def jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`residuals` by the variables; NoDerivative as at a snap."""
-        return self._stacked(trial, self._slopes(trial))[1]
-
-    def constraints(self, trial: Trial) -> Residuals:
-        """Constraint functions, which must not be negative, over their tolerances."""
-        return self._constrained(trial, None)[0]
-
-    def constraints_jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`constraints`, as :meth:`jacobian`."""
-        return self._constrained(trial, self._slopes(trial))[1]
-
-    def _slopes(self, trial: Trial) -> dict[str, Slopes]:
+    def slopes(self, trial: Trial) -> dict[str, Slopes]:
+        """Derivatives of the variables that targets name; NoDerivative as at a snap."""
         needed = np.zeros(len(trial.strains), bool)
         for target in self.wanted:
             if target.window is not None:
@@ -117,11 +96,16 @@ class Objective:
                 needed |= (weights != 0).any(axis=1)
         # Variables without a value at zero strain take that of the next strain.
         needed[1:2] |= needed[:1]
-        return trial.slopes([*dict.fromkeys(target.name for target in self.wanted)], needed)
+        names = tuple(dict.fromkeys(target.name for target in self.wanted))
+        return trial.slopes(names, tuple(needed.tolist()))
 
-    def _stacked(
-        self, trial: Trial, slopes: dict[str, Slopes] | None
+    def residuals(
+        self, trial: Trial, slopes: dict[str, Slopes] | None = None
     ) -> tuple[Residuals, Jacobian]:
+        """Residuals, whose squares sum to the squared distance from the aims of the search.
+
+        Their derivatives by the variables follow from :meth:`slopes`, and are 0 without them.
+        """
         rows, by = [], []
         for target in map(aimed, self.targets):
             at, values, by_variables = self._read(target, trial, slopes)
@@ -131,9 +115,10 @@ class Objective:
             by.append(((departure != 0) * weights)[:, None] * by_variables)
         return np.concatenate(rows), np.concatenate(by)
 
-    def _constrained(
-        self, trial: Trial, slopes: dict[str, Slopes] | None
+    def constraints(
+        self, trial: Trial, slopes: dict[str, Slopes] | None = None
     ) -> tuple[Residuals, Jacobian]:
+        """Constraint functions over their tolerances, not negative if met, and derivatives."""
         rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
         for target in map(aimed, self.subject_to):
             at, values, by_variables = self._read(target, trial, slopes)

@@ -19,10 +19,8 @@ from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name
 from knitlab.sweep.settings import PATTERN, SETTINGS
 
-CHOICES = ("n_stripe", "n_subunit", PATTERN)
-"""What may vary as a list: designs are made of all combinations."""
-PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
-"""Parameters of stripes and gauge that variables change."""
+CHOICES = ("n_stripe", "n_subunit", PATTERN)  # vary as lists, in all combinations
+PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))  # what variables change
 VARIABLES = (*PARAMETERS, *(f"{each}_factor" for each in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)))
 """Continuous variables, given with bounds."""
 
@@ -37,11 +35,7 @@ Given = Annotated[
 
 
 class DesignFile(StrictModel):
-    """Targets for a knit, and what may be varied to meet them, as a file gives it.
-
-    Keys are the arguments of :func:`knitlab.design`; ``vary`` holds lists of :data:`CHOICES`, and
-    lowest and highest values of :data:`VARIABLES`, by name.
-    """
+    """The file of a design, by the arguments of :func:`knitlab.design`."""
 
     title: str = ""
     workflow: str = "periodic"
@@ -99,9 +93,9 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request that the keys of a :class:`DesignFile` describe; BadInput with all its faults.
+    """The request of a table; BadInput with all faults, after the prefix ``source``.
 
-    These are named with a prefix, ``source``; paths of curves are relative to a folder.
+    Paths of curves are relative to a folder.
     """
     try:
         file = DesignFile.model_validate(table)

@@ -2,17 +2,18 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import compress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import TypeAdapter
 from scipy.optimize import least_squares, minimize
 
 from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.inverse.objective import Objective, all_met
+from knitlab.inverse.objective import Jacobian, Objective, Residuals, all_met
 from knitlab.inverse.search_space import DesignLabels, Point, SearchSpace
 from knitlab.inverse.trial import Trial, run_trial
 from knitlab.io.atomic_write import atomic_write
@@ -21,37 +22,22 @@ from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import Progress
 from knitlab.sweep.workers import Task, pool_of
 
-TRIALS, SEARCHES = "trials", "searches"
-"""Folders of the case files of trials, and of the results of searches, in that of a design."""
-TOLERANCE = 1e-3
-"""Relative change of the squared distance, and of the variables, that ends a search."""
-SMALL_DISTANCE = 0.1
-"""Distance at which a search ends early."""
-FAILED_DISTANCE = 1e3
-"""Distance assigned to a trial that did not converge, for methods that need a finite one."""
-SPREAD_OF_FIRST = 0.15
-"""Standard deviation of the first trials without gradients, over the distance of the bounds."""
-PENALTY = 10.0
-"""Weight of a violated constraint relative to the distance, without gradients."""
-INSET = 1e-3
-"""Least distance of a start from the bounds, over their distance."""
-MOST_FAILED = 3
-"""Number of trials that may fail before gradients are given up."""
-UNIFORM = 12**-0.5
-"""Standard deviation of a uniform distribution between the bounds, over their distance."""
-HARDLY = 0.5
-"""Fraction of that above which a value counts as hardly determined."""
-ATTEMPTS = 3
-"""How often a search is started if its worker dies."""
+TRIALS, SEARCHES = "trials", "searches"  # folders of case files and of results
+TOLERANCE = 1e-3  # relative change of squared distance or variables that ends a search
+SMALL_DISTANCE = 0.1  # distance at which a search ends early
+FAILED_DISTANCE = 1e3  # distance assigned to a trial that did not converge
+SPREAD_OF_FIRST = 0.15  # standard deviation of first trials without gradients, in bounds 0 to 1
+PENALTY = 10.0  # weight of a violated constraint relative to the distance, without gradients
+INSET = 1e-3  # least distance of a start from the bounds, over their distance
+MOST_FAILED = 3  # number of trials that may fail before gradients are given up
+UNIFORM = 12**-0.5  # standard deviation of a uniform distribution from 0 to 1
+HARDLY = 0.5  # fraction of that above which a value counts as hardly determined
+ATTEMPTS = 3  # how often a search is started if its worker dies
 
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """The record of a trial: its point in the search space, its case, and how far off it is.
-
-    ``off_by`` are distances from each target and constraint, in the unit of the variable;
-    ``distance`` and ``violation`` are those of the :class:`.Objective`.
-    """
+    """A trial in files of results; distances are those of the :class:`.Objective`."""
 
     point: list[float]
     values: dict[str, float]
@@ -70,25 +56,17 @@ class TrialRecord:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The result of a search from one start.
-
-    Attributes:
-        best: index of the best trial; ``None`` if none converged.
-        ended: why the search ended.
-        held_by: active bounds, such as ``rib_theta_0 <= 2.5``.
-        determined_to: relative change of each variable, with the others adapting, that increases
-            the distance by one; at most that to its bounds.
-        undetermined: variables that the targets hardly determine, as others can compensate them.
-    """
+    """The result of a search from one start."""
 
     design: DesignLabels
     trials: list[TrialRecord]
-    best: int | None
-    ended: str
+    best: int | None  # index of the best trial; None if none converged
+    ended: str  # why the search ended
     methods: list[str]
-    held_by: list[str] = field(default_factory=list)
+    held_by: list[str] = field(default_factory=list)  # active bounds, as rib_theta_0 <= 2.5
+    # Relative change of a variable that increases the distance by one while others adapt.
     determined_to: dict[str, float] = field(default_factory=dict)
-    undetermined: list[str] = field(default_factory=list)
+    undetermined: list[str] = field(default_factory=list)  # as others can compensate them
 
     def __repr__(self) -> str:
         return f"<SearchResult {self.design}: {len(self.trials)} trials, ended: {self.ended}>"
@@ -99,8 +77,7 @@ class SearchResult:
         return None if self.best is None else self.trials[self.best]
 
 
-RESULT = TypeAdapter(SearchResult)
-"""Writes results into JSON files, and reads them."""
+RESULT = TypeAdapter(SearchResult)  # writes results into JSON files, and reads them
 
 
 class SearchEnded(Exception):
@@ -109,25 +86,18 @@ class SearchEnded(Exception):
 
 @dataclass(eq=False)
 class DesignSearch:
-    """The search from one design, and its trials so far, of which ``budget`` are allowed.
-
-    Attributes:
-        folder: results folder of the request, with those of trials and searches.
-        deadline: time after which no further trial starts, by :func:`time.time` [s].
-        report: called after each trial with its distance.
-        rough: whether a trial snapped or failed, so that gradients may mislead.
-    """
+    """The search from one design, and its trials so far."""
 
     space: SearchSpace
     objective: Objective
     design: DesignLabels
-    folder: Path
-    budget: int
-    deadline: float = np.inf
-    report: Callable[[float], None] = field(init=False)
+    folder: Path  # results folder of the request
+    budget: int  # largest number of trials
+    deadline: float = np.inf  # time after which no further trial starts, by time.time [s]
+    report: Callable[[float], None] = field(init=False)  # called with the distance of each trial
     records: list[TrialRecord] = field(default_factory=list)
-    rough: bool = False
-    _last: tuple[bytes, Trial, TrialRecord] | None = None
+    rough: bool = False  # whether a trial snapped or failed, so that gradients may mislead
+    _last: tuple[Trial, TrialRecord] | None = None
 
     def run(self, report: Callable[[float], None]) -> SearchResult:
         """Search from the tabulated values."""
@@ -147,16 +117,16 @@ class DesignSearch:
                     self._without_gradients()
         except SearchEnded as reason:
             ended = str(reason)
-        result = SearchResult(self.design, self.records, self._best(), ended, methods)
-        return self._with_conditions(result)
+        best = self._best()
+        conditions = {} if best is None else self._conditions(self.records[best])
+        return SearchResult(self.design, self.records, best, ended, methods, **conditions)
 
     def trial(self, point: Point) -> tuple[Trial, TrialRecord]:
         """The trial at a point; SearchEnded if the targets are met closely or none is left."""
         # Rounded, as methods that shift a point back and forth change its last digits.
         point = np.round(np.clip(point, 0, 1), 12)
-        key = point.tobytes()
-        if self._last is not None and self._last[0] == key:
-            return self._last[1:]
+        if self._last is not None and self._last[1].point == point.tolist():
+            return self._last
         if len(self.records) >= self.budget:
             raise SearchEnded("the budget is spent")
         if self.records and time.time() > self.deadline:
@@ -165,11 +135,11 @@ class DesignSearch:
         record = self._record(trial, point)
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
-        self._last = key, trial, record
+        self._last = trial, record
         self.report(np.inf if record.distance is None else record.distance)
         if record.met and (record.distance or 0.0) <= SMALL_DISTANCE:
             raise SearchEnded("the targets are met")
-        return trial, record
+        return self._last
 
     def _simulated(self, point: Point) -> Trial:
         case, gauge = self.space.case(self.design, point)
@@ -199,25 +169,25 @@ class DesignSearch:
             if self.objective.subject_to:
                 self._constrained(start)
             else:
-                # Shifted by one, as the size of the first trust region is the norm of the start.
-                least_squares(
-                    lambda shifted: self._residuals(shifted - 1),
-                    start + 1,
-                    jac=lambda shifted: self.objective.jacobian(self.trial(shifted - 1)[0]),
-                    bounds=(1, 2),
-                    ftol=TOLERANCE,
-                    xtol=TOLERANCE,
-                    gtol=None,
-                    max_nfev=self.budget + 1,
-                )
+                self._unconstrained(start)
         except NoDerivative:
             self.rough = True
 
-    def _residuals(self, point: Point) -> Float[np.ndarray, " row"]:
-        trial, record = self.trial(point)
-        residuals = self.objective.residuals(trial)
-        # A step that cannot be simulated is rejected, and a shorter one is tried.
-        return residuals if record.distance is not None else np.full_like(residuals, np.inf)
+    def _unconstrained(self, start: Point) -> None:
+        # Shifted by one, as the size of the first trust region is the norm of the start.
+        def residuals(shifted: Point) -> Residuals:
+            trial, record = self.trial(shifted - 1)
+            rows, _ = self.objective.residuals(trial)
+            # A step that cannot be simulated is rejected, and a shorter one is tried.
+            return rows if record.distance is not None else np.full_like(rows, np.inf)
+
+        def jacobian(shifted: Point) -> Jacobian:
+            trial, _ = self.trial(shifted - 1)
+            return self.objective.residuals(trial, self.objective.slopes(trial))[1]
+
+        tolerances = {"ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": None}
+        most = self.budget + 1
+        least_squares(residuals, start + 1, jacobian, (1, 2), max_nfev=most, **tolerances)
 
     def _constrained(self, start: Point) -> None:
         objective = self.objective
@@ -228,13 +198,17 @@ class DesignSearch:
                 if sum(earlier.distance is None for earlier in self.records) >= MOST_FAILED:
                     raise NoDerivative("several trials do not converge")
                 return FAILED_DISTANCE**2, np.zeros_like(point)
-            residuals = objective.residuals(trial)
-            return float(residuals @ residuals), 2 * residuals @ objective.jacobian(trial)
+            residuals, jacobian = objective.residuals(trial, objective.slopes(trial))
+            return float(residuals @ residuals), 2 * residuals @ jacobian
 
-        def within(point: Point) -> Float[np.ndarray, " row"]:
+        def within(point: Point) -> Residuals:
             trial, record = self.trial(point)
-            rows = objective.constraints(trial)
+            rows, _ = objective.constraints(trial)
             return rows if record.distance is not None else np.full_like(rows, -FAILED_DISTANCE)
+
+        def within_jacobian(point: Point) -> Jacobian:
+            trial, _ = self.trial(point)
+            return objective.constraints(trial, objective.slopes(trial))[1]
 
         minimize(
             squared,
@@ -242,11 +216,7 @@ class DesignSearch:
             jac=True,
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(start),
-            constraints={
-                "type": "ineq",
-                "fun": within,
-                "jac": lambda point: objective.constraints_jacobian(self.trial(point)[0]),
-            },
+            constraints={"type": "ineq", "fun": within, "jac": within_jacobian},
             options={"ftol": TOLERANCE, "maxiter": self.budget},
         )
 
@@ -257,6 +227,13 @@ class DesignSearch:
         except ImportError:
             remedy = "pip install 'knitlab[design]' to continue without them"
             raise SearchEnded(f"gradients make no further progress; {remedy}") from None
+
+        def cost(point: Point) -> float:
+            _, record = self.trial(point)
+            if record.distance is None:
+                return FAILED_DISTANCE
+            return record.distance + PENALTY * (record.violation or 0.0)
+
         variables, best = len(self.space.names), self._best()
         strategy = CMA(
             mean=np.full(variables, 0.5) if best is None else np.array(self.records[best].point),
@@ -266,13 +243,7 @@ class DesignSearch:
         )
         while not strategy.should_stop():
             population = [strategy.ask() for _ in range(strategy.population_size)]
-            strategy.tell([(point, self._cost(point)) for point in population])
-
-    def _cost(self, point: Point) -> float:
-        _, record = self.trial(point)
-        if record.distance is None:
-            return FAILED_DISTANCE
-        return record.distance + PENALTY * (record.violation or 0.0)
+            strategy.tell([(point, cost(point)) for point in population])
 
     def _best(self) -> int | None:
         """Index of the best trial: the nearest of those that meet the constraints, if any does."""
@@ -283,35 +254,32 @@ class DesignSearch:
         ]
         return min(known)[-1] if known else None
 
-    def _with_conditions(self, result: SearchResult) -> SearchResult:
-        """Add the active bounds of the best trial, and how well its values are determined."""
-        if result.winner is None:
-            return result
+    def _conditions(self, best: TrialRecord) -> dict[str, Any]:
+        """The active bounds of the best trial, and how well its values are determined."""
         names, spans = self.space.names, self.space.upper - self.space.lower
-        point = np.array(result.winner.point)
-        trial = self._simulated(point)
-        anywhere = self.space.bounds_at(point, np.zeros_like(point))
+        point = np.array(best.point)
+        reached = {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
         if not (self.objective.has_gradient and names):
-            return replace(result, held_by=anywhere)
+            return reached
+        trial = self._simulated(point)
         try:
-            residuals, jacobian = self.objective.residuals(trial), self.objective.jacobian(trial)
+            slopes = self.objective.slopes(trial)
         except NoDerivative:
-            return replace(result, held_by=anywhere)
+            return reached
+        residuals, jacobian = self.objective.residuals(trial, slopes)
         downhill = -(residuals @ jacobian)
-        if result.winner.violation:
-            broken = np.minimum(self.objective.constraints(trial), 0)
-            downhill -= PENALTY * broken @ self.objective.constraints_jacobian(trial)
+        if best.violation:
+            rows, rows_jacobian = self.objective.constraints(trial, slopes)
+            downhill -= PENALTY * np.minimum(rows, 0) @ rows_jacobian
         # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
-        return replace(
-            result,
-            held_by=self.space.bounds_at(point, downhill) if downhill.any() else [],
-            determined_to=dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
-            undetermined=[
-                name for name, sd in zip(names, deviations, strict=True) if sd > HARDLY * UNIFORM
-            ],
-        )
+        hardly = deviations > HARDLY * UNIFORM
+        return {
+            "held_by": self.space.bounds_at(point, downhill) if downhill.any() else [],
+            "determined_to": dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
+            "undetermined": list(compress(names, hardly)),
+        }
 
 
 def run_searches(
@@ -320,26 +288,22 @@ def run_searches(
     workers: int,
     progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
-    """Run searches, each in one worker, with its result in a JSON file.
+    """Run searches, each in one worker; BadInput with the reason of every one that failed.
 
     A search that was killed repeats its trials from their files and continues; one whose worker
     died is tried again. After each trial ``progress`` is called with its design and distance.
-    Raises BadInput with the reason of every search that failed.
     """
     first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
     starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))
 
+    def report(case_id: str, distance: float) -> None:
+        progress(by_start[case_id].design, distance)
+
     task = Task(partial(_run_search, by_start), folder)
     failed: dict[str, str] = {}
     pending = list(starts)
-    with pool_of(
-        task,
-        min(workers, len(searches)),
-        None,
-        False,
-        lambda case_id, distance: progress(by_start[case_id].design, distance),
-    ) as pool:
+    with pool_of(task, min(workers, len(searches)), None, False, report) as pool:
         for attempt in range(1, ATTEMPTS + 1):
             errors = {
                 batch[0].case_id: error

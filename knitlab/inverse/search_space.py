@@ -15,30 +15,21 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.plan import Plan, make_plan
 
 ROUND_OFF = 1e-9
-AT_BOUND = 1e-3
-"""Fraction of the distance between bounds within which a value counts as on one."""
-DesignLabels = tuple[int | str, ...]
-"""n_stripe, n_subunit and, where it varies, the name of the pattern."""
-Point = Float[np.ndarray, " variable"]
-"""Logarithms of the variables, scaled by their bounds to [0, 1]."""
+AT_BOUND = 1e-3  # fraction of the distance between bounds within which a value counts as on one
+DesignLabels = tuple[int | str, ...]  # n_stripe, n_subunit and, where it varies, pattern
+Point = Float[np.ndarray, " variable"]  # logarithms, scaled by their bounds to [0, 1]
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """The variables of a search and their bounds.
-
-    Attributes:
-        settings: settings that replace the workflow's, the strains of the test included.
-        dims: what the labels of designs are: n_stripe, n_subunit and, if it varies, pattern.
-        lower, upper: logarithms of the bounds of the variables.
-    """
+    """The variables of a search and their bounds."""
 
     workflow: str
-    settings: Mapping[str, Any]
-    dims: tuple[str, ...]
+    settings: Mapping[str, Any]  # replace those of the workflow, the last strain included
+    dims: tuple[str, ...]  # n_stripe, n_subunit and, where it varies, pattern
     designs: tuple[DesignLabels, ...]
     names: tuple[str, ...]
-    lower: Point
+    lower: Point  # logarithms of the bounds
     upper: Point
 
     def values(self, point: Point) -> dict[str, float]:
@@ -63,25 +54,21 @@ class SearchSpace:
                 active.append(f"{name} <= {high:.4g}")
         return active
 
-    def plan(self, design: DesignLabels, values: Mapping[str, float]) -> Plan:
-        """The plan of one case; BadInput if a value is out of range."""
-        return make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
-
     def labels(self, design: DesignLabels) -> dict[str, int | str]:
         """The labels of a design, by dimension."""
         return dict(zip(self.dims, design, strict=True))
 
-    def case(self, design: DesignLabels, point: Point) -> tuple[Case, Gauge]:
-        """The case at a point, and the gauge of its sizes in cloth."""
-        plan = self.plan(design, self.values(point))
+    def case(self, design: DesignLabels, point: Point | None = None) -> tuple[Case, Gauge]:
+        """The case at a point, or by the tabulated values, and the gauge of its sizes in cloth."""
+        values = {} if point is None else self.values(point)
+        plan = make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
         (case,) = plan.cases.values()
         return case, plan.gauge
 
     def start(self, design: DesignLabels) -> Point:
         """The point of the tabulated values, or the nearest one within the bounds."""
-        plan = self.plan(design, {})
-        (case,) = plan.cases.values()
-        tabulated = dict.fromkeys(self.names, 1.0) | vars(plan.gauge)
+        case, gauge = self.case(design)
+        tabulated = dict.fromkeys(self.names, 1.0) | vars(gauge)
         for name, (side, quantity) in STRIPE_PARAMETERS.items():
             tabulated[name] = float(getattr(getattr(case, side), quantity))
         return self.point_of(tabulated)
@@ -99,27 +86,26 @@ class SearchSpace:
 def search_space(request: DesignRequest) -> SearchSpace:
     """The space that a request allows; the last strain follows from the targets if not given.
 
-    Raises BadInput if it has no possible design, a bound cannot be simulated, or the test ends
-    before the window of a target.
+    Raises BadInput if a bound cannot be simulated, or the test ends before that of a target.
     """
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}
     if "strain_step" in settings:
         # The workflow's last strain may not be a multiple of it.
         settings.setdefault("strain_max", settings["strain_step"])
-    whole = make_plan(request.workflow, {**settings, **labels})
-    if any(name not in CHOICES for name in whole.dims):
-        raise fault(request.workflow, f"has dimensions {whole.dims}; a search takes one setting")
-    settings |= {"strain_max": _last_strain(request, whole)}
-    settings |= {name: only[0] for name, only in labels.items() if name not in whole.dims}
+    allowed = make_plan(request.workflow, {**settings, **labels})
+    if any(name not in CHOICES for name in allowed.dims):
+        raise fault(request.workflow, f"has dimensions {allowed.dims}; a search takes one setting")
+    settings |= {"strain_max": _last_strain(request, allowed)}
+    settings |= {name: only[0] for name, only in labels.items() if name not in allowed.dims}
     bounds = np.array(list(request.bounds.values())).reshape(-1, 2)
     space = SearchSpace(
         request.workflow,
         settings,
-        whole.dims,
+        allowed.dims,
         tuple(
             tuple(label if isinstance(label, str) else int(label) for label in design)
-            for design in whole.designs.values()
+            for design in allowed.designs.values()
         ),
         tuple(request.bounds),
         *np.log(bounds).T,

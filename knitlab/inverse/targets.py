@@ -12,14 +12,10 @@ from jaxtyping import Float
 from knitlab.cube.strain_window import PARTS, StrainWindow
 from knitlab.cube.target import Target
 
-RELATIVE_TOLERANCE = 0.05
-"""Default tolerance of a target, over its value."""
-TOLERANCE_OF_ZERO = 0.01
-"""Default tolerance of a target whose value is zero."""
-WITHIN_RANGE = ("mean", "min", "max")
-"""Reductions whose value lies between the lowest and the highest of the curve."""
-NOTICED = 0.25
-"""Trade-off between two targets, in tolerances, above which they conflict."""
+RELATIVE_TOLERANCE = 0.05  # default tolerance of a target, over its value
+TOLERANCE_OF_ZERO = 0.01  # default tolerance of a target whose value is zero
+WITHIN_RANGE = ("mean", "min", "max")  # reductions that lie between the ends of a curve's range
+NOTICED = 0.25  # trade-off between two targets, in tolerances, above which they conflict
 
 
 def with_tolerance(target: Target) -> Target:
@@ -39,9 +35,8 @@ def scale_of(target: Target) -> float:
 def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]:
     """Pairs of targets of one variable whose allowed values have nothing in common.
 
-    They are compared at the strains that both windows share, and those of a mean, minimum or
-    maximum with the range allowed over the whole window of the other. Other reductions over
-    different windows are not compared.
+    Compared are curves where both windows are, equal reductions over equal windows, and a mean,
+    minimum or maximum with the range allowed by a curve over its window.
     """
     for one, other in combinations(targets, 2):
         if one.name == other.name and _contradict(one, other):
@@ -60,8 +55,8 @@ def _contradict(one: Target, other: Target) -> bool:
     curve, reduced = (one, other) if one.reduction is None else (other, one)
     if curve.reduction is not None or reduced.reduction not in WITHIN_RANGE:
         return False
-    strains, whole = _strains(reduced.window), _strains(curve.window)
-    if not whole[0] <= strains[0] <= strains[-1] <= whole[-1]:
+    strains, shared = _strains(reduced.window), _strains(curve.window)
+    if not shared[0] <= strains[0] <= strains[-1] <= shared[-1]:
         return False
     low, high = curve.allowed(strains)
     wanted_low, wanted_high = reduced.allowed(strains)
@@ -80,14 +75,11 @@ def _strains(window: StrainWindow | None) -> Float[np.ndarray, " point"]:
 
 
 class Conflict(NamedTuple):
-    """Two targets of which no trial meets both.
-
-    Distances of trials are over the tolerance of each; ``candidates`` numbers their searches.
-    """
+    """Two targets of which no trial meets both."""
 
     targets: tuple[str, str]
-    distances: Float[np.ndarray, "trial 2"]
-    candidates: pd.Series
+    distances: Float[np.ndarray, "trial 2"]  # over the tolerance of each
+    candidates: pd.Series  # number of the search of each trial
 
 
 def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | None:

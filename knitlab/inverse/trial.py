@@ -1,7 +1,7 @@
 """Trials: simulated cases of a search, stored as case files, with derivatives of their results."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -35,13 +35,15 @@ OF_CLOTH = {
     "knit_length": ("relaxed_cell_y", "stitch_height"),
 }
 """Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
-OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
-"""Quantities of the relaxed fabric that have derivatives."""
+OF_DESIGN = (
+    "relaxed_cell_x",
+    "relaxed_cell_y",
+    *OF_CLOTH,
+)  # with derivatives, if relaxed
 
 ShapeFunction = Callable[[Configuration], Float[Array, ""]]
 """A user's function of a configuration that returns a number, in JAX."""
-ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]
-"""Such functions by name, as a hashable tuple."""
+ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]  # by name, hashable
 Slopes = Float[np.ndarray, "strain parameter"]
 
 
@@ -53,7 +55,6 @@ class Trial:
     gauge: Gauge
     results: xr.Dataset
     own: ShapeFunctions = ()
-    _slopes: dict[bytes, dict[str, Slopes]] = field(default_factory=dict, repr=False)
 
     @property
     def converged(self) -> bool:
@@ -88,19 +89,14 @@ class Trial:
             values = without_gap_at_zero(self.strains, values[None])[0]
         return values
 
-    def slopes(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
+    @lru_cache(maxsize=1)  # noqa: B019, a constrained search needs those of a trial twice
+    def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> dict[str, Slopes]:
         """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
 
-        Names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions are the same in every
-        call; those of the design have one strain. Derivatives at strains not needed are 0. Raises
-        NoDerivative if a state is not a stable equilibrium, such as at a snap.
+        Variables are of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions; those of the
+        design have one strain. Derivatives at strains not needed are 0. Raises NoDerivative if a
+        state is not a stable equilibrium, such as at a snap.
         """
-        key = needed.tobytes()
-        if key not in self._slopes:  # a constrained search needs them twice
-            self._slopes[key] = self._derived(names, needed)
-        return self._slopes[key]
-
-    def _derived(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
         case, stripes = self.case, len(sensitivity.STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
         adjoint = sensitivity.adjoint_of(case, shapes[0])

@@ -1,8 +1,6 @@
 """Tables of numbers: CSV files of a laboratory, the units of their columns, and tension curves."""
 
-import re
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
@@ -12,11 +10,6 @@ import pint
 from jaxtyping import Float
 
 from knitlab.io.errors import BadInput, Fault, fault
-
-COLUMN = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*")
-EXAMPLE = "write it as in 'strain [1],force [N]'"
-LEAST_POINTS = 4
-"""One more than the fitted parameters of a stripe, so that their errors can be estimated."""
 
 
 def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
@@ -113,94 +106,3 @@ def _in_unit(value: float, unit: str, target: str) -> float:
     if target == "1" and not quantity.to_root_units().unitless:  # an angle
         raise pint.DimensionalityError(unit, target)
     return float(quantity.to("dimensionless" if target == "1" else target).magnitude)
-
-
-@dataclass(frozen=True)
-class TensionCurve:
-    """Tension of one row of the network [N] against strain, ascending from 0 or more [1]."""
-
-    strain: Float[np.ndarray, " point"]
-    force: Float[np.ndarray, " point"]
-
-
-def read_tension_curve(
-    path: Path, width: float | None = None, thickness: float | None = None
-) -> TensionCurve:
-    """Read a tension curve: a column of strain, and one of force or of stress, in any unit.
-
-    Force is for one row of the network. Stress is force over the width [mm] of a row or, with the
-    thickness [mm] of the fabric, over its cross-section.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
-    headers, table = read_table(path, EXAMPLE)
-    columns: dict[str, tuple[pd.Series, str]] = {}
-    faults = []
-    for place, header in enumerate(headers):
-        match = COLUMN.fullmatch(header)
-        name, unit = (match["name"], match["unit"].strip()) if match else (header, "")
-        name = name.strip().lower()
-        if name not in ("strain", "force", "stress"):
-            continue
-        if not unit:
-            faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
-        if name in columns:
-            faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
-        columns[name] = table[place], unit
-    loads = [name for name in ("force", "stress") if name in columns]
-    if "strain" not in columns:
-        faults.append(Fault(f"{path}: column strain", f"is missing; {EXAMPLE}"))
-    if len(loads) != 1:
-        problem = "has both; keep one" if loads else f"has neither; {EXAMPLE}"
-        faults.append(Fault(f"{path}: columns force and stress", problem))
-    if faults:
-        raise BadInput(faults)
-
-    (load,) = loads
-    (strain_text, strain_unit), (load_text, load_unit) = columns["strain"], columns[load]
-    strain, strain_faults = numbers_of(path, "strain", strain_text)
-    forces, force_faults = numbers_of(path, load, load_text)
-    per_row, row_faults = _newton_per_row(path, load, load_unit, width, thickness)
-    place_of_strain = f"{path}: column strain"
-    of_one, unit_faults = factor_of(place_of_strain, strain_unit, "1", "such as [1] or [%]")
-    faults = [*strain_faults, *force_faults, *row_faults, *unit_faults]
-    if not faults and (why := _strain_problem(strain)):
-        faults = [Fault(place_of_strain, why)]
-    if faults:
-        raise BadInput(faults)
-    return TensionCurve(strain * of_one, forces * per_row)
-
-
-def _strain_problem(strain: Float[np.ndarray, " point"]) -> str | None:
-    points, falls = len(np.unique(strain)), np.flatnonzero(np.diff(strain) < 0)
-    if points < LEAST_POINTS:
-        return f"has {points} points; three parameters need at least {LEAST_POINTS}"
-    if strain.min() < 0:
-        return f"goes down to {strain.min():g}; give tension alone, from 0 up"
-    if len(falls):
-        before, after = strain[falls[0] : falls[0] + 2]
-        problem = f"decreases from {before:g} to {after:g} at point {falls[0] + 2}"
-        return f"{problem}; give the loading curve alone"
-    return None
-
-
-def _newton_per_row(
-    path: Path, load: str, unit: str, width: float | None, thickness: float | None
-) -> tuple[float, list[Fault]]:
-    place = f"{path}: column {load}"
-    if load == "force":
-        problem = "is for stress, but the curve holds force; leave it out"
-        given = {"width": width, "thickness": thickness}.items()
-        faults = [Fault(f"{name} {its:g}", problem) for name, its in given if its is not None]
-        factor, found = factor_of(place, unit, "N", "of force, such as [N]")
-        return factor, faults + found
-    if width is None:
-        problem = "needs the width of one row of the network; give its width in mm"
-        return np.nan, [Fault(place, problem)]
-    if thickness is None:
-        remedy = "of force over width, such as [N/mm], or give the thickness in mm for [MPa]"
-        factor, faults = factor_of(place, unit, "N/mm", remedy)
-        return factor * width, faults
-    factor, faults = factor_of(place, unit, "N/mm^2", "of force over area, such as [MPa]")
-    return factor * width * thickness, faults

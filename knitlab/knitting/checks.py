@@ -1,19 +1,14 @@
-"""Checks of knitout: a machine's state, followed operation by operation.
+"""Checks of a program of knitlab: a machine's state, followed operation by operation.
 
-Found are needles out of range, stitches on needles without a loop, wales on both beds, loops that
-are moved onto others, dropped while their yarn goes on, or left on a needle, carriers that are not
-in action or never taken out, what the inserting hook cannot do, and stitches that are not plated
-by the body's yarn and one conductor. What the machine does with its yarn is not: tension, floats,
-kickbacks, rollers and collisions of carriers are left to its back end.
+What it finds, and what is left to the back end of a machine, is listed in ``docs/how-to/knit.md``.
 """
 
-import re
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from knitlab.knitting.knitout import VERSION
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.program import OF_CARRIERS, Needle, Operation, headers, operations
+from knitlab.knitting.program import Needle, Operation, operations
 
 MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
 MOST_CARRIERS = 2  # of a stitch, that every back end takes
@@ -44,26 +39,11 @@ class FormedStitch:
 def check(text: str, machine: Machine) -> tuple[list[ProgramFault], list[FormedStitch]]:
     """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
     state = _State(machine)
-    state.findings += _header_faults(text, machine)
     for operation in operations(text):
-        state.follow(operation)
+        if not operation.is_extension:
+            state.follow(operation)
     state.finish()
     return sorted(state.findings, key=lambda each: each.line), state.graph
-
-
-def _header_faults(text: str, machine: Machine) -> Iterator[ProgramFault]:
-    lines, stated = text.split("\n"), headers(text)
-    if lines[0] != f";!knitout-{VERSION}":
-        problem = f"a file begins with ;!knitout-{VERSION}; make that its first line"
-        yield ProgramFault(1, lines[0], problem)
-    wanted = " ".join(map(str, range(1, machine.carriers + 1)))
-    if (given := stated.get("Carriers", "missing")) != wanted:
-        problem = f"the header Carriers is {given}; back ends want all of them, {wanted}"
-        yield ProgramFault(1, ";;Carriers", problem)
-    end = len(stated) + 1
-    if any(line.startswith(";;") for line in lines[end:]):
-        problem = "the header ends here, and more of it follows; take the line out"
-        yield ProgramFault(end + 1, lines[end] or "blank line", problem)
 
 
 @dataclass
@@ -81,17 +61,12 @@ class _State:
     def follow(self, operation: Operation) -> None:
         """Take the state on by an operation."""
         self.now = operation
-        opcode = operation.opcode
-        if operation.is_extension:
-            return
-        if opcode not in FOLLOW:
-            self._report(f"is not followed by this check; use {', '.join(FOLLOW)}")
-            return
-        syntax, follow = FOLLOW[opcode]
-        if not re.fullmatch(syntax, " ".join(operation.parameters)):
-            self._report("lacks a direction, a needle, a carrier or a number; complete it")
-        elif self._in_range(operation.needles) and (opcode not in OF_CARRIERS or self._carrier()):
-            follow(self)
+        last = self.machine.needles
+        outside = [each for each in operation.needles if not 1 <= each.number <= last]
+        for needle in outside:
+            self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
+        if not outside:
+            FOLLOW[operation.opcode](self)
 
     def finish(self) -> None:
         """Find what is left over."""
@@ -107,28 +82,13 @@ class _State:
     def _report(self, problem: str) -> None:
         self.findings.append(ProgramFault(self.now.line, str(self.now), problem))
 
-    def _in_range(self, needles: tuple[Needle, ...]) -> bool:
-        last = self.machine.needles
-        outside = [needle for needle in needles if not 1 <= needle.number <= last]
-        for needle in outside:
-            self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
-        return not outside
-
     def _opposite(self, needle: Needle) -> Needle:
         """The needle of the other bed that a needle can transfer to."""
         shift = -self.racking if needle.front else self.racking
         return Needle(not needle.front, needle.number + shift)
 
-    def _are_carriers(self, words: tuple[str, ...]) -> bool:
-        last = self.machine.carriers
-        return all(word.isdigit() and 1 <= int(word) <= last for word in words)
-
     def _yarns(self, needle: Needle) -> tuple[int, ...]:
-        """The carriers of a stitch, after their checks; none if they are not valid."""
-        if not self._are_carriers(self.now.carriers):
-            last = self.machine.carriers
-            self._report(f"names a carrier that is not one of 1 to {last}; correct it")
-            return ()
+        """The carriers of a stitch, after their checks."""
         carriers = tuple(map(int, self.now.carriers))
         if len(carriers) > MOST_CARRIERS or len(set(carriers)) < len(carriers):
             self._report(f"has {len(carriers)} carriers; take one or {MOST_CARRIERS}")
@@ -136,17 +96,14 @@ class _State:
             if carrier not in self.active:
                 self._report(f"carrier {carrier} is not in action; bring it in by inhook {carrier}")
         if self.hook_from is not None and needle.number >= self.hook_from:
-            self._report(
-                f"the inserting hook with carrier {self.hooked} is in the way; put"
-                f" releasehook {self.hooked} before this line"
-            )
+            problem = f"the inserting hook with carrier {self.hooked} is in the way"
+            self._report(f"{problem}; put releasehook {self.hooked} before this line")
             self.hooked = self.hook_from = None
         if self.hooked in carriers and self.hook_from is None:
             if self.now.direction == "+":
-                self._report(
-                    f"the first stitch of carrier {self.hooked} goes rightwards; the hook brings"
-                    " yarn in leftwards: begin with a stitch leftwards"
-                )
+                problem = f"the first stitch of carrier {self.hooked} goes rightwards"
+                remedy = "the hook brings yarn in leftwards: begin with a stitch leftwards"
+                self._report(f"{problem}; {remedy}")
             self.hook_from = needle.number + 1
         return carriers
 
@@ -157,9 +114,8 @@ class _State:
         across = self._opposite(needle)
         if self.held.get(across):
             state = "too" if through else "and this needle holds none"
-            self._report(
-                f"{across} holds a loop of this wale, {state}; transfer it before knitting here"
-            )
+            problem = f"{across} holds a loop of this wale, {state}"
+            self._report(f"{problem}; transfer it before knitting here")
         elif not through:
             self._report("knits on a needle without a loop; cast on there, or drop no loop before")
         self._check_plating(carriers)
@@ -173,9 +129,8 @@ class _State:
         self._form(needle, carriers, ())
 
     def _form(self, needle: Needle, carriers: tuple[int, ...], through: tuple[int, ...]) -> None:
-        if carriers:
-            self.held.setdefault(needle, []).append(len(self.graph))
-            self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
+        self.held.setdefault(needle, []).append(len(self.graph))
+        self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
 
     def _check_plating(self, carriers: tuple[int, ...]) -> None:
         body = self.machine.body_carrier
@@ -188,10 +143,8 @@ class _State:
     def _transfer(self) -> None:
         source, target = self.now.needles
         if self._opposite(source) != target:
-            self._report(
-                f"{source} is opposite {self._opposite(source)} at racking {self.racking}; rack"
-                " before, or correct the needles"
-            )
+            opposite = f"{source} is opposite {self._opposite(source)} at racking {self.racking}"
+            self._report(f"{opposite}; rack before, or correct the needles")
         moved, there = self.held.pop(source, []), self.held.get(target, [])
         if not moved:
             self._report(f"{source} holds no loop; transfer only where the bed changes")
@@ -201,25 +154,15 @@ class _State:
 
     def _drop(self) -> None:
         (needle,) = self.now.needles
-        for number in self.held.pop(needle, []):
-            for carrier in self.graph[number].carriers:
-                if carrier in self.active:
-                    self._report(
-                        f"drops a loop of carrier {carrier}, which goes on, so that the wale runs;"
-                        f" drop after outhook {carrier}"
-                    )
-
-    def _carrier(self) -> int | None:
-        if len(self.now.carriers) == 1 and self._are_carriers(self.now.carriers):
-            return int(self.now.carriers[0])
-        self._report(f"takes one carrier of 1 to {self.machine.carriers}; correct it")
-        return None
+        dropped = (self.graph[number].carriers for number in self.held.pop(needle, []))
+        for carrier in itertools.chain.from_iterable(dropped):
+            if carrier in self.active:
+                problem = f"drops a loop of carrier {carrier}, which goes on, so that the wale runs"
+                self._report(f"{problem}; drop after outhook {carrier}")
 
     def _check_hook_is_free(self) -> None:
-        if self.hooked is not None:
-            self._report(
-                f"the hook still holds carrier {self.hooked}; put releasehook {self.hooked} before"
-            )
+        if (held := self.hooked) is not None:
+            self._report(f"the hook still holds carrier {held}; put releasehook {held} before")
 
     def _inhook(self) -> None:
         carrier = int(self.now.carriers[0])
@@ -246,25 +189,19 @@ class _State:
         self.hooked = self.hook_from = None
 
     def _rack(self) -> None:
-        largest = self.machine.largest_racking
-        try:
-            self.racking = int(self.now.parameters[0])
-        except ValueError:
-            self._report("racks by a part of a needle, which this check does not follow; use whole")
-            return
-        if abs(self.racking) > largest:
+        self.racking = int(self.now.parameters[0])
+        if abs(self.racking) > (largest := self.machine.largest_racking):
             self._report(f"racks by more than {largest} needles; move the loops in steps")
 
 
-NEEDLE = r"[fb]-?\d+"
-FOLLOW: dict[str, tuple[str, Callable[[_State], None]]] = {
-    "knit": (rf"[-+] {NEEDLE} .+", _State._knit),
-    "tuck": (rf"[-+] {NEEDLE} .+", _State._tuck),
-    "xfer": (f"{NEEDLE} {NEEDLE}", _State._transfer),
-    "drop": (NEEDLE, _State._drop),
-    "inhook": (".+", _State._inhook),
-    "releasehook": (".+", _State._releasehook),
-    "outhook": (".+", _State._outhook),
-    "rack": (".+", _State._rack),
+FOLLOW: dict[str, Callable[[_State], None]] = {
+    "knit": _State._knit,
+    "tuck": _State._tuck,
+    "xfer": _State._transfer,
+    "drop": _State._drop,
+    "inhook": _State._inhook,
+    "releasehook": _State._releasehook,
+    "outhook": _State._outhook,
+    "rack": _State._rack,
 }
-"""Of each operation the syntax of its parameters, and what follows it."""
+"""What follows each operation."""

@@ -24,13 +24,11 @@ LEFTWARD, RIGHTWARD = -1, 1  # directions of the carriage, as steps from needle 
 def knitout(chart: StitchChart, machine: Machine) -> str:
     """The text of a knitout file that knits a chart; BadInput if it is wider than the machine."""
     if chart.wales > machine.needles:
-        repeat = chart.repeat[1]
-        raise fault(
-            f"chart of {chart.wales} wales",
-            f"is wider than the {machine.needles} needles of {machine.model}; take"
-            f" {machine.needles // repeat} repeats of {repeat} wales, or another machine",
-        )
-    return "\n".join([*_header(chart, machine), *_Program(chart, machine).whole()]) + "\n"
+        problem = f"is wider than the {machine.needles} needles of {machine.model}"
+        fitting = f"{machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
+        remedy = f"take {fitting}, or another machine"
+        raise fault(f"chart of {chart.wales} wales", f"{problem}; {remedy}")
+    return "\n".join([*_header(chart, machine), *_Program(chart, machine).written()]) + "\n"
 
 
 def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
@@ -70,8 +68,8 @@ class _Program:
         self.hooked: int | None = None
         self.hook_from: int | None = None
 
-    def whole(self) -> list[str]:
-        """The lines of the whole program."""
+    def written(self) -> list[str]:
+        """The lines from cast-on to end."""
         machine = self.machine
         all_front = np.ones(self.chart.wales, bool)
         if machine.waste_courses:
@@ -167,16 +165,12 @@ class _Program:
 
     def _body(self) -> None:
         chart = self.chart
-        last_course = {
-            number: np.flatnonzero((chart.plated == number).any(axis=1))[-1]
-            for number in chart.electrodes
-        }
         for course in range(chart.courses):
             self.lines.append(f";course {course + 1}")
             self._move_to(chart.front[course])
             self._course(course)
-            for electrode, last in last_course.items():
-                if course == last:
+            for electrode in np.setdiff1d(chart.plated[course], 0).tolist():
+                if not (chart.plated[course + 1 :] == electrode).any():
                     self._bring_out(self.machine.carrier_of(electrode))
             self.direction = -self.direction
 
@@ -187,18 +181,15 @@ class _Program:
         for electrode, run in groupby(needles, key=lambda number: int(plated[number - 1])):
             numbers = list(run)
             self._take_stitch_size("plated" if electrode else "body")
-            if electrode and self.machine.carrier_of(electrode) not in self.active:
-                self._bring_in_conductor(self.machine.carrier_of(electrode), numbers)
+            if electrode and (conductor := self.machine.carrier_of(electrode)) not in self.active:
+                self._bring_in(conductor)
+                if self.direction == RIGHTWARD:
+                    # The hook needs stitches leftwards first: tucks on the needles of the run.
+                    for number in numbers[::-1][::2]:
+                        self._form("tuck", LEFTWARD, number, [conductor])
             for number in numbers:
                 carriers = self._carriers(electrode, self.on_front[number - 1])
                 self._form("knit", self.direction, number, carriers)
-
-    def _bring_in_conductor(self, carrier: int, numbers: list[int]) -> None:
-        """Bring a conductor in; before stitches rightwards, by tucks leftwards on their needles."""
-        self._bring_in(carrier)
-        if self.direction == RIGHTWARD:
-            for number in numbers[::-1][::2]:
-                self._form("tuck", LEFTWARD, number, [carrier])
 
     def _carriers(self, electrode: int, front: bool) -> list[int]:
         """Carriers of a stitch; the face of a front loop is on the front of the fabric."""

@@ -114,14 +114,12 @@ def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
             ended = False
         elif not operation.is_extension or operation.opcode == "x-stitch-number":
             ended = True
+    ends = ((group[0], group[-1]) for group in groups)
     return [
         CarriagePass(
-            KINDS[group[0].opcode],
-            group[0].direction,
-            group[0].needles[0].number,
-            group[-1].needles[0].number,
+            KINDS[first.opcode], first.direction, first.needles[0].number, last.needles[0].number
         )
-        for group in groups
+        for first, last in ends
     ]
 
 

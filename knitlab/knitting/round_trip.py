@@ -24,11 +24,7 @@ KNOWN_HEADERS = ("Gauge", "Carriers", "Position")
 
 
 class NotAChart(Exception):
-    """A knit graph that is not a chart; its message says where and why."""
-
-
-class Refused(Exception):
-    """A program that the interpreter refuses; its message is the interpreter's."""
+    """A knit graph that is not a chart, or a program that the interpreter refuses, with why."""
 
 
 @dataclass(frozen=True)
@@ -52,14 +48,14 @@ def round_trip(
     count = f"{len(graph)} stitches with waste, cast-on and end"
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
-    if interpret is False or not is_installed():
+    if interpret is False or not find_spec("knitout_interpreter"):
         notes.append("interpreter: not run; install it by pip install knitlab[knitting]")
     elif interpret is None and length > MOST_OPERATIONS:
         notes.append(f"interpreter: not run, as {length} operations take long; take fewer repeats")
     else:
         try:
             differences = _differences(interpreted(program), chart, machine)
-        except Refused as error:
+        except NotAChart as error:
             differences = [f"refuses it: {error}"]
         notes.append(f"interpreter: {count}, {len(differences)} faults")
         faults += [f"the interpreter {each}" for each in differences]
@@ -109,7 +105,7 @@ def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> Non
     bound_off = machine.end == "bind_off"
     tail = machine.bind_off_tail if bound_off else 0
     more = {wale: count - courses - bound_off for wale, count in counts.items()}
-    wrong = [wale for wale, its in more.items() if its not in (0, tail)]
+    wrong = [wale for wale, extra in more.items() if extra not in (0, tail)]
     if not wrong and sum(more.values()) != tail:
         wrong = [max(more, key=lambda wale: more[wale])]
     if wrong:
@@ -123,20 +119,14 @@ def _in_words(stitch: FormedStitch, machine: Machine) -> str:
         return stitch_in_words(stitch.front, 0, "front")
     carrier, *others = conductors
     if others or carrier not in machine.electrode_carriers:
-        raise NotAChart(
-            f"needle {stitch.position} knits carriers {' and '.join(map(str, stitch.carriers))},"
-            " which are not a yarn of the body and one conductor"
-        )
+        names = " and ".join(map(str, stitch.carriers))
+        problem = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
+        raise NotAChart(f"{problem} body and one conductor")
     electrode = machine.electrode_carriers.index(carrier) + 1
     named_first = stitch.carriers[0] == carrier
     on_loop_face = named_first == (machine.plating == "face_first")
     face: Face = "front" if on_loop_face == stitch.front else "back"
     return stitch_in_words(stitch.front, electrode, face)
-
-
-def is_installed() -> bool:
-    """Whether the interpreter is there."""
-    return find_spec("knitout_interpreter") is not None
 
 
 def stripped(text: str) -> str:
@@ -156,7 +146,7 @@ def stripped(text: str) -> str:
 
 
 def interpreted(text: str) -> list[FormedStitch]:
-    """The stitches that the interpreter forms by a program; Refused also if loops are left over."""
+    """The stitches that the interpreter forms; NotAChart also if loops are left over."""
     from knitout_interpreter.knitout_execution import Knitout_Executer
     from knitout_interpreter.knitout_language.Knitout_Parser import parse_knitout
     from virtual_knitting_machine.knitting_machine_warnings.Needle_Warnings import (
@@ -169,9 +159,9 @@ def interpreted(text: str) -> list[FormedStitch]:
         try:
             executer: Any = Knitout_Executer(parse_knitout(stripped(text)))
         except Exception as error:  # it raises errors of many kinds, and its warnings
-            raise Refused(" ".join(str(error).split()) or type(error).__name__) from error
+            raise NotAChart(" ".join(str(error).split()) or type(error).__name__) from error
     if left := executer.knitting_machine.all_loops():
-        raise Refused(f"{len(left)} needles hold loops at the end, one of them {left[0]}")
+        raise NotAChart(f"{len(left)} needles hold loops at the end, one of them {left[0]}")
     return _formed(executer.resulting_knit_graph)
 
 

@@ -41,9 +41,6 @@ class Specification:
     program: str
     prediction: Prediction | None = None
 
-    def __repr__(self) -> str:
-        return f"<Specification {self.chart.size}, {self.duration.total} passes>"
-
     @cached_property
     def operations(self) -> list[Operation]:
         """The operations of the program."""
@@ -51,7 +48,7 @@ class Specification:
 
     @cached_property
     def duration(self) -> Duration:
-        """Passes and time of the whole program."""
+        """Passes and time of the program."""
         return duration(self.operations, self.machine)
 
     @cached_property

@@ -59,23 +59,30 @@ def stitch_chart(
         (64, 32, 'a back knit')
     """
     if case.folds:
-        raise fault(
-            f"design {case.label}",
-            f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a given"
-            " rest angle; take a pattern of rib, garter and plain knit alone",
-        )
+        problem = f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a"
+        remedy = "take a pattern of rib, garter and plain knit alone"
+        raise fault(f"design {case.label}", f"{problem} given rest angle; {remedy}")
     turned = is_turned(case)
     unit = _patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].size, unit[1].size
     if needles is not None:
-        repeats = _filling(needles, repeat[::-1] if turned else repeat)
-        repeats = repeats[::-1] if turned else repeats
+        courses, wales = repeat[::-1] if turned else repeat
+        along_x = needles // wales
+        if not along_x:
+            problem = f"one repeat takes {wales} of them; give at least {wales}"
+            raise fault(f"needles {needles}", problem)
+        length = ASPECT * along_x * wales * GARTER_STITCHES_PER_RIB_STITCH
+        along_y = max(1, round(length / courses))
+        repeats = (along_x, along_y) if turned else (along_y, along_x)
     case = replace(case, unit_cells=repeats or case.unit_cells)
     rows, columns = _patch_lines(case)
+    knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
+    back_first = case.options.garter_start == "mountain" and not case.pure
+    garter = (rows.first != back_first)[:, None]
     chart = StitchChart(
         title=case.label,
-        front=_front_stitches(case, rows, columns),
-        plated=_plated_stitches(case, (rows, columns)),
+        front=np.where(knit == "G", garter, np.where(knit == "R", columns.first, True)),
+        plated=_plated_stitches(case, rows, columns),
         plated_face=_plated_faces(case, face),
         knit=np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit),
         row_borders=rows.borders,
@@ -83,15 +90,8 @@ def stitch_chart(
         repeat=repeat,
         periodic=case.options.boundary == "periodic",
     )
-    return _turned(chart) if turned else chart
-
-
-def is_turned(case: Case) -> bool:
-    """Whether the chart of a case is turned: pure rib has its ridges along x in the model."""
-    return case.pure and case.weft.knit == "rib"
-
-
-def _turned(chart: StitchChart) -> StitchChart:
+    if not turned:
+        return chart
     return replace(
         chart,
         front=chart.front.T,
@@ -103,14 +103,9 @@ def _turned(chart: StitchChart) -> StitchChart:
     )
 
 
-def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
-    courses, wales = repeat
-    along_x = needles // wales
-    if not along_x:
-        problem = f"one repeat takes {wales} of them; give at least {wales}"
-        raise fault(f"needles {needles}", problem)
-    length = ASPECT * along_x * wales * GARTER_STITCHES_PER_RIB_STITCH
-    return max(1, round(length / courses)), along_x
+def is_turned(case: Case) -> bool:
+    """Whether the chart of a case is turned: pure rib has its ridges along x in the model."""
+    return case.pure and case.weft.knit == "rib"
 
 
 class _PatchLines(NamedTuple):
@@ -125,15 +120,12 @@ class _PatchLines(NamedTuple):
     def size(self) -> int:
         return int(self.borders[-1])
 
-    def between(self, start: float, end: float) -> Int[np.ndarray, " stitch"]:
-        """Whole courses or wales between two grid coordinates, which may lie beyond its edges."""
-        count = len(self.grid_lines) - 1
-        first, last = (
-            place // count * self.grid_lines[-1]
-            + np.interp(place % count, np.arange(count + 1), self.grid_lines)
-            for place in (start, end)
-        )
-        low, high = int(np.floor(first + 0.5)), int(np.floor(last + 0.5))
+    def between(self, ends: tuple[float, float]) -> Int[np.ndarray, " stitch"]:
+        """Courses or wales, at least one, between grid coordinates, also beyond its edges."""
+        lines, position = self.grid_lines, np.array(ends)
+        count = len(lines) - 1
+        stitch = np.interp(position % count, np.arange(count + 1), lines)
+        low, high = np.floor(position // count * lines[-1] + stitch + 0.5).astype(int)
         return np.arange(low, max(high, low + 1))
 
 
@@ -150,11 +142,7 @@ def _lines_of(
 
 
 def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
-    """The rows and the columns of patches of a case.
-
-    A pure stripe, with as many grid cells along its ridges as across them, takes a stripe's length
-    of stitches for the same number of cells, by the stitch's shape of 1:2.
-    """
+    """The rows and the columns of patches of a case; pure ones by the stitch's shape of 1:2."""
     sample, grading = case.sample, case.grading
     warp = (case.warp,) if grading is None else grading.warp
     weft = (case.weft,) if grading is None else grading.weft
@@ -165,30 +153,14 @@ def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
     elif case.pure:
         columns = np.maximum(1, columns // GARTER_STITCHES_PER_RIB_STITCH)
     cells = sample.cells_per_period
-    return (
-        _lines_of(rows, sample.row_periods, cells),
-        _lines_of(columns, sample.column_periods, cells),
-    )
-
-
-def _front_stitches(
-    case: Case, rows: _PatchLines, columns: _PatchLines
-) -> Bool[np.ndarray, "course wale"]:
-    knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
-    back_first = case.options.garter_start == "mountain" and not case.pure
-    garter = rows.first != back_first
-    return np.where(knit == "G", garter[:, None], np.where(knit == "R", columns.first, True))
+    of_rows = _lines_of(rows, sample.row_periods, cells)
+    return of_rows, _lines_of(columns, sample.column_periods, cells)
 
 
 def _plated_stitches(
-    case: Case, lines: tuple[_PatchLines, _PatchLines]
+    case: Case, rows: _PatchLines, columns: _PatchLines
 ) -> Int[np.ndarray, "course wale"]:
-    """Electrodes that stitches are plated for, 0 where none.
-
-    Edges are rounded to whole stitches, at least one; over the seam of periodic fabric an electrode
-    goes on at the other edge.
-    """
-    rows, columns = lines
+    """Electrode of every stitch, 0 where none; it goes on over the seam of periodic fabric."""
     plated = np.zeros((rows.size, columns.size), int)
     if case.capacitor is None:
         return plated
@@ -199,16 +171,14 @@ def _plated_stitches(
     for number, strips in enumerate(electrodes.strips, start=1):
         for strip in strips:
             across, along = strip.extents
-            courses, wales = rows.between(*along), columns.between(*across)
+            courses, wales = rows.between(along), columns.between(across)
             plated[np.ix_(courses % rows.size, wales % columns.size)] = number
     touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
     if touching.any():
         course, wale = np.argwhere(touching)[0].tolist()
-        raise fault(
-            "layout",
-            f"electrodes A and B touch at course {course + 1}, wale {wale + 1}, as whole stitches;"
-            " take a smaller width, or ridges farther apart",
-        )
+        where = f"course {course + 1}, wale {wale + 1}, as whole stitches"
+        remedy = "take a smaller width, or ridges farther apart"
+        raise fault("layout", f"electrodes A and B touch at {where}; {remedy}")
     return plated
 
 

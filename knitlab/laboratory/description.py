@@ -23,14 +23,8 @@ from knitlab.sweep.workflow import MOST_STEPS, even_strains
 Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]
 UPRIGHT = ("up", "down")
-UNITS = {
-    "mm": "of length, such as mm",
-    "s": "of time, such as s",
-    "Hz": "of frequency, such as Hz",
-    "N": "of force, such as N",
-    "pF": "of capacitance, such as pF",
-}
-"""Units that knitlab uses, and for each the units that may be given instead."""
+UNITS = {"mm": "length", "s": "time", "Hz": "frequency", "N": "force", "pF": "capacitance"}
+"""Units that knitlab uses, and what each measures."""
 
 
 class _InUnit(StrictModel):
@@ -38,7 +32,8 @@ class _InUnit(StrictModel):
 
     def factor(self, target: str) -> float:
         """Factor that converts its unit to one of :data:`UNITS`; ValueError if there is none."""
-        factor, faults = factor_of("", self.unit, target, UNITS[target])
+        wanted = f"of {UNITS[target]}, such as {target}"
+        factor, faults = factor_of("", self.unit, target, wanted)
         if faults:
             raise ValueError(faults[0].problem)
         return factor
@@ -54,16 +49,14 @@ class MeasuredQuantity(_InUnit):
         return self.value * self.factor(target)
 
 
-class Column(_InUnit):
-    """A column of a table by its header, and its unit."""
-
-    column: str = Field(min_length=1)
-
-
 class PlainColumn(StrictModel):
-    """A column of a table that needs no unit."""
+    """A column of a table, by its header, that needs no unit."""
 
     column: str = Field(min_length=1)
+
+
+class Column(PlainColumn, _InUnit):
+    """A column of a table, by its header, and its unit."""
 
 
 def _in(target: str, *, positive: bool = False) -> AfterValidator:
@@ -112,7 +105,7 @@ class ProtocolTable(StrictModel):
     skip_cycles: NonNegativeInt = 0
 
     @model_validator(mode="after")
-    def _is_a_whole_number_of_steps(self) -> "ProtocolTable":
+    def _is_a_number_of_steps(self) -> "ProtocolTable":
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6 or steps > MOST_STEPS:
             raise ValueError(
@@ -187,10 +180,8 @@ class MarkersTable(StrictModel):
     @model_validator(mode="after")
     def _has_axes_and_strains(self) -> "MarkersTable":
         if (self.weft in UPRIGHT) == (self.warp in UPRIGHT):
-            raise ValueError(
-                f"weft = {self.weft} and warp = {self.warp} are parallel; give perpendicular"
-                " directions"
-            )
+            parallel = f"weft = {self.weft} and warp = {self.warp} are parallel"
+            raise ValueError(f"{parallel}; give perpendicular directions")
         if (self.frame_rate is None) == (self.strain_per_frame is None):
             raise ValueError(
                 "needs either frame_rate with starts, or strain_per_frame, to determine its strains"
@@ -224,12 +215,12 @@ class Description(StrictModel):
             raise ValueError(
                 f"source = {SIMULATION} is reserved for simulations; give another name"
             )
-        if self.tensile is None and self.capacitance is not None:
+        markers, tensile, capacitance = self.markers, self.tensile, self.capacitance
+        if not tensile and capacitance:
             raise ValueError("[capacitance] needs [tensile], for its strains; add it")
-        if self.tensile is None and self.markers is not None and self.markers.frame_rate:
+        if not tensile and markers and markers.frame_rate:
             raise ValueError("[markers] with frame_rate needs [tensile], for its strains; add it")
-        triggered = self.capacitance is not None and self.capacitance.trigger
-        if triggered and self.tensile is not None and self.tensile.trigger is None:
+        if tensile and not tensile.trigger and capacitance and capacitance.trigger:
             raise ValueError("[capacitance] has a trigger, so [tensile] needs one; add it")
         return self
 

@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of
-from knitlab.cube.cube_file import CUBE, design_dims, is_measured, open_cube, write_cube
+from knitlab.cube.cube_file import CUBE, design_dims, is_measured, read_cube, write_cube
 from knitlab.cube.schema import CYCLE, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
@@ -40,26 +40,34 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import the records of one kind that a description names into the experiment's cube.
 
     The cube is in a folder with the name of the description; its records of other kinds are kept.
-    BadInput has every fault that was found; nothing is written then.
+    BadInput has every fault; nothing is written then.
     """
     description = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, description)
     cube_file = results / path.stem / CUBE
     cube = _experiment(description, cycles)
+    table, tensile = getattr(description, kind), description.tensile
+    files = [table.file, getattr(table, "places", None)]
+    if tensile is not None and getattr(table, "strain_per_frame", None) is None:
+        files.append(tensile.file)
     record = {
         "description": file_digest(path),
-        "files": {name: file_digest(path.parent / name) for name in _files(description, kind)},
+        "files": {name: file_digest(path.parent / name) for name in dict.fromkeys(files) if name},
         "variables": list(dict.fromkeys(name for values in cycles for name in values)),
     }
     imports = {kind: record}
     if cube_file.exists():
-        old = open_cube(cube_file)
+        old = read_cube(cube_file)
         if not is_measured(old):
             problem = "holds simulations; give the description another name, or another folder"
             raise fault(str(cube_file), problem)
         imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
         kept = [name for other in imports if other != kind for name in imports[other]["variables"]]
-        if kept and not _is_same_sample(old, cube):
+        coordinates = (*design_dims(cube), "applied_strain", SOURCE)
+        same = parameters_of(old) == parameters_of(cube) and all(
+            name in old.coords and np.array_equal(old[name], cube[name]) for name in coordinates
+        )
+        if kept and not same:
             problem = "has another sample, length, width, source, cycles or strains than the"
             problem += " description; remove it, and import all records again"
             raise fault(str(cube_file), problem)
@@ -67,14 +75,6 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     cube.attrs[IMPORTS] = json.dumps(imports)
     write_cube(cube, cube_file)
     return Imported(cube, cube_file, tuple(summary))
-
-
-def _files(description: Description, kind: RecordKind) -> list[str]:
-    table, tensile = getattr(description, kind), description.tensile
-    files = [table.file, getattr(table, "places", None)]
-    if tensile is not None and getattr(table, "strain_per_frame", None) is None:
-        files.append(tensile.file)
-    return [file for file in dict.fromkeys(files) if file]
 
 
 def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
@@ -115,12 +115,3 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
         ATTRIBUTE: json.dumps(parameters),
     }
     return described(cube).assign_attrs(provenance() | attributes)
-
-
-def _is_same_sample(old: xr.Dataset, new: xr.Dataset) -> bool:
-    coordinates = (*design_dims(new), "applied_strain", SOURCE)
-    return (
-        set(coordinates) <= set(old.coords)
-        and all(np.array_equal(old[name], new[name]) for name in coordinates)
-        and parameters_of(old) == parameters_of(new)
-    )

@@ -23,16 +23,19 @@ from scipy.stats import norm, qmc
 
 from knitlab.cube.schema import VARIABLES
 from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.laboratory.simulated_test import (
+from knitlab.io.errors import fault
+from knitlab.laboratory.curves import (
     QUANTITIES,
+    Curves,
+    MeasuredTest,
     SimulatedTest,
     simulated_test,
     with_factors,
 )
-from knitlab.laboratory.target import Curves, MeasuredTest
-from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
+from knitlab.measure.calibration import ENTRY_UNITS
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
+from knitlab.sweep.material import Material
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """Fitted parameters: all but the periods, which can be measured directly."""
@@ -75,10 +78,6 @@ class Fit:
         return f"<Fit {self.after.label}: factors {factors}; {self.tests} tests>"
 
 
-class NoFit(ValueError):
-    """A fit that cannot be started, with the reason."""
-
-
 def fit_stripes(
     case: Case,
     target: MeasuredTest,
@@ -90,13 +89,14 @@ def fit_stripes(
 
     The prior has the relative standard deviation ``looseness``. At most ``starts`` are tried until
     the test is matched; the first is the tables. ``step`` is called after every test with the
-    number of tests and χ² of the last. NoFit if the test with the tables does not converge.
+    number of tests and χ² of the last. BadInput if the test with the tables does not converge.
     """
     search = _Search(case, target, looseness, step)
     tables = np.zeros(len(FITTED))
     first = search.begin(tables)
     if first is None:
-        raise NoFit("the test with the tabulated stripes does not converge at every strain")
+        problem = "the test with the tabulated stripes does not converge at every strain; choose a"
+        raise fault(case.label, f"{problem} smaller strain_max, or another sample")
     lower, upper = search.bounds
     quantiles = qmc.Halton(len(FITTED), rng=0).random(starts)
     others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)
@@ -288,16 +288,23 @@ def report(fit: Fit) -> list[str]:
     return lines
 
 
-def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
-    """Write both fitted stripes, with the experiment's cube, as a file for ``stripe_files``."""
-    stripes = []
+def fitted_material(fit: Fit, experiment: Path) -> Material:
+    """Both fitted stripes, as a material with the lengths of the sample that was simulated."""
+    sources = []
     for side in ("weft", "warp"):
         errors = ", ".join(
             f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
             for name, error in fit.standard_errors.items()
             if STRIPE_PARAMETERS[name][0] == side
         )
-        warnings = "".join(f"; {warning}" for warning in fit.warnings)
-        source = f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}"
-        stripes.append((getattr(fit.after, side), source))
-    write_stripe_table(path, stripes)
+        knit = getattr(fit.after, side).knit
+        sources.append(f"{knit}: standard errors {errors or 'none'}")
+    source = "; ".join([f"knitlab fit {experiment}", *sources, *fit.warnings])
+    sheet = fit.after.sheet
+    return Material(
+        (fit.after.weft, fit.after.warp),
+        name=f"fit of {experiment.name}",
+        z_max=sheet.z_max,
+        thickness=sheet.thickness,
+        source=source,
+    )

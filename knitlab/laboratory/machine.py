@@ -49,20 +49,14 @@ class Pulls:
 
 def read_tensile(folder: Path, description: Description) -> Imports:
     """Reaction force in every cycle."""
-    pulls = read_pulls(folder, description)
-    strains = np.array(description.protocol.applied_strain)
-
-    def values_of(cycle: Cycle) -> Values:
-        pulled = cycle.loaded(pulls.time)
+    pulls, width = read_pulls(folder, description), description.sample.width.to("mm")
+    strains, values = np.array(description.protocol.applied_strain), []
+    for pulled in (cycle.loaded(pulls.time) for cycle in pulls.cycles):
         strain = pulls.extension[pulled] / pulls.length
         force, error, _ = resampled(strains, strain, pulls.force[pulled])
-        return {
-            "reaction_force": force,
-            "reaction_force_error": error,
-            "force_per_width": force / description.sample.width.to("mm"),
-        }
-
-    return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary]
+        in_cycle = {"reaction_force": force, "reaction_force_error": error}
+        values.append(in_cycle | {"force_per_width": force / width})
+    return values, [pulls.summary]
 
 
 def read_pulls(folder: Path, description: Description) -> Pulls:
@@ -72,31 +66,25 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     path, length = folder / table.file, description.sample.length.to("mm")
     log, triggered = _read_log(path, table)
     pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
-    place = f"{path}: column {table.extension.column}"
+    column = f"{path}: column {table.extension.column}"
     if not pulls:
         after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
-        raise fault(place, f"never rises{after}; give a test in which the sample is pulled")
+        raise fault(column, f"never rises{after}; give a test in which the sample is pulled")
     pulled = pulls[0].loaded(log["time"])
     strain, force = log["extension"][pulled] / length, log["force"][pulled]
     requested = protocol.applied_strain
     if strain.max() < requested[1]:
-        raise fault(
-            place,
-            f"reaches an applied strain of only {strain.max():.3g} in its first cycle; check its"
-            " unit and sign and the sample's length, or skip_cycles",
-        )
+        problem = f"reaches an applied strain of only {strain.max():.3g} in its first cycle"
+        remedy = "check its unit and sign and the sample's length, or skip_cycles"
+        raise fault(column, f"{problem}; {remedy}")
     if strain.min() > requested[1] / 2:
-        raise fault(
-            place,
-            f"begins at an applied strain of {strain.min():.3g}; give the extension from the"
-            " relaxed length, which is 0 there",
-        )
+        problem = f"begins at an applied strain of {strain.min():.3g}"
+        remedy = "give the extension from the relaxed length, which is 0 there"
+        raise fault(column, f"{problem}; {remedy}")
     if strain.max() < requested[-1] * (1 - 1e-9):
-        raise fault(
-            place,
-            f"ends at an applied strain of {strain.max():.3g} in its first cycle, but strain_max is"
-            f" {requested[-1]:g}; reduce strain_max, or give skip_cycles",
-        )
+        problem = f"ends at an applied strain of {strain.max():.3g} in its first cycle, but"
+        remedy = "reduce strain_max, or give skip_cycles"
+        raise fault(column, f"{problem} strain_max is {requested[-1]:g}; {remedy}")
     if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
         problem = "falls as the sample is pulled; give tension as positive"
         raise fault(f"{path}: column {table.force.column}", problem)
@@ -121,11 +109,9 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         time = log["time"] + (pulls.triggered - triggered)
     first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
-        raise fault(
-            f"{path}: column {table.time.column}",
-            f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran from"
-            f" {first:g} s to {last:g} s; correct starts or the trigger",
-        )
+        problem = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran"
+        problem += f" from {first:g} s to {last:g} s; correct starts or the trigger"
+        raise fault(f"{path}: column {table.time.column}", problem)
     strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
     seen, least = np.isfinite(strain), defaults().capacitor.linearity
 
@@ -158,8 +144,8 @@ def _read_log(
 ) -> tuple[dict[str, Record], float | None]:
     """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, if any."""
     stated = {name: getattr(table, name, None) for name in (*COLUMN_UNITS, "trigger")}
-    columns = {name: its for name, its in stated.items() if its is not None}
-    numbers = read_columns(path, [its.column for its in columns.values()], EXAMPLE)
+    columns = {name: column for name, column in stated.items() if column is not None}
+    numbers = read_columns(path, [column.column for column in columns.values()], EXAMPLE)
     values = {
         name: numbers[columns[name].column] * columns[name].factor(unit)
         for name, unit in COLUMN_UNITS.items()
@@ -170,11 +156,9 @@ def _read_log(
         raise fault(str(path), f"has {len(time)} rows; give at least {FEWEST_POINTS}")
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
         at = falls[0]
-        raise fault(
-            f"{path}: column {table.time.column}",
-            f"does not rise from point {at + 1} to point {at + 2} ({time[at]:g} s to"
-            f" {time[at + 1]:g} s); sort the rows, and keep one of each time",
-        )
+        points = f"point {at + 1} to point {at + 2} ({time[at]:g} s to {time[at + 1]:g} s)"
+        problem = f"does not rise from {points}; sort the rows, and keep one of each time"
+        raise fault(f"{path}: column {table.time.column}", problem)
     if table.trigger is None:
         return values, None
     levels = numbers[table.trigger.column]

@@ -42,23 +42,21 @@ class MarkedSample:
     corners: Float[np.ndarray, "frame corner_y corner_x 2"]
     grid: MarkerGrid
     relaxed_frames: int
-    unit_cells: tuple[int, int]  # of the whole sample along (y, x)
+    unit_cells: tuple[int, int]  # of the sample along (y, x)
     turn: float = 0.0  # of the fabric in the picture from the description, anticlockwise [rad]
 
     @property
     def summary(self) -> str:
         """Summary in one sentence."""
-        marked = " × ".join(str(count - 1) for count in self.relaxed.shape[:2])
-        whole = " × ".join(map(str, self.unit_cells))
-        missing = int((self.grid.marker < 0).sum())
-        turn = round(np.degrees(self.turn), 1) + 0.0
-        parts = [f"{marked} unit cells of {whole}", f"turned by {turn:.1f}°"]
-        if missing:
-            parts.append(f"{missing} position{'s' * (missing > 1)} of the grid without a marker")
+        rows, columns = (count - 1 for count in self.relaxed.shape[:2])
+        summary = "{} × {} unit cells of {} × {}".format(rows, columns, *self.unit_cells)
+        summary += f"; turned by {round(np.degrees(self.turn), 1) + 0.0:.1f}°"
+        if missing := int((self.grid.marker < 0).sum()):
+            summary += f"; {missing} position{'s' * (missing > 1)} of the grid without a marker"
         if self.grid.strays:
-            listed = ", ".join(map(str, self.grid.strays))
-            parts.append(f"markers {listed} are not on the grid and are ignored")
-        return "; ".join(parts)
+            strays = ", ".join(map(str, self.grid.strays))
+            summary += f"; markers {strays} are not on the grid and are ignored"
+        return summary
 
 
 def read_markers(folder: Path, description: Description) -> Imports:
@@ -71,11 +69,8 @@ def read_markers(folder: Path, description: Description) -> Imports:
     if table.strain_per_frame is not None:
         strain, spans = frames * table.strain_per_frame, [frames]
         if strain[-1] < requested[-1] * (1 - 1e-9):
-            raise fault(
-                str(path),
-                f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
-                f" {requested[-1]:g}; reduce strain_max",
-            )
+            problem = f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
+            raise fault(str(path), f"{problem} {requested[-1]:g}; reduce strain_max")
     else:
         assert table.frame_rate is not None  # as without strain_per_frame it has both
         assert table.starts is not None
@@ -85,21 +80,15 @@ def read_markers(folder: Path, description: Description) -> Imports:
         seen = np.isfinite(strain)
         spans = [np.flatnonzero(cycle.loaded(time) & seen) for cycle in pulls.cycles]
         if not len(spans[0]):
-            first = pulls.cycles[0]
-            raise fault(
-                str(path),
-                f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does not"
-                f" cover the first pull, from {first.start:g} s to {first.turn:g} s; correct starts"
-                " or frame_rate",
-            )
+            pull = f"the first pull, from {pulls.cycles[0].start:g} s to {pulls.cycles[0].turn:g} s"
+            problem = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does"
+            raise fault(str(path), f"{problem} not cover {pull}; correct starts or frame_rate")
         summary.append(pulls.summary)
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
     if pulled > LARGEST_AT_REST * requested[1]:
-        raise fault(
-            f"{path}: relaxed_frames {table.relaxed_frames}",
-            f"already reach a strain of {pulled:.3g}; give fewer, or correct starts or"
-            " strain_per_frame",
-        )
+        problem = f"already reach a strain of {pulled:.3g}"
+        remedy = "give fewer, or correct starts or strain_per_frame"
+        raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", f"{problem}; {remedy}")
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
     values = [marker_values(marked, requested, strain[span], span) for span in spans]
@@ -113,11 +102,8 @@ def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> No
     """Check that the fabric is strained if and only if the machine pulls it."""
     mean = values["mean_strain_yy"]
     if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
-        raise fault(
-            str(path),
-            f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0; correct starts"
-            " or relaxed_frames",
-        )
+        problem = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
+        raise fault(str(path), f"{problem}; correct starts or relaxed_frames")
     if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * requested[-1]:
         problem = "shows markers that do not move while the sample is pulled; correct starts"
         raise fault(str(path), problem)
@@ -148,11 +134,9 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     marked_rows, marked_columns = (count - 1 for count in marked.relaxed.shape[:2])
     rows, columns = sample.unit_cells
     if not (1 <= marked_rows <= rows and 1 <= marked_columns <= columns):
-        raise fault(
-            str(path),
-            f"shows {marked_rows} × {marked_columns} unit cells of a sample of {rows} × {columns};"
-            " give markers_per_cell, or a table of places",
-        )
+        shown = f"{marked_rows} × {marked_columns} unit cells of a sample of {rows} × {columns}"
+        remedy = "give markers_per_cell, or a table of places"
+        raise fault(str(path), f"shows {shown}; {remedy}")
     cells = lattice_vectors(marked.relaxed).reshape(-1, 2, 2)
     edges = cells[np.isfinite(cells).all(axis=(1, 2))]
     if not len(edges):
@@ -162,21 +146,16 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     (xx, xy), (yx, yy) = mean / sizes
     misaligned = np.degrees(np.arctan2(yx - xy, xx + yy))
     if abs(misaligned) > LARGEST_MISALIGNMENT:
-        raise fault(
-            f"{path}: weft and warp",
-            f"are {misaligned:.0f}° from the rows and columns of markers; correct them, or give"
-            " turned",
-        )
-    for size, whole, count, side in (
+        problem = f"are {misaligned:.0f}° from the rows and columns of markers"
+        raise fault(f"{path}: weft and warp", f"{problem}; correct them, or give turned")
+    for size, stated, count, side in (
         (sizes[0], sample.width.to("mm"), columns, "width"),
         (sizes[1], sample.length.to("mm"), rows, "length"),
     ):
-        if not 1 / LARGEST_SIZE_RATIO < size * count / whole < LARGEST_SIZE_RATIO:
-            raise fault(
-                f"{path}: sample.{side}",
-                f"is {whole:.4g} mm for {count} unit cells, but the markers give"
-                f" {size:.4g} mm each; correct it, unit_cells, pixel or markers_per_cell",
-            )
+        if not 1 / LARGEST_SIZE_RATIO < size * count / stated < LARGEST_SIZE_RATIO:
+            problem = f"is {stated:.4g} mm for {count} unit cells, but the markers give"
+            remedy = "correct it, unit_cells, pixel or markers_per_cell"
+            raise fault(f"{path}: sample.{side}", f"{problem} {size:.4g} mm each; {remedy}")
 
 
 def along_pull(
@@ -201,22 +180,18 @@ def along_pull(
     )
     by_drift, turn = _direction(drift), _direction(separation)
     difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
-    whole = np.linalg.norm(separation) * (moved.shape[1] - 1)
-    drifting = np.linalg.norm(drift) > LEAST_DRIFT * whole
+    apart = np.linalg.norm(separation) * (moved.shape[1] - 1)
+    drifting = np.linalg.norm(drift) > LEAST_DRIFT * apart
     if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
-        raise fault(
-            str(path),
-            f"shows a sample that moves {abs(np.degrees(difference)):.0f}° off the separation of"
-            " its rows; correct weft and warp, or if the camera moved give align = picture",
-        )
+        moves = f"moves {abs(np.degrees(difference)):.0f}° off the separation of its rows"
+        remedy = "correct weft and warp, or if the camera moved give align = picture"
+        raise fault(str(path), f"shows a sample that {moves}; {remedy}")
     if drifting and abs(difference) <= AGREEING:
         turn = by_drift
     if abs(turn) > np.radians(LARGEST_MISALIGNMENT):
-        raise fault(
-            str(path),
-            f"shows a pull that is {np.degrees(turn):.0f}° from the warp; correct weft, warp or"
-            " turned, or give align = picture",
-        )
+        problem = f"shows a pull that is {np.degrees(turn):.0f}° from the warp"
+        remedy = "correct weft, warp or turned, or give align = picture"
+        raise fault(str(path), f"{problem}; {remedy}")
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     relaxed, corners = marked.relaxed @ back.T, marked.corners @ back.T
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)

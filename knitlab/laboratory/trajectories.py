@@ -12,8 +12,6 @@ from knitlab.laboratory.description import MarkersTable, Towards
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
-FRAMES = "write it as in 'frame,marker,x,y'"
-PLACES = "write it as in 'marker,row,column'"
 MOST_MISSING_LISTED = 5
 IN_PICTURE: dict[Towards, tuple[float, float]] = {
     "right": (1.0, 0.0),
@@ -40,10 +38,8 @@ def read_trajectories(path: Path) -> Trajectories:
     elif len(empty):
         listed = ", ".join(map(str, empty[:MOST_MISSING_LISTED]))
         more = ", …" if len(empty) > MOST_MISSING_LISTED else ""
-        problem = (
-            f"shows no marker in {len(empty)} frames ({listed}{more}); track them again, or cut"
-            " them off"
-        )
+        problem = f"shows no marker in {len(empty)} frames ({listed}{more})"
+        problem += "; track them again, or cut them off"
     else:
         return tracks
     raise fault(str(path), problem)
@@ -74,9 +70,9 @@ def _read_array(path: Path) -> Trajectories:
 
 def _read_rows(path: Path) -> Trajectories:
     """Rows may be in any order; a marker without a row in a frame is lost there."""
-    table = _columns(path, ("frame", "marker", "x", "y"), FRAMES)
-    frames, frame = np.unique(_whole(path, "frame", table), return_inverse=True)
-    markers, marker = np.unique(_whole(path, "marker", table), return_inverse=True)
+    table = _columns(path, ("frame", "marker", "x", "y"))
+    frames, frame = np.unique(_integers(path, "frame", table), return_inverse=True)
+    markers, marker = np.unique(_integers(path, "marker", table), return_inverse=True)
     if frames[0] > 1:
         problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
         raise fault(f"{path}: column frame", problem)
@@ -92,13 +88,12 @@ def _read_rows(path: Path) -> Trajectories:
 READERS = {".npy": _read_array, ".csv": _read_rows}
 
 
-def _columns(
-    path: Path, names: tuple[str, ...], example: str
-) -> dict[str, Float[np.ndarray, " row"]]:
+def _columns(path: Path, names: tuple[str, ...]) -> dict[str, Float[np.ndarray, " row"]]:
+    example = f"write it as in '{','.join(names)}'"
     return read_columns(path, names, example, lambda header: header.strip().lower(), ("x", "y"))
 
 
-def _whole(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
+def _integers(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
     values = table[name]
     bad = np.flatnonzero((values % 1 != 0) | (values < 0))
     if len(bad):
@@ -121,8 +116,8 @@ def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | Non
     try:
         if places is None:
             return find_grid(first)
-        table = _columns(places, ("marker", "row", "column"), PLACES)
-        marker, row, column = (_whole(places, name, table) for name in table)
+        table = _columns(places, ("marker", "row", "column"))
+        marker, row, column = (_integers(places, name, table) for name in table)
         if marker.max() >= len(first):
             problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"
             raise fault(f"{places}: column marker", problem)

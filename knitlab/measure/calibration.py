@@ -2,16 +2,14 @@
 
 import itertools
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import tomli_w
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
@@ -20,7 +18,6 @@ from knitlab.fabric.settings import CellSize
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
-from knitlab.io.atomic_write import atomic_write
 from knitlab.measure.fit_statistics import CONFIDENCE, Comparison, compare
 
 Law = Literal["linear", "stiffening"] | SpringCurve
@@ -34,8 +31,6 @@ AS_LOGARITHM = np.array([True, True, False, True])
 UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
 """Units as in the paper's tables, except for k_t, which is N mm for an edge."""
 ENTRY_UNITS = {"period": "mm", **UNITS}
-DIGITS = 6
-"""Digits of the numbers of a stripe that is written to a file."""
 BOUNDS = {
     "k_s": (1e-4, 1e4),
     "k_t": (1e-7, 1e2),
@@ -50,6 +45,8 @@ ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
 """Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
+LEAST_REPEATS = 3
+"""Repeats from which on their scatter, and not that of the points, gives the errors."""
 AT_BOUND = 1e-3
 """Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
 
@@ -67,7 +64,10 @@ class Calibration:
             strain [1], by name.
         standard_errors, intervals: standard error and 95 % confidence interval of each.
         correlations: those of the parameters, in the order of ``values``.
-        strain, force, fitted_force: the curve, and forces of the fitted zigzag [1, N].
+        strain, force, fitted_force: the curve, the mean of all repeats, and forces of the fitted
+            zigzag; on one row, or over the width [1, N or N/mm].
+        per_width: whether forces are over the width.
+        repeats: number of repeats; from 3 on, errors are those of the mean of their own fits.
         starts: number of starts, and number of starts that ended at this fit.
         converged: whether the optimiser met its tolerances.
         iterations: number of Jacobians from the best start.
@@ -87,6 +87,8 @@ class Calibration:
     iterations: int
     warnings: tuple[str, ...]
     law: Law = "linear"
+    per_width: bool = False
+    repeats: int = 1
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -113,12 +115,32 @@ class Calibration:
 
     @property
     def misfit(self) -> float:
-        """Root mean square difference between curve and fit [N]."""
+        """Root mean square difference between curve and fit."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
+    def force_unit(self) -> str:
+        """Unit of its forces."""
+        return "N/mm" if self.per_width else "N"
+
+    @property
+    def covariance(self) -> dict[str, dict[str, float]]:
+        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name."""
+        errors = np.array(
+            [
+                error / (1.0 if name == "theta_0" else self.values[name])
+                for name, error in self.standard_errors.items()
+            ]
+        )
+        rows = self.correlations * np.outer(errors, errors)
+        return {
+            name: dict(zip(self.values, row, strict=True))
+            for name, row in zip(self.values, rows.tolist(), strict=True)
+        }
+
+    @property
     def residuals(self) -> Points:
-        """Curve minus fit [N]."""
+        """Curve minus fit."""
         return self.force - self.fitted_force
 
     def compared_with(self, simpler: "Calibration") -> Comparison:
@@ -128,54 +150,43 @@ class Calibration:
         return compare(*residuals, (len(simpler.values), len(self.values)))
 
 
-def calibrate(period: float, strain: Points, force: Points, law: Law = "linear") -> Calibration:
+def calibrate(
+    period: float,
+    strain: Points,
+    force: Float[np.ndarray, "*repeat point"],
+    law: Law = "linear",
+    *,
+    per_width: bool = False,
+) -> Calibration:
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
-    used; standard errors and correlations are those of the linearised fit, with the noise taken
-    from the residual. The curve is the force on one row of the network [N] over strains of the
-    relaxed period, w or h [mm]; ValueError if it has too few points, or no tension.
+    used. Standard errors and correlations are those of the linearised fit, with the noise taken
+    from the residual, or, of three repeats or more, those of the mean of a fit to each. The curve
+    is the force on one row of the network [N], which is as wide as a cell is long, or over the
+    width [N/mm], over strains of the relaxed period, w or h [mm]. ValueError if it has too few
+    points, or no tension.
     """
+    repeats = np.atleast_2d(force)
+    mean = repeats.mean(axis=0)
     fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
+    _check_curve(strain, mean, len(fitted))
     curve = law if isinstance(law, SpringCurve) else None
-    if len(strain) <= len(fitted):
-        raise ValueError(
-            f"{len(strain)} points cannot determine {len(fitted)} parameters and their errors;"
-            f" give at least {len(fitted) + 1}"
-        )
-    scale = float(np.max(np.abs(force)))
-    if not scale > 0:
-        raise ValueError("the force is zero throughout; give a curve under tension")
-    if not np.sum(strain * force) > 0:
-        raise ValueError("the force falls with strain; give tension as positive")
-
-    def forces(unknowns: Unknowns) -> Points:
-        return np.asarray(_force(curve, unknowns, period, strain))
-
-    bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
-    starts = _unknowns(_starts(period, strain, force)[:, : len(fitted)])
+    zigzag = _Fit(curve, len(fitted), period, per_width)
+    starts = _unknowns(_starts(period, strain, mean * zigzag.row_width)[:, : len(fitted)])
     if law != "stiffening":
         starts = starts[:: len(STARTING_STRAINS)]
-    fits = [
-        least_squares(
-            lambda unknowns: (forces(unknowns) - force) / scale,
-            np.clip(start, *bounds),
-            jac=lambda x: np.asarray(_force_slopes(curve, x, period, strain)) / scale,
-            bounds=bounds,
-            x_scale="jac",
-            ftol=1e-12,
-            xtol=1e-12,
-            gtol=1e-12,
-            max_nfev=300,
-        )
-        for start in starts
-    ]
+    fits = [zigzag.from_start(start, strain, mean) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
-    _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
-    # Round-off must not count as information.
-    singular = np.maximum(singular, np.finfo(float).eps * singular[0])
-    freedom = len(strain) - len(fitted)
-    covariance = 2 * best.cost / freedom * (right.T / singular**2) @ right
+    if len(repeats) >= LEAST_REPEATS:
+        own = np.array([zigzag.from_start(best.x, strain, each).x for each in repeats])
+        freedom, covariance = len(repeats) - 1, np.cov(own.T) / len(repeats)
+    else:
+        freedom = len(strain) - len(fitted)
+        _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
+        # Round-off must not count as information.
+        singular = np.maximum(singular, np.finfo(float).eps * singular[0])
+        covariance = 2 * best.cost / freedom * (right.T / singular**2) @ right
     errors = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(errors, errors)
     reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, freedom)
@@ -194,14 +205,65 @@ def calibrate(period: float, strain: Points, force: Points, law: Law = "linear")
         dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
         correlations,
         strain,
-        force,
-        forces(best.x),
+        mean,
+        zigzag.forces(best.x, strain),
         starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
         warnings=_warnings(best, errors, correlations),
         law=law,
+        per_width=per_width,
+        repeats=len(repeats),
     )
+
+
+def _check_curve(strain: Points, force: Points, fitted: int) -> None:
+    if len(strain) <= fitted:
+        raise ValueError(
+            f"{len(strain)} points cannot determine {fitted} parameters and their errors;"
+            f" give at least {fitted + 1}"
+        )
+    if not np.any(force):
+        raise ValueError("the force is zero throughout; give a curve under tension")
+    if not np.sum(strain * force) > 0:
+        raise ValueError("the force falls with strain; give tension as positive")
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Least squares of a zigzag against tension curves."""
+
+    curve: SpringCurve | None
+    unknowns: int
+    period: float
+    per_width: bool
+
+    @property
+    def row_width(self) -> float:
+        """Width of a row of which the folds are shut, for estimates; 1 if forces are of a row."""
+        return self.period / 4 if self.per_width else 1.0
+
+    def forces(self, unknowns: Unknowns, strain: Points) -> Points:
+        return np.asarray(_force(self.curve, self.per_width, unknowns, self.period, strain))
+
+    def from_start(self, start: Unknowns, strain: Points, force: Points) -> OptimizeResult:
+        names = FITTED_IF_STIFFENING[: self.unknowns]
+        bounds = _unknowns(np.array([BOUNDS[name] for name in names]).T)
+        scale = float(np.max(np.abs(force)))
+        return least_squares(
+            lambda x: (self.forces(x, strain) - force) / scale,
+            np.clip(start, *bounds),
+            jac=lambda x: (
+                np.asarray(_force_slopes(self.curve, self.per_width, x, self.period, strain))
+                / scale
+            ),
+            bounds=bounds,
+            x_scale="jac",
+            ftol=1e-12,
+            xtol=1e-12,
+            gtol=1e-12,
+            max_nfev=300,
+        )
 
 
 def report(calibration: Calibration) -> list[str]:
@@ -219,8 +281,9 @@ def report(calibration: Calibration) -> list[str]:
                 enumerate(calibration.values), 2
             )
         ),
-        f"misfit   {calibration.misfit:.2g} N rms over {len(calibration.strain)} points;"
-        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps",
+        f"misfit   {calibration.misfit:.2g} {calibration.force_unit} rms over"
+        f" {len(calibration.strain)} points; {agreeing} of {tried} starts agree,"
+        f" {calibration.iterations} steps",
     ]
 
 
@@ -239,29 +302,13 @@ def report_comparison(calibration: Calibration, linear: Calibration) -> list[str
     if not calibration.usable:
         verdict += f"; the {name} fit cannot be used"
     return [
-        f"linear   misfit {linear.misfit:.2g} N rms, against {calibration.misfit:.2g} N {name}",
+        f"linear   misfit {linear.misfit:.2g} {linear.force_unit} rms, against"
+        f" {calibration.misfit:.2g} {calibration.force_unit} {name}",
         f"AICc     {name} springs gain {comparison.gain:+.1f} if residuals are independent,"
         f" {comparison.gain_if_correlated:+.1f} if neighbours are correlated (by"
         f" {comparison.autocorrelation[0]:.2f} linear, {comparison.autocorrelation[1]:.2f} {name})",
         f"law      {verdict}",
     ]
-
-
-def write_stripe_table(path: Path, stripes: Iterable[tuple[Stripe, str]]) -> None:
-    """Write stripes, each with its source, as a table that workflows can use (``stripe_files``)."""
-    table: dict[str, Any] = {}
-    for stripe, source in stripes:
-        given = {name: getattr(stripe, name) for name in ENTRY_UNITS}
-        row: dict[str, Any] = {
-            name: float(f"{value:.{DIGITS}g}") for name, value in given.items() if value is not None
-        }
-        units = {name: ENTRY_UNITS[name] for name in row}
-        if stripe.spring_curve is not None:
-            curve = stripe.spring_curve
-            row["spring_curve"] = {"strain": list(curve.strain), "force": list(curve.force)}
-        table[stripe.knit] = {"source": source, "unit": units, "n": {str(stripe.n): row}}
-    with atomic_write(path) as temporary:
-        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
 
 def source_of(calibration: Calibration, curve: Path, cell_size: CellSize) -> str:
@@ -279,19 +326,21 @@ def source_of(calibration: Calibration, curve: Path, cell_size: CellSize) -> str
     )
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jax.jit, static_argnums=(0, 1))
 def _force(
     curve: SpringCurve | None,
+    per_width: bool,
     unknowns: Float[Array, " fitted"],
     period: Float[Array, ""],
     strain: Float[Array, " point"],
 ) -> Float[Array, " point"]:
     law = law_of_one(jnp.exp(unknowns[3]) if len(unknowns) > len(FITTED) else None, curve)
     chain = Zigzag(period, jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], law)
-    return tension(chain, strain)
+    # A row of a pure fabric is as wide as its cells are long.
+    return tension(chain, strain) / (chain.cell if per_width else 1.0)
 
 
-_force_slopes = jax.jit(jax.jacfwd(_force, argnums=1), static_argnums=0)
+_force_slopes = jax.jit(jax.jacfwd(_force, argnums=2), static_argnums=(0, 1))
 
 
 def _unknowns(values: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*any fitted"]:

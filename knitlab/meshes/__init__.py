@@ -2,5 +2,5 @@
 
 In: a cube or a case file, and which state. Out: VTU, PLY, GLB or STL files.
 
-Read ``fabric.py``, then ``surface.py``, ``solid.py`` and ``formats.py``.
+Read ``fabric.py``, then ``surface.py`` and ``formats.py``.
 """

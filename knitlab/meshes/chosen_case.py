@@ -14,11 +14,7 @@ from knitlab.cube.selection import choices, chosen_places, refuse_others, select
 from knitlab.io.errors import fault
 
 STRAIN = "applied_strain"
-NO_CASE_FILE = (
-    "has no case file in {folder}/cases, and shapes are not in the cube; run the design into"
-    " this folder"
-)
-NO_SHAPE = {
+NO_CASE_FILE = {
     Status.failed: "failed and has no shape; knitlab status says why",
     Status.pending: "is planned but has not run; run it first",
 }
@@ -43,11 +39,10 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     if not designs.sizes["design"]:
         raise fault("selections", "leave no design of this cube; choose others")
     if designs.sizes["design"] > 1:
-        labels = {dim: np.unique(designs[dim]) for dim in dims}
-        present = xr.Dataset(coords={dim: its for dim, its in labels.items() if len(its) > 1})
-        number = designs.sizes["design"]
-        listed = choices(present, map(str, present.coords))
-        raise fault("selections", f"leave {number} designs; select {listed}")
+        labels = {str(dim): np.unique(designs[dim]) for dim in dims}
+        several = {dim: values for dim, values in labels.items() if len(values) > 1}
+        listed = choices(xr.Dataset(coords=several), several)
+        raise fault("selections", f"leave {designs.sizes['design']} designs; select {listed}")
     (only,) = designs["design"].values
     case_id = str(designs["case_id"].item())
     name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
@@ -55,8 +50,9 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     if stored is StoredCase.damaged:
         raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
     if stored is StoredCase.nothing:
-        status = Status(int(designs["status"].item()))
-        raise fault(name, NO_SHAPE.get(status, NO_CASE_FILE).format(folder=folder))
+        missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
+        remedy = f"{missing}; run the design into this folder"
+        raise fault(name, NO_CASE_FILE.get(Status(designs["status"].item()), remedy))
     return read_case(folder, case_id)
 
 
@@ -78,12 +74,12 @@ def chosen_strains(
         title = str(case_file.attrs.get("title", "test"))
         raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
     everything = np.flatnonzero(reached).tolist() if several else [0]
-    places = chosen_places({STRAIN: strains}, along)[STRAIN] if along else everything
-    if missing := [place for place in places if not reached[place]]:
+    chosen = chosen_places({STRAIN: strains}, along)[STRAIN] if along else everything
+    if missing := [index for index in chosen if not reached[index]]:
         problem = f"has no shape: {reason}; select up to {strains[reached].max():g}"
         raise fault(f"{STRAIN} {strains[missing[0]]:g}", problem)
-    if len(places) > 1 and not several:
-        listed = ", ".join(f"{strains[place]:g}" for place in places)
+    if len(chosen) > 1 and not several:
+        listed = ", ".join(f"{strain:g}" for strain in strains[chosen])
         problem = f"choose the strains {listed} for one mesh; select one, or write a .pvd"
         raise fault("selections", problem)
-    return places
+    return chosen

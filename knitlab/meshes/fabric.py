@@ -33,9 +33,9 @@ UNIT_CELL_STRAINS = ("strain_xx", "strain_yy")
 
 
 def fabric_meshes(
-    case_file: xr.Dataset, places: Sequence[int], repeats: tuple[int, int] = (1, 1)
+    case_file: xr.Dataset, strains: Sequence[int], repeats: tuple[int, int] = (1, 1)
 ) -> list[SurfaceMesh]:
-    """The surface of a fabric at some reached strains, quad by quad, with its fields.
+    """The surface of a fabric at reached strains, by their indices, with its fields.
 
     Periodic fabric is repeated along (y, x). BadInput if the repeats do not fit the fabric.
     """
@@ -43,11 +43,16 @@ def fabric_meshes(
 
     case = case_of(json.loads(case_file.attrs["parameters"]))
     _check_repeats(case_file, repeats)
-    shown = case_file.isel(applied_strain=list(places))
+    shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])
     fixed = _fixed_fields(case, repeats)
-    strains = {name: _unit_cell_strain(case, shown, name, repeats) for name in UNIT_CELL_STRAINS}
+    of_unit_cells: dict[str, np.ndarray] = {}
+    rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
+    for name in UNIT_CELL_STRAINS:
+        values = shown[name].transpose("applied_strain", "cell_y", "cell_x").values
+        on_cells = values.repeat(rows, axis=1).repeat(columns, axis=2)
+        of_unit_cells[f"{name} [1]"] = np.tile(on_cells, (1, *repeats))
     meshes = []
     for number, nodes in enumerate(closed_nodes(shown, repeats)):
         strain = np.full(nodes.shape[:2], float(shown["applied_strain"][number]))
@@ -55,12 +60,12 @@ def fabric_meshes(
             name: _side_lengths(nodes, axis) / _side_lengths(relaxed, axis) - 1
             for name, axis in STRETCHES.items()
         }
-        of_unit_cells = {f"{name} [1]": values[number] for name, values in strains.items()}
+        in_unit_cells = {name: values[number] for name, values in of_unit_cells.items()}
         meshes.append(
             grid_surface(
                 nodes,
                 {HEIGHT: nodes[..., 2], FOLD_ANGLE: folds[number], APPLIED_STRAIN: strain},
-                {**fixed, **stretches, **of_unit_cells},
+                fixed | stretches | in_unit_cells,
             )
         )
     return meshes
@@ -101,19 +106,19 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
     along_y, along_x = case.unit_cells
     pattern = replace(case, unit_cells=(repeats[0] * along_y, repeats[1] * along_x)).sample
     across = pattern.knit.shape[1]
-    found = {
+    fields = {
         KNIT: np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0),
         PATCH: pattern.patch_of_row[:, None] * across + pattern.patch_of_column,
     }
     if case.capacitor is not None:
         covered = np.tile(_plated(case), (1, *repeats))
         plated = covered.sum(axis=0)
-        found[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0)
-        found[PLATED] = plated
+        fields[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0)
+        fields[PLATED] = plated
     # Every format knows integers of 32 bits.
     return {
         name: values.astype(np.int32) if values.dtype.kind == "i" else values
-        for name, values in found.items()
+        for name, values in fields.items()
     }
 
 
@@ -150,14 +155,6 @@ def _side_lengths(
     return (np.delete(length, -1, 1 - axis) + np.delete(length, 0, 1 - axis)) / 2
 
 
-def _unit_cell_strain(
-    case: "Case", case_file: xr.Dataset, name: str, repeats: tuple[int, int]
-) -> Float[np.ndarray, "strain cell_y cell_x"]:
-    rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
-    values = case_file[name].transpose("applied_strain", "cell_y", "cell_x").values
-    return np.tile(values.repeat(rows, axis=1).repeat(columns, axis=2), (1, *repeats))
-
-
 def _fold_angles(
     case: "Case", case_file: xr.Dataset, closed: tuple[int, ...]
 ) -> Float[np.ndarray, "strain node_y node_x"]:
@@ -187,5 +184,5 @@ def _fold_angles(
             at = (row + end * up) % shape.nodes_y, (column + end * right) % shape.nodes_x
             total[:, *at] += angles[:, kind]
             edges[at] += 1
-    rows, columns = (np.arange(count) % own for count, own in zip(closed, edges.shape, strict=True))
+    rows, columns = (np.arange(many) % few for many, few in zip(closed, edges.shape, strict=True))
     return (total / np.maximum(edges, 1))[:, rows[:, None], columns]

@@ -91,9 +91,8 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
 def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
     """Write a mesh for each applied strain into a folder, and the collection that lists them.
 
-    The collection is a ``.pvd`` file of ParaView, for which the strain is the time; the folder lies
-    beside it and has its name. The collection is written last, so that it never lists a file that
-    is not there. Returns it, then the meshes; CannotWrite if a file cannot be written.
+    The collection is a ``.pvd`` file of ParaView, with the strain as its time, written last; the
+    folder beside it has its name. Returns it, then the meshes; CannotWrite if that fails.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
@@ -103,8 +102,8 @@ def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: 
         file = path.with_suffix("") / f"strain_{time}.vtu"
         write_mesh(mesh, file)
         files.append(file)
-        place = file.relative_to(path.parent).as_posix()
-        ElementTree.SubElement(collection, "DataSet", timestep=time, part="0", file=place)
+        name = file.relative_to(path.parent).as_posix()
+        ElementTree.SubElement(collection, "DataSet", timestep=time, part="0", file=name)
     ElementTree.indent(root)
     with atomic_write(path) as temporary:
         ElementTree.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)

@@ -10,8 +10,8 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 
-from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import Electrodes, StitchCounts, place_electrodes
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.inertia import Inertia, inertia
@@ -64,8 +64,8 @@ class Case:
     unit_cells: tuple[int, int]
     applied_strain: tuple[float, ...]
     method: Method
-    solver: SolverSettings | None
-    dynamics: DynamicsSettings | None = None
+    solver: Solver | None
+    dynamics: Dynamics | None = None
     sensitivities: bool = False
     unloading: bool = False
     capacitor: Capacitor | None = None
@@ -250,12 +250,12 @@ class Case:
         return courses / cells_per_stripe, wales / cells_per_stripe
 
     @property
-    def equilibrium_solver(self) -> SolverSettings:
+    def equilibrium_solver(self) -> Solver:
         """Settings of the equilibrium solver; a TypeError if it is solved by dynamics."""
         return self._given(self.solver, "settings of the equilibrium solver")
 
     @property
-    def motion(self) -> DynamicsSettings:
+    def motion(self) -> Dynamics:
         """Settings of the dynamics; a TypeError if nothing of it moves in time."""
         return self._given(self.dynamics, "settings of the dynamics")
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case, Method, by_test
 
@@ -130,7 +130,7 @@ def work(case: Case, states: float) -> float:
     return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
 
 
-def _time(case: Case, motion: DynamicsSettings, states: float) -> float:
+def _time(case: Case, motion: Dynamics, states: float) -> float:
     """Time that passes in the first states of a test by dynamics [ms]."""
     at_rest, rate = motion.ending == "rest", motion.strain_rate
     relaxation = TIME_TO_REST if at_rest else motion.relax_time
@@ -142,7 +142,7 @@ def _time(case: Case, motion: DynamicsSettings, states: float) -> float:
     return relaxation * min(states, 1.0) + strain / rate + waiting
 
 
-def _time_step(case: Case, motion: DynamicsSettings) -> float:
+def _time_step(case: Case, motion: Dynamics) -> float:
     """About the time step of the leapfrog [ms]."""
     stiffest = max(case.weft.k_s, case.warp.k_s)
     mass = motion.surface_density * case.weft.period * case.warp.period

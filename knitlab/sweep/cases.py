@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern
-from knitlab.fabric.settings import ModelOptions, largest_thickness
+from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
@@ -21,12 +21,15 @@ from knitlab.fabric.stripe import (
 from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
+from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, Label
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES, changed_stripe, changed_table
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.parameters import Parameters, StripeFile
+from knitlab.sweep.material import SCALED, MaterialFile, with_material
+from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
-from knitlab.sweep.settings import PATTERN
+from knitlab.sweep.settings import PATTERN, SETTINGS
+from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import (
     DesignSection,
     ElectrodesSection,
@@ -39,7 +42,7 @@ from knitlab.sweep.workflow_text import WorkflowText
 
 # A pure stripe has its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
-STRIPE_FILES = "model.stripe_files"
+MATERIAL = "model.material"
 PATTERN_FILES = "design.pattern_files"
 USUAL_STRAIN = 2.0
 """Largest usual applied strain: that of pure stripes, which unfold furthest."""
@@ -74,9 +77,10 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     if name not in sets:
         raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
     if section.n_stripe is None or section.n_subunit is None:
-        return _members(section, name, sets[name].pairs, source)
-    pairs = sorted({(n, m) for n in section.n_stripe for m in section.n_subunit})
-    reasons = {pair: parameters.stripes.impossible(*pair) for pair in pairs}
+        pairs = _members(section, name, sets[name].pairs, source)
+    else:
+        pairs = sorted({(n, m) for n in section.n_stripe for m in section.n_subunit})
+    reasons = {pair: _impossible(parameters, *pair) for pair in pairs}
     excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
     if len(excluded) == len(pairs):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
@@ -84,9 +88,16 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
 
 
+def _impossible(parameters: Parameters, n_stripe: int, n_subunit: int) -> str | None:
+    reason = parameters.stripes.impossible(n_stripe, n_subunit)
+    if reason is None or parameters.material is None:
+        return reason
+    return f"{reason} (material {parameters.material!r})"
+
+
 def _members(
     section: DesignSection, name: str, pairs: tuple[Pair, ...], source: Source
-) -> DesignSpace:
+) -> list[Pair]:
     faults = []
     for key, place in (("n_stripe", 0), ("n_subunit", 1)):
         wanted = getattr(section, key)
@@ -103,7 +114,7 @@ def _members(
         pairs = tuple(pair for pair in pairs if pair[place] in wanted)
     if faults:
         raise BadInput(faults)
-    return DesignSpace(tuple(sorted(pairs)), {})
+    return sorted(pairs)
 
 
 def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
@@ -111,7 +122,7 @@ def stripe_space(section: StripesSection, parameters: Parameters, source: Source
 
     If only one knit has a stripe of some size, this size is excluded for the other knit.
     """
-    there = {knit: sorted(map(int, parameters.stripes.table(knit).n)) for knit in section.knit}
+    there = {knit: list(parameters.stripes.rows(knit)) for knit in section.knit}
     sizes = sorted(set().union(*there.values()))
     if section.n and (strangers := sorted(set(section.n) - set(sizes))):
         problem = f"there is no stripe of n = {strangers}; choose from {sizes}"
@@ -143,15 +154,44 @@ def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int,
     return max(1, round(length * GARTER_STITCHES_PER_RIB_STITCH / courses)), along_x
 
 
-def with_stripe_files(
+def with_material_file(
     section: ModelSection, parameters: Parameters, text: WorkflowText
-) -> tuple[Parameters, list[Path]]:
-    """The parameters with the stripes of a workflow's ``stripe_files``, and these files."""
-    stripes = parameters.stripes
-    files = [text.folder(STRIPE_FILES) / name for name in section.stripe_files]
-    for path in files:
-        stripes = read_checked(StripeFile, path, text.source(STRIPE_FILES)).over(stripes)
-    return replace(parameters, stripes=stripes), files
+) -> tuple[Parameters, WorkflowText, list[Path]]:
+    """The parameters with the stripes that a workflow names, the workflow, and their file.
+
+    Lengths of a workflow's file that another material replaces are those of the paper's yarn, and
+    scaled like the parameters; lengths of overrides, or beside the material in the file, are not.
+    """
+    if section.interpolate_stripes is not None:
+        update = {"interpolate": section.interpolate_stripes}
+        parameters = replace(parameters, stripes=parameters.stripes.model_copy(update=update))
+    if section.material is None:
+        return parameters, text, []
+    path = text.folder(MATERIAL) / section.material
+    material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
+    if section.interpolate_stripes is not None:
+        material = replace(material, interpolate=section.interpolate_stripes)
+    changed = with_material(parameters, material)
+    scaled = dict(changed.scaled)
+    tables = {table: dict(given) for table, given in text.table.items() if isinstance(given, dict)}
+    axes = {axis.name: axis for axis in text.axes}
+    for name, attribute in SCALED.items():
+        key = f"{SETTINGS[name].section}.{name}"
+        given = tables.get(SETTINGS[name].section, {})
+        if name not in given:
+            continue
+        scaled.pop(name, None)
+        if MATERIAL not in text.sources or key in text.sources:
+            continue
+        ratio = getattr(getattr(changed, attribute), name) / getattr(
+            getattr(parameters, attribute), name
+        )
+        given[name] = scaled[name] = ratio * given[name]
+        if name in axes:
+            values = tuple(ratio * value for value in axes[name].values)
+            axes[name] = replace(axes[name], values=values)
+    text = replace(text, table=text.table | tables, axes=tuple(axes.values()))
+    return replace(changed, scaled=scaled), text, [path]
 
 
 def with_pattern_files(
@@ -212,7 +252,7 @@ def cases(
         entry, folder = _pattern(workflow.design, parameters, source)
         rows = entry.patches(folder)
         if "P" in "".join(rows):
-            common["plain"] = changed_table(parameters.plain, changes)
+            common["plain"] = _plain(parameters, changes, source)
         for n_stripe, n_subunit in space.designs:
             n, m = int(n_stripe), int(n_subunit)
             try:
@@ -252,6 +292,16 @@ def cases(
             )
             _check_thickness(case, source)
             yield case.without_unused()
+
+
+def _plain(parameters: Parameters, changes: dict[str, float], source: Source) -> PlainKnit:
+    names = declared(PlainKnit)
+    if parameters.plain is not None:
+        return changed_table(parameters.plain, changes)
+    if missing := [name for name in names if name not in changes]:
+        problem = f"the material {parameters.material!r} has no plain knit; give {missing}"
+        raise fault(source("design.pattern"), f"{problem}, or choose a pattern without P")
+    return changed_table(PlainKnit(**{name: changes[name] for name in names}), changes)
 
 
 def _check_cells(rows: tuple[str, ...], cell: tuple[int, int] | None) -> None:
@@ -302,7 +352,7 @@ def _capacitor(
 
 
 def _check_together(
-    workflow: Workflow, options: ModelOptions, solver: SolverSettings, source: Source
+    workflow: Workflow, options: ModelOptions, solver: Solver, source: Source
 ) -> None:
     """Refuse drag and contact where they have no meaning."""
     by_dynamics = workflow.protocol.method == "dynamics"
@@ -343,20 +393,38 @@ def _check_thickness(case: Case, source: Source) -> None:
         raise fault(source("model.thickness"), f"{case.sheet.thickness:g} mm {problem}")
 
 
+def _scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -> list[str]:
+    """A sentence on the lengths that were scaled to a material, and that matter in a workflow."""
+    without_effect = set() if contact else {"thickness"}
+    if workflow.stripes is not None:
+        without_effect |= set(declared(Gauge))
+    if workflow.electrodes is None:
+        without_effect |= {"clearance", "ground_distance"}
+    scaled = {name: parameters.scaled[name] for name in parameters.scaled.keys() - without_effect}
+    if not scaled:
+        return []
+    lengths = ", ".join(f"{name} = {value:.3g} mm" for name, value in sorted(scaled.items()))
+    its = f"the paper's, scaled to the periods of the material {parameters.material!r}"
+    return [f"{lengths}: {its}; give others in its file or as settings"]
+
+
 def unusual_values(
     workflow: Workflow, cases: Iterable[Case], parameters: Parameters
 ) -> tuple[str, ...]:
     """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
     sentences: list[str] = []
+    cases = tuple(cases)
+    contact = any(case.options.contact != "none" for case in cases)
+    sentences += _scaled_lengths(workflow, parameters, contact)
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
             usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"
             sentences.append(f"strain_max = {strain:g} is {strain:.0%} of the length; {usual}")
         for stripe in (case.weft, case.warp):
-            table = parameters.stripes.table(stripe.knit)
+            rows = parameters.stripes.rows(stripe.knit).values()
             for name in STRIPE_QUANTITIES:
-                value, unit = getattr(stripe, name), getattr(table.unit, name)
-                known = [getattr(row, name) for row in table.n.values()]
+                value, unit = getattr(stripe, name), UNITS[name]
+                known = [getattr(row, name) for row in rows]
                 if not min(known) / FAR <= value <= max(known) * FAR:
                     usual = f"usual are {min(known):g} to {max(known):g} {unit}"
                     its = f"{name} of {stripe.knit} {stripe.n}"

@@ -11,7 +11,7 @@ import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
-from knitlab.cube.cube_file import OPTION, design_dims, open_cube
+from knitlab.cube.cube_file import OPTION, design_dims, read_cube
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.provenance import provenance
@@ -44,7 +44,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     if not path.exists():
         return None
     try:
-        cube = open_cube(path)
+        cube = read_cube(path)
     except BadInput as error:
         problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
         raise fault(str(path), problem) from error
@@ -137,6 +137,8 @@ def _attributes(
     if old is not None and not all(planned):
         common = shared(parameters_of(old), common) if any(planned) else parameters_of(old)
     attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
+    if plan.material is not None:
+        attributes["material"] = plan.material
     if "method" in common:
         attributes["method"] = common["method"]
     options = {f"{OPTION}{key}": value for key, value in common.get("options", {}).items()}

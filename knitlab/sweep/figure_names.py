@@ -10,6 +10,7 @@ FIGURE_NAMES = (
     "contact",
     "curves",
     "electrodes",
+    "force",
     "grid",
     "options",
     "relaxation",

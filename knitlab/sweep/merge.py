@@ -59,7 +59,7 @@ class FolderContents:
     @classmethod
     def of(cls, path: Path) -> "FolderContents":
         """Read a results folder; BadInput if it holds an experiment."""
-        cube = cube_file.open_cube(path) if (path / CUBE).exists() else None
+        cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
         if cube is not None and cube_file.is_measured(cube):
             raise fault(str(path), "holds an experiment; only simulations are merged")
         record = results_folder.read_plan(path) if (path / PLAN).exists() else None

@@ -1,24 +1,16 @@
 """Parameters: schemas of ``params/*.toml``, each value with its unit and source, and defaults."""
 
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, RootModel, model_validator
+from pydantic import Field, PositiveInt, RootModel
 
-from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.settings import CellSize, GarterStart, ModelOptions, PlainKnit, Sheet
-from knitlab.fabric.spring_law import SpringCurve
-from knitlab.fabric.stripe import (
-    GARTER_STITCHES_PER_RIB_STITCH,
-    SPRING_LAWS,
-    Knit,
-    Stripe,
-    periods_per_patch,
-)
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
@@ -29,124 +21,11 @@ from knitlab.sweep.declared_fields import (
     checked,
     declared,
     entries,
-    required,
-    units,
     with_defaults,
     with_fields,
 )
 from knitlab.sweep.patterns import Pattern, PatternFile
-
-QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS))
-
-
-@with_fields(units(QUANTITIES))
-class StripeUnits(StrictModel):
-    """Units of a stripe table."""
-
-    stiffening_strain: Literal["1"] | None = None
-
-
-@with_fields(with_defaults(SpringCurve))
-class SpringCurveRow(StrictModel):
-    """The table of a :class:`~knitlab.fabric.spring_law.SpringCurve`."""
-
-    @model_validator(mode="after")
-    def _is_a_curve(self) -> "SpringCurveRow":
-        self.curve  # noqa: B018  (it raises)
-        return self
-
-    @property
-    def curve(self) -> SpringCurve:
-        """The curve of this table."""
-        return SpringCurve(**dict(self))
-
-
-@with_fields(required(QUANTITIES))
-class StripeRow(StrictModel):
-    """Fitted values of one stripe (paper, Tables 1 and 2), and the law of its springs."""
-
-    stiffening_strain: PositiveFloat | None = None
-    spring_curve: SpringCurveRow | None = None
-
-    @classmethod
-    def of(cls, stripe: Stripe) -> "StripeRow":
-        """The row of a stripe; ValidationError if a number of it is out of range."""
-        numbers = asdict(stripe)
-        return cls.model_validate({name: numbers[name] for name in (*QUANTITIES, *SPRING_LAWS)})
-
-    @model_validator(mode="after")
-    def _has_one_law(self) -> "StripeRow":
-        if self.stiffening_strain is not None and self.spring_curve is not None:
-            raise ValueError("has both stiffening_strain and spring_curve; give one")
-        return self
-
-
-def _stitches(text: str) -> str:
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise ValueError(f"a stripe is named by its number of stitches, but is {text!r}")
-    return text
-
-
-class StripeTable(StrictModel):
-    """All stripes of one knit, by stitches across a stripe."""
-
-    source: str = Field(min_length=1)
-    unit: StripeUnits
-    n: dict[Annotated[str, AfterValidator(_stitches)], StripeRow] = Field(min_length=1)
-
-
-class StripeTables(StrictModel):
-    """``stripes.toml``."""
-
-    rib: StripeTable
-    garter: StripeTable
-
-    def table(self, knit: Knit) -> StripeTable:
-        """The stripes of one knit."""
-        return self.rib if knit == "rib" else self.garter
-
-    def stripe(self, knit: Knit, stitches: int) -> Stripe:
-        """One stripe of the table."""
-        row = self.table(knit).n[str(stitches)]
-        numbers = dict(row) | {"spring_curve": row.spring_curve and row.spring_curve.curve}
-        return Stripe(knit=knit, n=stitches, **numbers)
-
-    def with_stripes(self, stripes: Iterable[Stripe]) -> "StripeTables":
-        """The tables, to which stripes are added, or whose stripes they replace."""
-        tables = dict(self)
-        for stripe in stripes:
-            rows = tables[stripe.knit].n | {str(stripe.n): StripeRow.of(stripe)}
-            tables[stripe.knit] = tables[stripe.knit].model_copy(update={"n": rows})
-        return StripeTables(**tables)
-
-    def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
-        """Why a design is impossible with these stripes, or None if it is possible."""
-        ribs, garters = (sorted(map(int, table.n)) for table in (self.rib, self.garter))
-        pairing = [n for n in ribs if GARTER_STITCHES_PER_RIB_STITCH * n in garters]
-        if n_stripe not in pairing:
-            garter = f"garter stripe of {GARTER_STITCHES_PER_RIB_STITCH * n_stripe} to pair with"
-            missing = garter if n_stripe in ribs else "rib stripe"
-            return f"n_stripe = {n_stripe} has no {missing}; choose from {pairing}"
-        try:
-            periods_per_patch(n_stripe, n_subunit)
-        except ValueError as error:
-            return str(error)
-        return None
-
-
-class StripeFile(StrictModel):
-    """Stripes that a user adds or replaces, as ``knitlab calibrate`` writes them."""
-
-    rib: StripeTable | None = None
-    garter: StripeTable | None = None
-
-    def over(self, stripes: StripeTables) -> StripeTables:
-        """The stripes, to which those of this file are added, or which they replace."""
-        tables = dict(stripes)
-        for knit, own in self:
-            if own is not None:
-                tables[knit] = own.model_copy(update={"n": tables[knit].n | own.n})
-        return StripeTables(**tables)
+from knitlab.sweep.stripe_tables import StripeTables
 
 
 @with_fields(with_defaults(ElectrodeLayout))
@@ -192,21 +71,24 @@ class Parameters:
     """Everything under ``params/``, and the source of each value by the name of its setting.
 
     The capacitor has the layout where none is named. Paths of a pattern are relative to the folder
-    beside it.
+    beside it. ``material`` is the name of a material in place of the paper's yarn, ``scaled`` are
+    the lengths that its periods scaled, and ``plain`` is None if it has no plain knit.
     """
 
     stripes: StripeTables
     sheet: Sheet
-    plain: PlainKnit
+    plain: PlainKnit | None
     model: ModelOptions
-    solver: SolverSettings
-    dynamics: DynamicsSettings
+    solver: Solver
+    dynamics: Dynamics
     capacitor: Capacitor
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
     designs: DesignSets
     patterns: dict[str, tuple[Pattern, Path]]
     sources: dict[str, str]
+    material: str | None = None
+    scaled: Mapping[str, float] = field(default_factory=dict)
 
     def with_tables(self, **given: object) -> "Parameters":
         """The parameters with other tables by their attributes; None keeps one.
@@ -218,7 +100,7 @@ class Parameters:
         for name, table in given.items():
             if table is None:
                 continue
-            kind = type(getattr(self, name))
+            kind = TABLES[name]
             with faults:
                 if not isinstance(table, kind):
                     problem = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
@@ -233,8 +115,8 @@ TABLES: dict[str, type[Any]] = {
     "sheet": Sheet,
     "plain": PlainKnit,
     "model": ModelOptions,
-    "solver": SolverSettings,
-    "dynamics": DynamicsSettings,
+    "solver": Solver,
+    "dynamics": Dynamics,
     "capacitor": Capacitor,
     "gauge": Gauge,
 }

@@ -215,7 +215,7 @@ class _Lines:
                 yield stripe(self.knit, self.stitches * n)
             except KeyError:
                 missing = f"no {self.knit} stripe of {self.stitches * n} {self.unit}"
-                remedy = "choose another n_stripe, or give its numbers in stripe_files"
+                remedy = "choose another n_stripe, or give a material that has it"
                 problems.append(f"{self.place} {number}: there is {missing}; {remedy}")
 
 

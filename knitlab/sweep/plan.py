@@ -29,8 +29,8 @@ from knitlab.sweep.cases import (
     overridden,
     stripe_space,
     unusual_values,
+    with_material_file,
     with_pattern_files,
-    with_stripe_files,
 )
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.settings import SETTINGS
@@ -50,6 +50,7 @@ class Plan:
         inputs: SHA-256 of every file that the plan was made from, by path.
         stripes: fingerprint of the stripe tables, with the changes that all cases share.
         gauge: size of a stitch, for the cube's sizes in cloth; no case depends on it.
+        material: name of a material in place of the paper's yarn, or None.
         warnings: values that may be mistakes.
     """
 
@@ -64,6 +65,7 @@ class Plan:
     inputs: dict[str, str]
     stripes: str
     gauge: Gauge
+    material: str | None = None
     warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -112,6 +114,7 @@ class Plan:
             "package": package_fingerprint(),
             "gauge": asdict(self.gauge),
             "stripes": self.stripes,
+            "material": self.material,
             "parameters": self.common,
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
@@ -139,19 +142,19 @@ def make_plan(
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
     faults = ErrorCollector()
-    parameters = shipped_parameters = read = None
+    parameters = read = None
     axes: tuple[SweepAxis, ...] = ()
     space = DesignSpace((), {})
     made: dict[str, Case] = {}
     inputs = [text.path, *folder.glob("*.toml")]
     with faults:
-        parameters = shipped_parameters = read_parameters(folder)
-    with faults:
-        read, axes = text.checked()
+        parameters = read_parameters(folder)
     with faults:
         if parameters and (model := text.section("model")):
-            parameters, files = with_stripe_files(model, parameters, text)
+            parameters, text, files = with_material_file(model, parameters, text)
             inputs += files
+    with faults:
+        read, axes = text.checked()
     with faults:
         if parameters and (design := text.section("design")):
             parameters, files = with_pattern_files(design, parameters, text)
@@ -168,7 +171,7 @@ def make_plan(
                 for case in cases(chosen, labels, space, parameters, text.source)
             }
             faults.all += _misplaced_electrodes(made, text)
-    if parameters is None or shipped_parameters is None or read is None or faults.all:
+    if parameters is None or read is None or faults.all:
         raise BadInput(faults.all)
     return Plan(
         workflow=text.path.stem,
@@ -182,7 +185,8 @@ def make_plan(
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
         gauge=overridden(parameters.gauge, read.gauge),
-        warnings=unusual_values(read, made.values(), shipped_parameters),
+        material=parameters.material,
+        warnings=unusual_values(read, made.values(), parameters),
     )
 
 
@@ -250,4 +254,5 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         inputs=dict(first["inputs"]) if alike else {},
         stripes=first.get("stripes", ""),
         gauge=Gauge(**first["gauge"]),
+        material=first.get("material"),
     )

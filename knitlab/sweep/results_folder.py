@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
-from knitlab.cube.cube_file import CUBE, design_dims, open_cube
+from knitlab.cube.cube_file import CUBE, design_dims, read_cube
 from knitlab.cube.schema import RUN, Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
@@ -205,7 +205,7 @@ def folder_status(
     folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
 ) -> FolderStatus:
     """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
-    cube = open_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
+    cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
     stored = cells(cube)
     failures = earlier_failures(folder)
     statuses = {}

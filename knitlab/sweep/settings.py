@@ -1,7 +1,7 @@
 """Settings: name, type, default and unit of each, for workflows and sweeps.
 
 A setting is declared once, as a field of a table such as
-:class:`~knitlab.equilibrium.settings.SolverSettings` or of a section of
+:class:`~knitlab.equilibrium.settings.Solver` or of a section of
 :mod:`knitlab.sweep.workflow`; ``--set``, sweeps, coordinates and the reference follow.
 """
 
@@ -18,6 +18,8 @@ SAMPLE_SIZE = "unit_cells"
 """The setting of ``[design]`` that may be a list too, of pairs."""
 PATTERN = "pattern"
 """The setting of ``[design]`` that may be a list of names."""
+OF_ALL_CASES = ("material", "interpolate_stripes")
+"""Settings of a swept section that may not be a list."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,8 @@ class Setting:
         if self.name == PATTERN:
             names = [isinstance(one, str) and is_pattern_name(one) for one in value]
             return len(value) > 1 and all(names)
-        return self.section in SWEPT_SECTIONS and not self.takes_list
+        swept = self.section in SWEPT_SECTIONS and self.name not in OF_ALL_CASES
+        return swept and not self.takes_list
 
 
 SETTINGS = {

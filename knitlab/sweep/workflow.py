@@ -13,8 +13,8 @@ from pydantic import (
     model_validator,
 )
 
-from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet
@@ -214,12 +214,14 @@ fingerprint of stripes in a cube."""
 class ModelSection(StrictModel):
     """``[model]``: settings that replace ``model.toml``, ``sheet.toml`` and ``stripes.toml``.
 
-    ``stripe_files`` contain stripes to add or replace, as ``knitlab calibrate`` writes them. Any
-    other setting may be a list, and is then a dimension of the cube. Factors multiply the values of
-    the tables or of other settings.
+    ``material`` is a file with the stripes of another yarn, as ``knitlab calibrate`` writes it, in
+    place of the paper's; ``interpolate_stripes`` gives stripes between two of a table. Any other
+    setting may be a list, and is then a dimension of the cube. Factors multiply the values of the
+    tables or of other settings.
     """
 
-    stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    material: str | None = None
+    interpolate_stripes: bool | None = None
 
     @property
     def changes(self) -> dict[str, float]:
@@ -227,12 +229,12 @@ class ModelSection(StrictModel):
         return self.model_dump(include=set(CHANGES | PLAIN_NUMBERS), exclude_none=True)
 
 
-@with_fields(optional(declared(SolverSettings)))
+@with_fields(optional(declared(Solver)))
 class SolverSection(StrictModel):
     """``[solver]``: settings that replace ``solver.toml``; a list is a dimension."""
 
 
-@with_fields(optional(declared(DynamicsSettings)))
+@with_fields(optional(declared(Dynamics)))
 class DynamicsSection(StrictModel):
     """``[dynamics]``: settings that replace ``dynamics.toml``; a list is a dimension."""
 

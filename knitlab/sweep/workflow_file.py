@@ -40,24 +40,26 @@ class Override:
         return self.key.rpartition(".")[2]
 
 
-def read_overrides(overrides: Overrides) -> tuple[list[Override], list[Fault]]:
+def read_overrides(
+    overrides: Overrides, source: str = "settings"
+) -> tuple[list[Override], list[Fault]]:
     """Overrides, of ``KEY=VALUE`` texts or Python values, and faults of those without a value."""
     read: list[Override] = []
     faults: list[Fault] = []
     if isinstance(overrides, Mapping):
         for key, value in overrides.items():
             try:
-                read.append(Override(key, _plain(value), f"settings {key}={_plain(value)}"))
+                read.append(Override(key, _plain(value), f"{source} {key}={_plain(value)}"))
             except TypeError:
                 problem = f"is {value!r}; give a number, a text, true or false, or a list of them"
-                faults.append(Fault(f"settings {key}", problem))
+                faults.append(Fault(f"{source} {key}", problem))
         return read, faults
     for given in overrides:
         key, _, text = (part.strip() for part in given.partition("="))
         if text:
-            read.append(Override(key, read_value(text), f"settings {given}"))
+            read.append(Override(key, read_value(text), f"{source} {given}"))
         else:
-            faults.append(Fault(f"settings {given}", "is not KEY=VALUE; give both"))
+            faults.append(Fault(f"{source} {given}", "is not KEY=VALUE; give both"))
     return read, faults
 
 

@@ -1,7 +1,7 @@
 """Claims: statements of the paper and their tests (``params/claims.toml``)."""
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -27,17 +27,20 @@ def laboratory(cube: xr.Dataset, needs: str) -> CheckResult:
     raise NotMeasured(f"needs {needs}")
 
 
-CHECKS: dict[str, Callable[..., CheckResult]] = {
-    check.__name__: check
-    for check in (laboratory, *sample_checks.CHECKS, *comparison_checks.CHECKS)
-}
+CHECKS: dict[str, Callable[..., CheckResult]] = {"laboratory": laboratory}
+for _module in (sample_checks, comparison_checks):
+    CHECKS |= {
+        name: check
+        for name, check in inspect.getmembers(_module, inspect.isfunction)
+        if not name.startswith("_") and inspect.signature(check).return_annotation is CheckResult
+    }
 
 
 class Claim(StrictModel):
     """A statement of the paper, its place there, and its test in :data:`CHECKS`.
 
-    ``measured_along`` is the direction of the test, if the statement is about both. ``knitlab`` has
-    the arguments of the test that are not the paper's, ``arguments`` all of them besides cubes.
+    ``measured_along`` is the direction of the test, if the statement is about both, and ``knitlab``
+    has the arguments that are not the paper's. Further fields are the arguments of the test.
     """
 
     name: str
@@ -49,7 +52,12 @@ class Claim(StrictModel):
     why_not: str | None = Field(default=None, min_length=1)
     test: str
     knitlab: dict[str, float] = Field(default_factory=dict)
-    arguments: Mapping[str, Any] = Field(default_factory=dict)
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """All arguments of the test besides cubes."""
+        names = type(self).model_fields.keys() - Claim.model_fields.keys()
+        return {name: getattr(self, name) for name in names}
 
     @property
     def quoted(self) -> str:
@@ -80,49 +88,34 @@ class Claim(StrictModel):
             return error.result
 
 
-STATED = Claim.model_fields.keys() - {"name", "arguments"}
-"""Keys of a claim in a file; all others are arguments of its test."""
-
-
 def read_claims(path: Path | None = None) -> list[Claim]:
-    """The claims of a file, by default ``params/claims.toml``.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """The claims of a file, by default ``params/claims.toml``; BadInput has every fault of it."""
     path = path or shipped("params") / CLAIMS
     claims, faults = [], list[Fault]()
     for name, table in read_toml(path).items():
-        source = f"{path}: {name}"
-        if not isinstance(table, dict):
-            faults.append(Fault(source, "is not a table; give each claim one"))
-            continue
-        rest = {key: value for key, value in table.items() if key not in STATED}
-        try:
-            claim = Claim(name=name, **{key: table[key] for key in STATED if key in table})
-            if claim.test not in CHECKS:
-                faults.append(Fault(f"{source}: test", unknown(claim.test, CHECKS, "test")))
-                continue
-            if twice := rest.keys() & claim.knitlab:
-                problem = "is the paper's number and knitlab's; keep one"
-                faults += [Fault(f"{source}: {name}", problem) for name in sorted(twice)]
-                continue
-            arguments = _arguments(claim.test).model_validate(rest | claim.knitlab)
-        except ValidationError as error:
-            faults += faults_of(error, source)
+        source, test = f"{path}: {name}", str(table.get("test"))
+        numbers = table.get("knitlab", {})
+        if test not in CHECKS:
+            faults.append(Fault(f"{source}: test", unknown(test, CHECKS, "test")))
+        elif twice := table.keys() & numbers.keys():
+            problem = "is the paper's number and knitlab's; keep one"
+            faults += [Fault(f"{source}: {key}", problem) for key in sorted(twice)]
         else:
-            claims.append(claim.model_copy(update={"arguments": dict(arguments)}))
+            try:
+                claims.append(_schema(test).model_validate({"name": name} | table | numbers))
+            except ValidationError as error:
+                faults += faults_of(error, source)
     if faults:
         raise BadInput(faults)
     return claims
 
 
 @cache
-def _arguments(test: str) -> type[StrictModel]:
-    """The arguments of a test besides cubes, as the schema of its keys in a file."""
+def _schema(test: str) -> type[Claim]:
+    """The schema of the claims with a test, whose arguments besides cubes are its further keys."""
     _, *parameters = inspect.signature(CHECKS[test]).parameters.values()
     fields: dict[str, Any] = {
         each.name: (each.annotation, ... if each.default is each.empty else each.default)
         for each in parameters
     }
-    return create_model(test, __base__=StrictModel, **fields)
+    return create_model(test, __base__=Claim, **fields)

@@ -32,10 +32,9 @@ Direction = Literal["rises", "falls"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 Sample = Annotated[tuple[PositiveInt | Literal["rib", "garter"], PositiveInt], Field(strict=False)]
 SampleList = Annotated[tuple[Sample, ...], Field(min_length=1, strict=False)]
+# Numbers n_stripe, each with designs at several n_subunit.
 Families = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
-"""Numbers n_stripe, each with designs at several n_subunit."""
-Lines = dict[int, LinearFit]
-"""The line fitted to the designs of each n_stripe, against n_subunit."""
+Lines = dict[int, LinearFit]  # the line fitted to the designs of each n_stripe, against n_subunit
 
 
 def monotonic(
@@ -162,23 +161,20 @@ def sample_order(
     Samples are named as (n_stripe, n_subunit) or (knit, n), and may be in different cubes. If
     several cubes have a sample, the one whose sample is nearest the paper's is used.
     """
-    values = [
-        by_labels(cube[of].where(cube["status"] == Status.ok)) if of in cube else {}
-        for cube in cubes
-    ]
+    measured = {
+        (number, labels): value
+        for number, cube in enumerate(cubes)
+        if of in cube
+        for labels, value in by_labels(cube[of].where(cube["status"] == Status.ok)).items()
+        if np.isfinite(value)
+    }
     used: dict[Sample, tuple[int, Labels]] = {}
     for sample in (*less, *more):
-        candidates = [
-            (number, labels)
-            for number, each in enumerate(values)
-            for labels, value in each.items()
-            if labels[:2] == sample and np.isfinite(value)
-        ]
-        if candidates:
+        if candidates := [each for each in measured if each[1][:2] == sample]:
             used[sample] = min(candidates, key=lambda each: preference(cubes[each[0]], [each[1]]))
     if not used:
         raise NotMeasured(f"no {of} of these samples in this cube")
-    known = {sample: values[number][labels] for sample, (number, labels) in used.items()}
+    known = {sample: measured[at] for sample, at in used.items()}
     text = ", ".join(f"{name_of(each)} {known[each]:.3g}{unit_of(of)}" for each in used)
     wanted = len({*less, *more})
     pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(used)]
@@ -231,9 +227,8 @@ def _lines(
     samples = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of)
     values = samples.values(of)
     points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
-    lines = {
-        n: linear_fit(*np.array(each).T) for n, each in points.items() if len(each) >= FEWEST_POINTS
-    }
+    enough = {n: np.array(each) for n, each in points.items() if len(each) >= FEWEST_POINTS}
+    lines = {n: linear_fit(*each.T) for n, each in enough.items()}
     if len(lines) < fewest or needed not in (None, *lines):
         missing = ", ".join(str(n) for n in n_stripe if n not in lines)
         reason = f"fewer than {FEWEST_POINTS} designs measured for n_stripe {missing}"
@@ -251,16 +246,3 @@ def _slopes(lines: Lines) -> str:
         f"n_stripe {n}: {line.slope:.3f} ± {line.slope_halfwidth:.3f} mm a stitch"
         for n, line in lines.items()
     )
-
-
-CHECKS = (
-    common_slope,
-    departs_most,
-    linear,
-    lowest_of_all,
-    monotonic,
-    sample_order,
-    spread,
-    stripe_order,
-    trades_off,
-)

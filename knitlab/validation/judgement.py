@@ -15,15 +15,9 @@ from knitlab.validation.claims import Claim
 from knitlab.validation.margin import CheckResult, Grade, signed
 from knitlab.validation.samples import JudgedSamples, preference
 
-QUARTER = (0.75, 1.25)
-"""Factors on thresholds chosen for knitlab, to test whether a verdict depends on them."""
-WOULD = {
-    Grade.holds: "would hold",
-    Grade.fails: "would fail",
-    Grade.not_measured: "would not be measured",
-}
-Slice = tuple[Path, xr.Dataset]
-"""Path of a cube, and the cube at one value of every swept setting."""
+QUARTER = (0.75, 1.25)  # factors on thresholds chosen for knitlab, to test how they matter
+WOULD = {Grade.holds: "hold", Grade.fails: "fail", Grade.not_measured: "not be measured"}
+Slice = tuple[Path, xr.Dataset]  # path of a cube, and the cube at one value of every swept setting
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,7 @@ class Judgement:
         if now is Grade.not_measured or not self.quarters:
             return ""
         changed = [
-            f"{WOULD[verdict]} at {factor - 1:+.0%}"
+            f"would {WOULD[verdict]} at {factor - 1:+.0%}"
             for factor, verdict in zip(QUARTER, self.quarters, strict=True)
             if verdict is not now
         ]
@@ -62,11 +56,7 @@ def judged(
 
     If several cubes measure a claim, the one whose samples are nearest the paper's decides
     (:func:`.preference`), or the first of equal ones. Selections are one value of each swept
-    setting.
-
-    Raises:
-        BadInput: if a cube cannot be read or has several values of a setting without a selection,
-            or if a selection is not of a swept setting.
+    setting; BadInput if they are not, or if a cube cannot be read.
     """
     opened = [(path, open_cube(path)) for path in cubes]
     all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})

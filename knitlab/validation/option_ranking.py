@@ -17,18 +17,15 @@ from knitlab.validation.margin import CheckResult, Grade
 from knitlab.validation.samples import by_labels, stated_options
 
 Options = dict[str, str | float]
-Key = tuple[tuple[str, str | float], ...]
-"""Options as a key, in the order of :data:`NAMES`."""
+Key = tuple[tuple[str, str | float], ...]  # options as a key, in the order of NAMES
 
 OF_STRIPES = ("cell_size", "hinge_stiffness", "length_scale")
 """Options that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
 that rest flat stay flat, and the walls are for patterned fabric."""
 OF_FABRIC = ("fold_phase", "hinges", "garter_start", "fold_angle", "z_max")
-OF_MOTION = ("ending", "damping_ratio", "relax_time", "strain_rate")
-"""Options of what moves in time: the shape at rest depends on the motion, too."""
+OF_MOTION = ("ending", "damping_ratio", "relax_time", "strain_rate")  # on which rest depends, too
 NAMES = (*OF_STRIPES, *OF_FABRIC, *OF_MOTION, "drag")
-CLIPPED = 1.0
-"""Margins beyond this count as this in a sum, so that no gross claim outweighs the rest."""
+CLIPPED = 1.0  # margins beyond count as this in a sum, so that no claim outweighs the rest
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ from knitlab.validation.samples import (
 
 MOST_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
 FEWEST_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve
-Measured = tuple[float | None, str]
-"""Margin of one sample, and the measured value as text."""
+Measured = tuple[float | None, str]  # margin of one sample, and the measured value as text
 
 
 def value_within(
@@ -160,8 +159,7 @@ def tangents(stripe: xr.Dataset) -> np.ndarray:
 
 
 def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> CheckResult:
-    margins: dict[Labels, float] = {}
-    texts: dict[Labels, str] = {}
+    margins, texts = dict[Labels, float](), dict[Labels, str]()
     for labels in samples.complete:
         margin, text = measure(one_sample(samples.cube, labels))
         if margin is not None:
@@ -175,14 +173,3 @@ def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> CheckR
     listed = ", ".join(texts[labels] for labels in shown if labels in first)
     more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
     return samples.result(min(margins.values()), opening + listed + more, margins)
-
-
-CHECKS = (
-    follows,
-    largest_at_centre,
-    less_than,
-    rises_and_falls,
-    same_curves,
-    stripe_toe,
-    value_within,
-)

@@ -74,20 +74,16 @@ class Samples:
 
     @classmethod
     def of(cls, cube: xr.Dataset, about: Checkerboards | PureStripes, *variables: str) -> "Samples":
-        """The samples that a claim is about, of a cube at one value of every swept setting.
-
-        Raises:
-            NotMeasured: if the cube has no such samples, or lacks one of the variables.
-        """
+        """The samples of a cube that a claim is about; NotMeasured if there are none."""
         if base_dims(cube) != about.dims:
             raise NotMeasured(f"no {about.kind} in this cube")
         if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
             raise NotMeasured(f"no {', '.join(missing)} in this cube")
         statuses = by_labels(cube["status"])
         planned = [labels for labels, status in statuses.items() if status != Status.excluded]
-        asked = about.among(planned)
-        complete = [labels for labels in asked if statuses.get(labels) == Status.ok]
-        wanted = max(about.at_least, len(asked))
+        samples = about.among(planned)
+        complete = [labels for labels in samples if statuses.get(labels) == Status.ok]
+        wanted = max(about.at_least, len(samples))
         return cls(cube[["status", *variables]], complete, wanted, about.counted)
 
     def values(self, of: str) -> dict[Labels, float]:

@@ -9,7 +9,7 @@ import pytest
 import knitlab as kl
 
 STRAINS = [0.0, 0.03, 0.06]
-TIGHT = kl.SolverSettings(tolerance=1e-10)
+TIGHT = kl.Solver(tolerance=1e-10)
 
 
 def thickness(shape):
@@ -25,7 +25,7 @@ def mean_square_height(shape):
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_derivatives_are_those_of_finite_differences(boundary):
     design = kl.Design(n_stripe=4, n_subunit=8, boundary=boundary)
-    found = kl.evaluate(kl.simulate(design, STRAINS, solver=TIGHT), height=mean_square_height)
+    evaluated = kl.evaluate(kl.simulate(design, STRAINS, solver=TIGHT), height=mean_square_height)
     rib = kl.defaults().stripes.stripe("rib", 4)
     step = 1e-3
     below, above = (
@@ -36,18 +36,18 @@ def test_derivatives_are_those_of_finite_differences(boundary):
         )["height"]
         for each in (replace(rib, theta_0=rib.theta_0 * (1 + off)) for off in (-step, step))
     )
-    slope = found["height_sensitivity"].sel(stripe_parameter="rib_theta_0")
+    slope = evaluated["height_sensitivity"].sel(stripe_parameter="rib_theta_0")
     np.testing.assert_allclose(slope, (above - below) / (2 * step), rtol=1e-3)
 
 
 @pytest.mark.slow
 def test_values_are_those_of_the_positions():
     test = kl.simulate(kl.Design(n_stripe=4, n_subunit=8, boundary="periodic"), STRAINS)
-    found = kl.evaluate(test, sensitivities=False, thickness=thickness)
+    evaluated = kl.evaluate(test, sensitivities=False, thickness=thickness)
     z = test["position"].sel(component="z")
     expected = z.max(("node_y", "node_x")) - z.min(("node_y", "node_x"))
-    np.testing.assert_allclose(found["thickness"], expected)
-    assert list(found.data_vars) == ["thickness"]
+    np.testing.assert_allclose(evaluated["thickness"], expected)
+    assert list(evaluated.data_vars) == ["thickness"]
 
 
 def test_tests_without_positions_and_functions_without_numbers_are_refused():

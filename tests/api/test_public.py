@@ -17,11 +17,11 @@ DOCUMENTED = PUBLIC | {"cube.knitlab": KnitlabAccessor, "knitlab": knitlab}
 
 def examples() -> list[doctest.DocTest]:
     finder = doctest.DocTestFinder(recurse=True)
-    found = [
+    collected = [
         finder.find(public, name, module=inspect.getmodule(public), globs={})
         for name, public in DOCUMENTED.items()
     ]
-    return [test for tests in found for test in tests if test.examples]
+    return [test for tests in collected for test in tests if test.examples]
 
 
 def test_dir_lists_what_all_does():

@@ -23,14 +23,14 @@ def calibrated(folder):
 
 
 def exported(folder):
-    found = kl.export(CUBE, folder / "a.vtu", n_stripe=4, n_subunit=16)
-    return [found, *found.meshes], ["a.vtu", "1 meshes", f"{17 * 17} nodes", f"{16 * 16} faces"]
+    result = kl.export(CUBE, folder / "a.vtu", n_stripe=4, n_subunit=16)
+    return [result, *result.meshes], ["a.vtu", "1 meshes", f"{17 * 17} nodes", f"{16 * 16} faces"]
 
 
 def found_designs(folder):
     curve = {"name": "poisson_ratio", "applied_strain": STRAIN / 10, "value": -STRAIN / 10}
-    found = kl.find(CUBE, targets=[curve, "reaction_force < 2 @ 0.2"], most=3)
-    return [found, *found.reached, *(each.target for each in found.reached)], [
+    result = kl.find(CUBE, targets=[curve, "reaction_force < 2 @ 0.2"], most=3)
+    return [result, *result.reached, *(each.target for each in result.reached)], [
         "3 designs",
         "2 targets",
         "reaction_force < 2 @ 0.2",
@@ -39,16 +39,15 @@ def found_designs(folder):
 
 def imported(folder):
     laboratory = Laboratory(folder)
-    found = kl.import_records("markers", laboratory.write(), results=folder)
-    return [found], ["Imported", f"{len(found.cube.data_vars)} variables"]
+    result = kl.import_records("markers", laboratory.write(), results=folder)
+    return [result], ["Imported", f"{len(result.cube.data_vars)} variables"]
 
 
 def knitted(folder):
     sample = kl.knit(CUBE, n_stripe=4, n_subunit=16)
-    sheet = sample.specification
     sample.save(folder / "a.k")
     lines = len((folder / "a.k").read_text().splitlines())
-    return [sample, sample.chart, sample.machine, sheet, sheet.prediction, sample.check()], [
+    return [sample, sample.chart, sample.machine, sample.prediction, sample.check()], [
         "KnitSample n_stripe 4  n_subunit 16: 64 courses, 32 wales",
         f"{lines} lines",
         "360 needles",
@@ -91,15 +90,15 @@ def test_what_a_call_returns_is_short_and_says_its_size(call, tmp_path):
 
 @pytest.mark.slow
 def test_a_designed_knit_is_short_with_all_its_searches(tmp_path):
-    found = kl.design(
+    result = kl.design(
         targets="poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06",
         vary={"n_stripe": [4], "n_subunit": [8], "garter_k_t_factor": [0.2, 2.0]},
         robustness=0,
         budget=4,
         results=tmp_path,
     )
-    search = found.searches[0]
-    shown = [repr(each) for each in (found, found.request, search, *search.trials)]
+    search = result.searches[0]
+    shown = [repr(each) for each in (result, result.request, search, *search.trials)]
     assert max(map(len, shown)) <= LONGEST
-    assert f"1 candidates, {found.simulations} simulations" in shown[0]
+    assert f"1 candidates, {result.simulations} simulations" in shown[0]
     assert f"{len(search.trials)} trials" in shown[2]

@@ -62,8 +62,8 @@ def test_own_stripes_and_factors_of_a_sweep_are_two_ways_to_one_fabric(cube):
         ({}, {}),
         (FLAT, {"cell_size": "flat", "z_max": 1.9}),
         ({"sheet": replace(DEFAULTS.sheet, z_max=2)}, {"z_max": 2.0}),
-        ({"solver": kl.SolverSettings(tolerance=1e-9)}, {"tolerance": 1e-9}),
-        ({"dynamics": kl.DynamicsSettings(ending="time")}, {"ending": "time"}),
+        ({"solver": kl.Solver(tolerance=1e-9)}, {"tolerance": 1e-9}),
+        ({"dynamics": kl.Dynamics(ending="time")}, {"ending": "time"}),
         (
             {"capacitor": replace(DEFAULTS.capacitor, layout=DEFAULTS.layouts["checkerboard"])},
             {"layout": "checkerboard"},
@@ -100,7 +100,7 @@ def test_a_stripe_that_no_table_has_makes_a_design():
 
 def test_a_test_that_does_not_converge_is_reported_and_its_values_are_missing():
     with pytest.warns(kl.NotConverged, match="n_stripe 4 .* no equilibrium at applied strain 0"):
-        test = kl.simulate(SMALL, STRAINS, solver=kl.SolverSettings(max_iterations=2))
+        test = kl.simulate(SMALL, STRAINS, solver=kl.Solver(max_iterations=2))
     assert test["poisson_ratio"].isnull().all()
 
 
@@ -124,9 +124,9 @@ def test_an_impossible_design_is_refused(change, message):
         ({"model": kl.Model(cell_size="long")}, "model: cell_size: .*'relaxed', but is 'long'"),
         ({"model": {"cell_size": "flat"}}, r"model: is {.*}; give knitlab.defaults\(\).model or"),
         ({"sheet": kl.Sheet(-1, 100)}, "sheet: z_max: .*greater than 0, but is -1"),
-        ({"solver": kl.SolverSettings(tolerance=np.nan)}, "solver: tolerance: .*finite.* is nan"),
-        ({"solver": kl.SolverSettings(max_iterations=[1, 2])}, "max_iterations: is a list"),
-        ({"solver": kl.SolverSettings(drag=1e-6)}, "drag: .*take boundary = clamped"),
+        ({"solver": kl.Solver(tolerance=np.nan)}, "solver: tolerance: .*finite.* is nan"),
+        ({"solver": kl.Solver(max_iterations=[1, 2])}, "max_iterations: is a list"),
+        ({"solver": kl.Solver(drag=1e-6)}, "drag: .*take boundary = clamped"),
         (
             {"capacitor": replace(DEFAULTS.capacitor, layout=kl.ElectrodeLayout(width="wide"))},
             "capacitor.layout: width: .* is 'wide'",
@@ -173,7 +173,7 @@ knitlab.simulate(
     [0, 0.05],
     model=knitlab.Model(cell_size="flat"),
     sheet=knitlab.Sheet(z_max=1.9, k_wall=100.0),
-    solver=knitlab.SolverSettings(tolerance=1e-9),
+    solver=knitlab.Solver(tolerance=1e-9),
     protocol=knitlab.Protocol(strain_max=0.3, robustness=1),
 )
 knitlab.simulate(design, model=knitlab.Model(cell_size="long"))

@@ -8,7 +8,7 @@ import pytest
 
 from knitlab.dynamics import motion
 from knitlab.dynamics.damped_test import MovingFabrics, relax_by_dynamics, stretch_by_dynamics
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.state import Outcome
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import flat_sheet
@@ -28,7 +28,7 @@ from tests.fabrics import (
     stretched,
 )
 
-SETTINGS = DynamicsSettings(damping_ratio=0.1)
+SETTINGS = Dynamics(damping_ratio=0.1)
 """With more damping than usual, which shortens the way to rest."""
 AT_REST = replace(SETTINGS, rest_force=1e-9, longest_time=4000.0)
 ENDLESS = ModelOptions(boundary="periodic")

@@ -12,14 +12,14 @@ from knitlab.dynamics import motion
 from knitlab.dynamics.damped_test import moved_mass, on_grid
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Motion, Moving, advance
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
-SETTINGS = DynamicsSettings(damping_ratio=0.015)
+SETTINGS = Dynamics(damping_ratio=0.015)
 PRECISE = replace(SETTINGS, integrator="tsit5", relative_tolerance=1e-10, absolute_tolerance=1e-13)
 STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
 HIGHEST = 1500.0

@@ -12,7 +12,7 @@ from knitlab.cube.case_file import StoredCase, check_case_file
 from knitlab.cube.schema import Status
 from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.stripe import Stripe, cell_length
-from knitlab.io.table_file import read_tension_curve
+from knitlab.laboratory.tension_record import read_tension_record
 from knitlab.measure.calibration import calibrate
 
 ROOT = Path(__file__).parents[2]
@@ -120,10 +120,10 @@ def test_forces_are_off_by_the_factors_in_the_text(script, cases):
     ],
 )
 def test_the_stripes_are_those_of_the_measured_forces(curve, files):
-    measured = read_tension_curve(SWATCHES / f"{curve}.csv")
+    measured = read_tension_record(SWATCHES / f"{curve}.csv")
     fitted = calibrate(10.0, measured.strain, measured.force)
     for knit, n in files:
-        file = ROOT / "workflows" / "swatches" / f"{knit}-{n}.toml"
+        file = ROOT / "workflows" / "swatches" / "acrylic.toml"
         row = tomllib.loads(file.read_text(encoding="utf-8"))[knit]["n"][str(n)]
         assert row == pytest.approx({"period": 10.0, **fitted.values}, rel=1e-4)
         # The same stripe, written for either size of cells, has the same cells.

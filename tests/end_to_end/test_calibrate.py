@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.fabric.zigzag import zigzag
+from knitlab.sweep.material import add_stripe
 from tests.fabrics import compiled_tension, stripe
 
 
@@ -34,11 +35,15 @@ def test_a_calibrated_stripe_can_be_used_as_it_is():
         assert part in done.output
     assert {path.name for path in Path().iterdir()} == {
         "curve.csv",
-        "rib-4.toml",
-        "rib-4.pdf",
-        "rib-4.png",
+        "material.toml",
+        "material-rib-4.pdf",
+        "material-rib-4.png",
     }
-    planned = knitlab("plan", "periodic", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
+    refused = knitlab("plan", "periodic", "--material", "material.toml", "--set", "n_stripe=4")
+    assert refused.exit_code == 2
+    assert "n_stripe = 4 has no garter stripe of 8" in refused.output
+    add_stripe(Path("material.toml"), stripe("garter", 8), "paper")
+    planned = knitlab("plan", "periodic", "--material", "material.toml", "--set", "n_stripe=4")
     assert planned.exit_code == 0, planned.output
     cases = json.loads(Path("results/periodic/plan.json").read_text())["cases"]
     for case in cases.values():

@@ -191,3 +191,21 @@ def test_links_to_files_lead_to_existing_files(page):
     targets = re.findall(r"\]\((?!https?://)([^)#\s]+)", text)
     missing = [each for each in targets if not (ROOT / page).parent.joinpath(each).exists()]
     assert not missing
+
+
+@pytest.mark.slow
+def test_own_yarn_goes_from_records_to_a_map_as_printed(tmp_path, monkeypatch):
+    page = "docs/how-to/calibrate.md"
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    monkeypatch.chdir(tmp_path)
+    for example in examples(page)[:4]:
+        done = CliRunner().invoke(main, list(example.words))
+        assert done.exit_code == 0, done.output
+        lines, place = [line.rstrip() for line in done.output.splitlines()], 0
+        for part in split(example.printed, LEFT_OUT):
+            place = start_of(part, lines, place) + len(part)
+    assert Path("acrylic.png").is_file()
+    assert {(each.knit, each.n) for each in kl.Material.read("acrylic.toml").stripes} == {
+        ("rib", 4),
+        ("garter", 8),
+    }

@@ -114,8 +114,8 @@ def test_a_design_a_test_and_a_cube_give_the_same_chart():
     test = kl.simulate(design, [0, 0.03])
     samples = [kl.knit(design), kl.knit(test), kl.knit("periodic", n_stripe=2, n_subunit=8)]
     assert len({sample.program for sample in samples}) == 1
-    assert samples[0].specification.relaxed_size is None
-    assert samples[1].specification.relaxed_size is not None
+    assert samples[0].relaxed_size is None
+    assert samples[1].relaxed_size is not None
 
 
 def test_a_cube_without_its_cases_is_planned_again(tmp_path):
@@ -132,6 +132,6 @@ def test_a_cube_without_its_cases_is_planned_again(tmp_path):
 
 def test_the_relaxed_size_is_that_of_the_cube():
     cube = kl.open_cube(PREVIEW).sel(n_stripe=[4], n_subunit=[16])
-    width, length = kl.knit(cube, repeats=(3, 2)).specification.relaxed_size
+    width, length = kl.knit(cube, repeats=(3, 2)).relaxed_size
     assert width == pytest.approx(2 * float(cube["knit_cell_x"].squeeze()))
     assert length == pytest.approx(3 * float(cube["knit_cell_y"].squeeze()))

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.tensile_test import EASY, HARD, LONGEST, PathStep
 
-SETTINGS = SolverSettings(path_step=0.01)
+SETTINGS = Solver(path_step=0.01)
 ITERATIONS = st.lists(st.integers(1, 60), min_size=400, max_size=400)
 
 

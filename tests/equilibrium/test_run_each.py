@@ -9,14 +9,14 @@ import pytest
 
 from knitlab.equilibrium import equilibrium
 from knitlab.equilibrium.equilibrium import run_each
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import flat_sheet
 from tests.fabrics import PERIODIC, checkered
 
 STRAINS = [0.0, 0.05, 0.1]
-TEST = partial(stretch, applied_strain=STRAINS, settings=SolverSettings())
+TEST = partial(stretch, applied_strain=STRAINS, settings=Solver())
 
 
 def test_fabrics_end_concurrently_exactly_as_one_after_another(monkeypatch):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from knitlab.dynamics.damped_test import relax_by_dynamics
-from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.loading import all_free
 from knitlab.equilibrium.state import Outcome
 from knitlab.equilibrium.stiffness import free_stiffness
@@ -150,7 +150,7 @@ def test_derivatives_are_those_of_differences(law):
 @pytest.mark.slow
 @EVERY_LAW
 def test_energy_and_dissipation_balance_over_a_motion(law):
-    settings = DynamicsSettings(step_safety=0.1, damping_ratio=0.1)
+    settings = Dynamics(step_safety=0.1, damping_ratio=0.1)
     net, fabric = lawful(8, 1, PERIODIC, law)
     fabrics = replace(moving([(8, 1)], PERIODIC, settings), fabrics=[fabric])
     # From a sheet stretched by a tenth, where the law matters.

@@ -8,7 +8,7 @@ import pytest
 from knitlab.equilibrium import tensile_test
 from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import tensile
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome
 from knitlab.equilibrium.tensile_test import _Path, stretch
 from knitlab.fabric.element_chunks import ChunkedFabric
@@ -150,7 +150,7 @@ def test_the_default_is_auxetic_with_a_minimum_at_intermediate_strain():
 
 def test_a_fabric_that_does_not_relax_is_reported():
     net, fabric = checkered(4, 1, PERIODIC)
-    test = stretched(net, fabric, [0.0, 0.1], SolverSettings(max_iterations=2))
+    test = stretched(net, fabric, [0.0, 0.1], Solver(max_iterations=2))
     assert test.loading is None
     assert [state.outcome for state in test.states] == [Outcome.iteration_limit]
     assert test.states[0].residual > 1e-8
@@ -160,7 +160,7 @@ def test_a_fabric_that_does_not_relax_is_reported():
 def test_a_step_that_fails_is_halved(monkeypatch):
     monkeypatch.setattr(tensile_test, "ROUGH", np.inf)  # so that a step is one search
     net, fabric = checkered(4, 1, PERIODIC)
-    whole = SolverSettings(path_step=1.0, ramp_steps=60, branch_limit=1e9)
+    whole = Solver(path_step=1.0, ramp_steps=60, branch_limit=1e9)
     iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
     # Too few iterations for the whole step, enough for a half or a quarter of it.
     tight = replace(whole, max_iterations=iterations - 1)
@@ -218,7 +218,7 @@ def test_unloading_returns_through_the_states_of_loading():
 
 def test_only_a_test_that_reached_its_end_is_unloaded():
     net, fabric = checkered(4, 1, PERIODIC)
-    hasty = SolverSettings(max_iterations=3)
+    hasty = Solver(max_iterations=3)
     test = stretch(equations(net, fabric), (0.0, 0.02), hasty, unload=True)
     assert test.unloaded == ()
 

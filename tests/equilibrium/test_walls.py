@@ -9,7 +9,7 @@ from knitlab.equilibrium import walls
 from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import all_free, tensile
 from knitlab.equilibrium.search import Search, SearchRules
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import relax
 from knitlab.equilibrium.walls import lowest_fraction, step_between_walls
@@ -21,7 +21,7 @@ from tests.fabrics import CLAMPED, DEFAULT, checkerboard, equations, patterned
 Z_MAX = 1.5
 """Narrow walls, which a relaxed sample touches in several places."""
 STRAINS = 0.01, 0.015, 0.02, 0.03, 0.04, 0.06
-LONG = SolverSettings(step_limit=1e3)
+LONG = Solver(step_limit=1e3)
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_only_the_part_of_a_step_within_the_step_limit_meets_walls(squeezed):
     search, (whole, _), _ = stepped(squeezed, unknowns, 0.1)
     cell = float(squeezed[1].cell_sides.min())
     limit = 1e-3 / search.longest_fraction(whole) * LONG.step_limit
-    search, (step, _), _ = stepped(squeezed, unknowns, 0.1, SolverSettings(step_limit=limit))
+    search, (step, _), _ = stepped(squeezed, unknowns, 0.1, Solver(step_limit=limit))
     assert search.step_length == pytest.approx(limit * cell)
     newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)
     np.testing.assert_allclose(step, newton, rtol=0, atol=1e-9 * np.abs(newton).max())

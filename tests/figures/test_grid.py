@@ -9,7 +9,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw
-from knitlab.figures.kinds.grid import by_periods
+from knitlab.figures.kinds.any_variable import by_periods
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import STATUS, made_up_cube
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from knitlab.cube.schema import Status
-from knitlab.figures.kinds.swept import swept_values
+from knitlab.figures.kinds.any_variable import swept_values
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import made_up_cube
 

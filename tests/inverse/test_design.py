@@ -71,11 +71,11 @@ def designed(tmp_path, **changes):
 def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_numbers(tmp_path):
     target = wanted(varied(4, 8, {"k_t_factor": 1.2}, pattern="ribbed_bands"))
     vary = SMALL | {"pattern": ["checkerboard", "ribbed_bands", "basket"], "k_t_factor": [0.7, 1.4]}
-    found = designed(tmp_path / "design", targets=target, vary=vary, starts=1)
-    assert found.met
-    best = found.table.iloc[0]
+    result = designed(tmp_path / "design", targets=target, vary=vary, starts=1)
+    assert result.met
+    best = result.table.iloc[0]
     assert best["pattern"] == "ribbed_bands"
-    cube = kl.run(str(found.workflows[0]), results=tmp_path / "again", workers=0)
+    cube = kl.run(str(result.workflows[0]), results=tmp_path / "again", workers=0)
     np.testing.assert_allclose(cube["poisson_ratio"].values.ravel()[1:], target["value"], atol=0.01)
 
 
@@ -84,15 +84,15 @@ def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_number
 def test_a_hidden_fabric_is_met_and_undetermined_parameters_are_reported(tmp_path, design):
     factors = dict(zip(FACTORS, (1.2, 0.9, 0.8, 1.1), strict=True))
     n_stripe, n_subunit = design
-    found = designed(
+    result = designed(
         tmp_path,
         targets=hidden(n_stripe, n_subunit, **factors),
         vary={"n_stripe": [n_stripe], "n_subunit": [n_subunit], **FACTORS},
     )
-    assert found.met
-    assert found.simulations <= 60
-    assert found.table["off_by_1"].item() <= 0.01
-    (search,) = found.searches
+    assert result.met
+    assert result.simulations <= 60
+    assert result.table["off_by_1"].item() <= 0.01
+    (search,) = result.searches
     values = search.trials[search.best].values
     back = [name for name in FACTORS if abs(np.log(values[name] / factors[name])) < 0.05]
     assert set(back) | set(search.undetermined) == set(FACTORS)
@@ -100,17 +100,17 @@ def test_a_hidden_fabric_is_met_and_undetermined_parameters_are_reported(tmp_pat
 
 @pytest.mark.slow
 def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_can_be_queried(tmp_path):
-    found = designed(tmp_path, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15", robustness=1)
-    again = kl.run(found.workflows[0], results=tmp_path / "again")
+    result = designed(tmp_path, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15", robustness=1)
+    again = kl.run(result.workflows[0], results=tmp_path / "again")
     for name in ("poisson_ratio", "reaction_force", "poisson_ratio_low", "poisson_ratio_high"):
         np.testing.assert_allclose(
-            found.cube[name].values.ravel(), again[name].values.ravel(), rtol=1e-9
+            result.cube[name].values.ravel(), again[name].values.ravel(), rtol=1e-9
         )
-    listed = kl.query(found.folder, where="distance_worst >= distance")
+    listed = kl.query(result.folder, where="distance_worst >= distance")
     assert listed["candidate"].tolist() == [1]
-    assert (found.table["distance_worst"] >= found.table["distance"]).all()
-    files = kl.find(found.folder, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15").table
-    assert files["off_by_1"].item() == pytest.approx(found.table["off_by_1"].item())
+    assert (result.table["distance_worst"] >= result.table["distance"]).all()
+    files = kl.find(result.folder, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15").table
+    assert files["off_by_1"].item() == pytest.approx(result.table["off_by_1"].item())
 
 
 @pytest.mark.slow
@@ -130,13 +130,13 @@ def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_pat
 
 @pytest.mark.slow
 def test_conflicting_targets_give_a_pareto_front(tmp_path):
-    found = designed(
+    result = designed(
         tmp_path,
         targets=["reaction_force = 0.1 ± 0.01 @ 0.1", "reaction_force = 2 ± 0.01 @ 0.15"],
         figures=True,
     )
-    assert not found.met
-    assert (found.folder / "figures" / "pareto.png").is_file()
+    assert not result.met
+    assert (result.folder / "figures" / "pareto.png").is_file()
 
 
 @pytest.mark.slow
@@ -148,19 +148,19 @@ def test_constraints_are_kept(tmp_path):
         subject_to="poisson_ratio > -0.05 @ 0.1",
         name="held",
     )
-    for found, broken in ((free, True), (held, False)):
-        ratio = found.cube["poisson_ratio"].sel(applied_strain=0.1).item()
+    for result, broken in ((free, True), (held, False)):
+        ratio = result.cube["poisson_ratio"].sel(applied_strain=0.1).item()
         assert (ratio < -0.05) == broken, ratio
 
 
 @pytest.mark.slow
 def test_a_search_that_starts_on_a_bound_leaves_it(tmp_path):
-    found = designed(
+    result = designed(
         tmp_path,
         targets="poisson_ratio = -0.3 ± 0.03 @ 0.05:0.1",
         vary=SMALL | {"k_t_factor": [1.0, 2.0]},
     )
-    (search,) = found.searches
+    (search,) = result.searches
     assert search.held_by == ["k_t_factor <= 2"]
     assert search.trials[search.best].distance < 0.6 * search.trials[0].distance
 
@@ -174,10 +174,10 @@ def test_candidates_that_keep_the_constraints_come_first_and_a_smaller_budget_le
         "subject_to": "knit_cell_x < 9",
         "vary": {"n_stripe": [4], "n_subunit": [8, 16], "k_t_factor": [0.9, 1.1]},
     }
-    found = designed(tmp_path, **asked, budget=6)
-    assert found.table["n_subunit"].tolist() == [8, 16]
-    assert found.table["violation"].iloc[0] == 0 < found.table["violation"].iloc[1]
-    assert found.table["distance"].iloc[0] > found.table["distance"].iloc[1]
+    result = designed(tmp_path, **asked, budget=6)
+    assert result.table["n_subunit"].tolist() == [8, 16]
+    assert result.table["violation"].iloc[0] == 0 < result.table["violation"].iloc[1]
+    assert result.table["distance"].iloc[0] > result.table["distance"].iloc[1]
     fewer = designed(tmp_path, **asked, budget=1)
     assert len(fewer.table) == len(fewer.workflows) == 1
     assert len(list(fewer.folder.glob("candidate_*.toml"))) == 1
@@ -185,9 +185,9 @@ def test_candidates_that_keep_the_constraints_come_first_and_a_smaller_budget_le
 
 @pytest.mark.slow
 def test_a_budget_of_one_is_one_simulation(tmp_path):
-    found = designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", budget=1)
-    assert found.simulations == len(found.trials) == 1
-    assert found.searches[0].ended == "the budget is spent"
+    result = designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", budget=1)
+    assert result.simulations == len(result.trials) == 1
+    assert result.searches[0].ended == "the budget is spent"
     with pytest.raises(kl.BadInput, match="coarse sweep of 10 designs"):
         designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", vary={}, budget=5, name="more")
     with pytest.raises(kl.BadInput, match="budget soon"):
@@ -196,8 +196,8 @@ def test_a_budget_of_one_is_one_simulation(tmp_path):
 
 @pytest.mark.slow
 def test_a_target_without_derivatives_is_searched_without_gradients(tmp_path):
-    found = designed(tmp_path, targets="wavelength_x = 2.42 ± 0.01", budget=25)
-    (search,) = found.searches
+    result = designed(tmp_path, targets="wavelength_x = 2.42 ± 0.01", budget=25)
+    (search,) = result.searches
     assert search.methods == ["CMA-ES"]
     assert search.trials[search.best].distance < 0.5 * search.trials[0].distance
 
@@ -208,8 +208,8 @@ def test_the_search_continues_without_gradients_after_a_missing_derivative(tmp_p
         raise NoDerivative("a branch ends here")
 
     monkeypatch.setattr(Objective, "jacobian", snapping)
-    found = designed(tmp_path, targets="poisson_ratio = -0.15 ± 0.01 @ 0.05:0.15", budget=25)
-    (search,) = found.searches
+    result = designed(tmp_path, targets="poisson_ratio = -0.15 ± 0.01 @ 0.05:0.15", budget=25)
+    (search,) = result.searches
     assert search.methods == ["least squares", "CMA-ES"]
     assert search.trials[search.best].distance < search.trials[0].distance
 
@@ -219,15 +219,15 @@ def test_functions_of_the_shape_can_be_targets(tmp_path):
     def thickness(shape):
         return jnp.ptp(shape.positions[..., 2])
 
-    found = designed(
+    result = designed(
         tmp_path, targets="thickness = 0.72 ± 0.01 @ 0.1", measures={"thickness": thickness}
     )
-    assert found.searches[0].methods == ["least squares"]
+    assert result.searches[0].methods == ["least squares"]
     again = designed(
         tmp_path, targets="thickness = 0.72 ± 0.01 @ 0.1", measures={"thickness": thickness}
     )
-    assert again.trials.equals(found.trials)
-    reached = found.cube["thickness"].sel(applied_strain=0.1).item()
+    assert again.trials.equals(result.trials)
+    reached = result.cube["thickness"].sel(applied_strain=0.1).item()
     assert reached == pytest.approx(0.72, abs=0.01)
     with pytest.raises(kl.BadInput, match="workers"):
         designed(
@@ -274,9 +274,9 @@ def test_a_search_whose_worker_dies_is_begun_again_and_repeats_nothing(tmp_path,
     asked = {"targets": "poisson_ratio = -0.2 ± 0.01 @ 0.05:0.15", "budget": 6}
     alone = designed(tmp_path / "alone", **asked)
     monkeypatch.setattr("knitlab.inverse.design.run_searches", run_and_kill_once)
-    found = designed(tmp_path / "killed", **asked, workers=1)
+    result = designed(tmp_path / "killed", **asked, workers=1)
     assert killed
-    assert found.trials.equals(alone.trials)
+    assert result.trials.equals(alone.trials)
 
 
 @pytest.mark.slow
@@ -301,12 +301,12 @@ def test_a_killed_design_resumes_to_the_same_result(tmp_path):
     before = {path.name: path.stat().st_mtime_ns for path in trials.glob("*.nc")}
     assert before
     went_on = kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")
-    whole = kl.design(tmp_path / "sleeve.toml", results=tmp_path / "whole")
+    unbroken = kl.design(tmp_path / "sleeve.toml", results=tmp_path / "whole")
     assert all((trials / name).stat().st_mtime_ns == each for name, each in before.items())
-    assert went_on.trials.equals(whole.trials)
-    assert len(before) < len(whole.trials)
+    assert went_on.trials.equals(unbroken.trials)
+    assert len(before) < len(unbroken.trials)
     xr.testing.assert_allclose(
-        went_on.cube[["poisson_ratio", "distance"]], whole.cube[["poisson_ratio", "distance"]]
+        went_on.cube[["poisson_ratio", "distance"]], unbroken.cube[["poisson_ratio", "distance"]]
     )
     kept = json.loads((tmp_path / "whole" / "sleeve" / "request.json").read_text())
     assert kept["vary"]["n_stripe"] == [4]

@@ -1,4 +1,4 @@
-"""Requests of designs: their contents, and every mistake with its place."""
+"""Requests of designs: their contents, and every mistake with its position."""
 
 import numpy as np
 import pytest

@@ -27,7 +27,7 @@ def body():
 def test_the_header_is_what_back_ends_want():
     lines = PROGRAM.split("\n")
     assert lines[0] == ";!knitout-2"
-    end = next(place for place, line in enumerate(lines[1:], 1) if not line.startswith(";;"))
+    end = next(index for index, line in enumerate(lines[1:], 1) if not line.startswith(";;"))
     assert all(lines[1:end])
     stated = headers(PROGRAM)
     assert stated["Carriers"] == "1 2 3 4 5 6 7 8 9 10"
@@ -56,13 +56,13 @@ def test_courses_go_leftwards_and_rightwards_in_turn():
 
 
 def test_plated_stitches_have_their_stitch_number():
-    number, found = None, set()
+    number, used = None, set()
     for operation in operations(PROGRAM[PROGRAM.index(";cast-on") :]):
         if operation.opcode == "x-stitch-number":
             number = int(operation.parameters[0])
         elif operation.opcode == "knit":
-            found.add((len(operation.carriers), number))
-    assert found == {(1, MACHINE.body_stitch_number), (2, MACHINE.plated_stitch_number)}
+            used.add((len(operation.carriers), number))
+    assert used == {(1, MACHINE.body_stitch_number), (2, MACHINE.plated_stitch_number)}
 
 
 def test_a_conductor_that_starts_rightwards_is_anchored_by_tucks_leftwards():

@@ -46,10 +46,10 @@ def test_passes_of_a_program():
 
 def test_the_time_of_a_program_is_that_of_its_parts():
     machine = read_machine()
-    found, metres = duration(operations(TEXT), machine), machine.pitch / 1000
-    assert found.passes == {"knit": 4, "transfer": 2, "empty": 2, "drop": 0}
-    assert found.total == 8
-    assert found.seconds == pytest.approx(
+    spent, metres = duration(operations(TEXT), machine), machine.pitch / 1000
+    assert spent.passes == {"knit": 4, "transfer": 2, "empty": 2, "drop": 0}
+    assert spent.total == 8
+    assert spent.seconds == pytest.approx(
         8 * machine.turn_time
         + metres * (3 + 1 + 1 + 1 + 2 * 1) / machine.knitting_speed
         + metres * (3 + 1) / machine.transfer_speed

@@ -92,9 +92,9 @@ def test_the_interpreter_knits_a_small_plated_chart(end, fast_protocols):  # noq
     case = case_of("sensor", n_stripe=2, n_subunit=16)
     chart, machine = stitch_chart(case), read_machine({"end": end, "waste_courses": 2})
     chart = chart_of_arrays(chart.front[:10, :16], chart.plated[:10, :16], chart.plated_face)
-    found = round_trip(knitout(chart, machine), chart, machine, interpret=True)
-    assert found.faults == ()
-    assert [note.partition(":")[0] for note in found.notes] == ["own checks", "interpreter"]
+    checked = round_trip(knitout(chart, machine), chart, machine, interpret=True)
+    assert checked.faults == ()
+    assert [note.partition(":")[0] for note in checked.notes] == ["own checks", "interpreter"]
 
 
 @pytest.mark.parametrize(
@@ -150,14 +150,14 @@ def test_the_copy_for_the_interpreter_keeps_the_number_of_every_line():
 def test_the_interpreter_is_not_asked_of_long_programs(monkeypatch):
     monkeypatch.setattr("knitlab.knitting.round_trip.MOST_OPERATIONS", 10)
     assert MOST_OPERATIONS > 10
-    monkeypatch.setattr("knitlab.knitting.round_trip.is_installed", lambda: True)
+    monkeypatch.setattr("knitlab.knitting.round_trip.find_spec", lambda name: True)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
-    found = round_trip(knitout(chart, machine), chart, machine)
-    assert found.notes[1].startswith("interpreter: not run,")
+    checked = round_trip(knitout(chart, machine), chart, machine)
+    assert checked.notes[1].startswith("interpreter: not run,")
 
 
 def test_an_installation_without_the_interpreter_says_how_to_get_it(monkeypatch):
-    monkeypatch.setattr("knitlab.knitting.round_trip.is_installed", lambda: False)
+    monkeypatch.setattr("knitlab.knitting.round_trip.find_spec", lambda name: None)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
-    found = round_trip(knitout(chart, machine), chart, machine)
-    assert found.notes[1].endswith("install it by pip install knitlab[knitting]")
+    checked = round_trip(knitout(chart, machine), chart, machine)
+    assert checked.notes[1].endswith("install it by pip install knitlab[knitting]")

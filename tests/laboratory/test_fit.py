@@ -10,9 +10,15 @@ from knitlab.equilibrium.tensile_test import stretch
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
-from knitlab.laboratory.fit import FITTED, NoFit, fit_stripes, report, write_stripes
-from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
-from knitlab.laboratory.target import MeasuredTest, case_for, target_of
+from knitlab.laboratory.curves import (
+    QUANTITIES,
+    MeasuredTest,
+    case_for,
+    simulated_test,
+    target_of,
+    with_factors,
+)
+from knitlab.laboratory.fit import FITTED, fit_stripes, fitted_material, report
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plan import make_plan
@@ -157,7 +163,7 @@ def test_a_poor_fit_warns(case, truth):
 @pytest.mark.slow
 def test_a_sample_that_does_not_relax_is_refused(case, truth):
     hopeless = replace(case, solver=replace(case.equilibrium_solver, max_iterations=3))
-    with pytest.raises(NoFit, match="does not converge"):
+    with pytest.raises(BadInput, match="does not converge"):
         fit_stripes(hopeless, noisy(truth, 0.005, 1), looseness=0.2)
 
 
@@ -174,12 +180,12 @@ def test_the_report_and_the_stripe_file_state_what_changed(tmp_path, fit):
         assert name in text
     assert "RMS difference" in text
     path = tmp_path / "fitted.toml"
-    write_stripes(path, fit, tmp_path / "cube.nc")
+    fitted_material(fit, tmp_path / "cube.nc").write(path)
     table = read_toml(path)
     assert table["rib"]["n"]["4"]["k_t"] == pytest.approx(fit.after.weft.k_t, rel=1e-5)
     # They can be used as they are.
     read_parameters(shipped("params"))
-    (used,) = make_plan("laboratory", (*PERIODIC, f"stripe_files={path}")).cases.values()
+    (used,) = make_plan("laboratory", (*PERIODIC, f"material={path}")).cases.values()
     assert used.warp.theta_0 == pytest.approx(fit.after.warp.theta_0, rel=1e-5)
 
 

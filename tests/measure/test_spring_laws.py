@@ -13,9 +13,10 @@ from scipy.signal import lfilter
 from knitlab.cli import main
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.zigzag import tension, zigzag
-from knitlab.io.table_file import read_tension_curve
+from knitlab.laboratory.tension_record import read_tension_record
 from knitlab.measure.calibration import calibrate
 from knitlab.measure.fit_statistics import compare
+from knitlab.sweep.material import add_stripe
 from tests.fabrics import stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.06, 0.12, 0.2), (0.0, 1.0, 4.0, 14.0, 40.0))
@@ -135,7 +136,8 @@ def test_the_command_reports_the_preferred_law_and_its_stripe_is_simulated(in_fo
     done = CliRunner().invoke(main, [*CALIBRATE, "--law", name, *more])
     assert done.exit_code == 0, done.output
     assert f"the curve supports {name} springs" in done.output
-    planned = ("plan", "periodic", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
+    add_stripe(Path("material.toml"), stripe("garter", 8), "paper")
+    planned = ("plan", "periodic", "--set", "material=material.toml", "--set", "n_stripe=4")
     done = CliRunner().invoke(main, planned)
     assert done.exit_code == 0, done.output
     for case in json.loads(Path("results/periodic/plan.json").read_text())["cases"].values():
@@ -167,7 +169,7 @@ def test_a_bad_spring_curve_ends_with_code_2(in_folder, more, problem):
 def test_the_assumed_period_of_a_curve_only_scales_the_stiffnesses(law):
     """As stated in the documentation for swatches whose period is not known."""
     swatch = Path(__file__).parents[2] / "docs/examples/swatches/rib.csv"
-    measured = read_tension_curve(swatch)
+    measured = read_tension_record(swatch)
     one, ten = (calibrate(of, measured.strain, measured.force, law) for of in (1.0, 10.0))
     assert ten.values["k_s"] == pytest.approx(one.values["k_s"] / 10, rel=1e-3)
     assert ten.values["k_t"] == pytest.approx(one.values["k_t"] * 10, rel=1e-3)

@@ -23,7 +23,7 @@ from knitlab.meshes.formats import (
     write_mesh,
     write_series,
 )
-from knitlab.meshes.solid import solid_of
+from knitlab.meshes.surface import solid_of
 from tests.meshes.made_up import kept_file
 
 

@@ -6,8 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.io.errors import BadInput
-from knitlab.meshes.solid import MITRE_LIMIT, largest_thickness, mitred_normals, solid_of
-from knitlab.meshes.surface import grid_surface
+from knitlab.meshes.surface import (
+    MITRE_LIMIT,
+    grid_surface,
+    largest_thickness,
+    mitred_normals,
+    solid_of,
+)
 from tests.meshes.made_up import arch, bumpy_sheets, zigzag
 from tests.meshes.test_surface import as_trimesh
 

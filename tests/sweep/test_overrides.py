@@ -46,7 +46,7 @@ def test_a_plan_keeps_the_values_of_its_overrides_by_the_names_of_their_settings
 
 
 def test_a_path_is_converted_to_text():
-    ((override,), faults) = read_overrides({"stripe_files": Path("a/b.toml")})
+    ((override,), faults) = read_overrides({"material": Path("a/b.toml")})
     assert (override.value, faults) == ("a/b.toml", [])
 
 

@@ -274,12 +274,6 @@ def test_a_single_value_may_stand_for_a_list(tmp_path, design, expected):
     assert [(c.design["n_stripe"], c.design["n_subunit"]) for c in plan.cases.values()] == expected
 
 
-def test_a_bare_stripe_file_may_stand_for_a_list(tmp_path):
-    workflow = written(tmp_path, 'n_stripe = 4\nn_subunit = 16\n[model]\nstripe_files = "no.toml"')
-    with pytest.raises(BadInput, match=r"no\.toml: cannot be read"):
-        make_plan(workflow)
-
-
 def test_a_nested_list_gives_one_sentence(tmp_path):
     with pytest.raises(BadInput) as caught:
         make_plan(written(tmp_path, "n_stripe = [[4, 6]]\nn_subunit = 24"))
@@ -303,7 +297,7 @@ def test_a_misspelt_key_is_reported_with_the_likely_one(tmp_path, line, meant):
 @pytest.mark.parametrize(
     ("lines", "place"),
     [
-        ('[design]\nstripe_files = "mine.toml"', r"design.stripe_files: belongs to \[model\]"),
+        ('[design]\nmaterial = "mine.toml"', r"design.material: belongs to \[model\]"),
         ("strain_max = 0.3\n[design]", r"strain_max: belongs to \[protocol\]"),
         ('[design]\nfigures = ["auxetic"]', "design.figures: belongs to the top level"),
         ("[design.model]", "design.model: belongs to the top level"),

@@ -4,8 +4,8 @@ from dataclasses import asdict
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.settings import SolverSettings
+from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.stripe import SPRING_LAWS, Stripe
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
@@ -54,7 +54,7 @@ def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_bot
 
 @pytest.mark.parametrize(
     ("table", "file"),
-    [(SolverSettings, "solver"), (DynamicsSettings, "dynamics"), (Model, "model")],
+    [(Solver, "solver"), (Dynamics, "dynamics"), (Model, "model")],
 )
 def test_defaults_of_tables_are_those_of_their_files(table, file):
     assert asdict(table()) == asdict(getattr(read_parameters(shipped("params")), file))

@@ -14,10 +14,19 @@ from knitlab.sweep.plan import make_plan
 
 DESIGN = ("n_stripe=4", "n_subunit=16")
 HEAD = """
+thickness = { value = 0.1, unit = "mm", source = "test" }
 [rib]
 source = "test"
 unit = { period = "mm", k_s = "N/mm", theta_0 = "rad", k_t = "N" }
 [rib.n]
+"""
+GARTERS = """
+[garter]
+source = "test"
+unit = { period = "mm", k_s = "N/mm", theta_0 = "rad", k_t = "N" }
+[garter.n]
+8 = { period = 1.44, k_s = 4.78, theta_0 = 0.68, k_t = 0.045 }
+16 = { period = 2.6, k_s = 1.16, theta_0 = 0.71, k_t = 0.018 }
 """
 ROW = "4 = { period = 1.4, k_s = 0.8, theta_0 = 0.77, k_t = 0.02, %s }\n"
 CURVE = "spring_curve = { strain = [0, 0.1, 0.2], force = [0, 1.0, 3] }"
@@ -29,8 +38,9 @@ def cases(*overrides):
 
 def stripe_file(tmp_path, law):
     path = tmp_path / "mine.toml"
-    path.write_text(HEAD + ROW % law)
-    return f"stripe_files={path}"
+    linear = "8 = { period = 2.44, k_s = 0.455, theta_0 = 0.732, k_t = 0.0048 }"
+    path.write_text(HEAD + ROW % law + linear + GARTERS)
+    return f"material={path}"
 
 
 def test_the_record_of_linear_springs_has_no_law():

@@ -24,12 +24,7 @@ END: Look = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}
 BACK: Look = {"marker": ".", "ms": 3, "mfc": "none", "ls": ""}
 INK = "0.3"
 DASHES = ("-", "--", "-.", (0, (1, 1)))
-PAPER_SAMPLES: dict[tuple[str | int, ...], str] = {
-    ("rib", 4): "4 × 4 rib",
-    ("garter", 4): "4 × 4 garter",
-    (4, 16): "(4, 16)",
-    (4, 32): "(4, 32)",
-}
+PAPER_SAMPLES = (("rib", 4), ("garter", 4), (4, 16), (4, 32))
 
 
 def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
@@ -115,7 +110,9 @@ def _samples(cube: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
     measured, stacked = is_measured(cube), first.stack(sample=base_dims(cube))
     for labels in stacked["sample"].values:
         cell, design = stacked.sel(sample=labels), labels[:2]
-        name = PAPER_SAMPLES.get(design, f"({design[0]}, {design[1]})")
+        first, second = design
+        pure = isinstance(first, str)
+        name = f"{second} × {second} {first}" if pure else f"({first}, {second})"
         read = (cell["capacitor_status"] == CapacitorStatus.measured).any()
         if (measured or design in PAPER_SAMPLES) and int(cell["status"]) in RUN and read:
             samples.append((f"{name} {source_of(cube)}" if measured else name, cell))

@@ -31,8 +31,7 @@ LETTERS = "R rib, G garter, P plain"
 COLOURS = ("#D55E00", "#0072B2")  # colours of the electrodes
 SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}  # grey of every knit, by its letter
 CELLS_PER_TICK, MOST_TICKS = 4, 12
-FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
-"""Subdivisions of a grid cell along each direction: fine up to this many cells, else coarse."""
+FINE, COARSE, FEW_CELLS = 4, 2, 24  # subdivisions of a grid cell: fine up to so many cells
 
 
 def fabric_shape(case: xr.Dataset) -> Figure:
@@ -48,9 +47,8 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
     along_y, along_x = parameters["unit_cells"]
     repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
-    shown = replace(case_of(parameters), unit_cells=(repeats * along_y, repeats * along_x))
-    sample = shown.sample
-
+    cells = repeats * along_y, repeats * along_x
+    sample = replace(case_of(parameters), unit_cells=cells).sample
     faces = sheets.faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
     norm = mpl.colors.Normalize(heights.min(), heights.max())
@@ -64,8 +62,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     axes.add_collection(lines)
     _name_patches(axes, nodes, sample, repeat)
     notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MOST_NAMES else [])]
-    crossing = int(case["self_intersections"][0]) if "self_intersections" in case else 0
-    if crossing:
+    if "self_intersections" in case and (crossing := int(case["self_intersections"][0])):
         notes.insert(0, f"passes through itself: {crossing} pairs of cells")
     state = sheets.state_text(float(case["applied_strain"][0]))
     state = f"periodic, {state}" if periodic else state
@@ -85,8 +82,8 @@ def _name_patches(
     look: Look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8 if large else 6}
     look["path_effects"] = [withStroke(linewidth=2, foreground="black")]
     first_row, first_column = (
-        size * ((whole // size - 1) // 2)
-        for size, whole in zip(repeat, sample.knit.shape, strict=True)
+        size * ((count // size - 1) // 2)
+        for size, count in zip(repeat, sample.knit.shape, strict=True)
     )
     rows, columns = (
         (borders[:-1] + borders[1:]) // 2 for borders in (sample.row_borders, sample.column_borders)
@@ -143,15 +140,15 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
     axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
     axes.set(xlabel="x, weft [grid cells]", ylabel="y, warp [grid cells]")
     step = CELLS_PER_TICK * int(np.ceil(max(width, height) / CELLS_PER_TICK / MOST_TICKS))
-    axes.xaxis.set_major_locator(MultipleLocator(step))
-    axes.yaxis.set_major_locator(MultipleLocator(step))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(step))
 
 
 def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     sheet = closed_nodes(case_file.isel(applied_strain=[0]))[0]
     cells = sheet.shape[0] - 1, sheet.shape[1] - 1
-    parts = FINE_PARTS if max(cells) <= FEW_CELLS else COARSE_PARTS
-    y, x = ((np.arange(count * parts) + 0.5) / parts for count in cells)
+    subdivisions = FINE if max(cells) <= FEW_CELLS else COARSE
+    y, x = ((np.arange(count * subdivisions) + 0.5) / subdivisions for count in cells)
     colours = np.full((len(y), len(x)), sheets.FABRIC, dtype=object)
     for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
         for strip in strips:
@@ -160,7 +157,8 @@ def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
             if case.mesh_shape.periodic:
                 across |= (left < x + cells[1]) & (x + cells[1] < right)
             colours[np.ix_((low < y) & (y < high), across)] = colour
-    fine = np.meshgrid(*(np.arange(n * parts + 1) / parts for n in cells), indexing="ij")
+    along = (np.arange(n * subdivisions + 1) / subdivisions for n in cells)
+    fine = np.meshgrid(*along, indexing="ij")
     refined = RegularGridInterpolator([np.arange(n + 1) for n in cells], sheet)
     sheets.draw_sheet(scene, refined(np.stack(fine, axis=-1)), colours.ravel().tolist())
     sheets.frame_sheet(scene, sheet)

@@ -16,11 +16,11 @@ CONTACT = ("none", "barrier")
 NAMED = 3  # number of curves, those of the largest changes, that have the names of their designs
 THROUGH = "#FBE3D0"  # colour behind designs that pass through themselves without contact
 NOTE = "relaxed, it passes through itself without contact"
+# Name and mark of each size of a relaxed unit cell.
 SIZES: dict[str, Look] = {
     "relaxed_cell_x": {"label": "width", "marker": "o", "ms": 4, "ls": ""},
     "relaxed_cell_y": {"label": "length", "marker": "^", "ms": 4.5, "ls": "", "mfc": "none"},
 }
-"""Name and mark of each size of a relaxed unit cell."""
 
 
 def contact_effect(cube: xr.Dataset) -> Figure:

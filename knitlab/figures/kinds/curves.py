@@ -1,9 +1,9 @@
-"""Tension curves: ε_xx, ε_yy and ν against applied strain, a column for each n_stripe.
+"""Curves of a tensile test against applied strain, a column for each n_stripe: strains, force.
 
 Curves are dashed if they were measured, and break where the fabric snaps.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -28,6 +28,13 @@ ROWS = {
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
     "poisson_ratio": "Poisson's ratio\n$\\nu$ [1]",
 }
+FORCE_ROWS = {
+    "force_per_width": "force over width\n[N/cm]",
+    "tangent_stiffness": "tangent stiffness\n[N/cm]",
+    "stretch_energy": "energy to stretch\n[mJ/cm²]",
+}
+IN_FIGURE = {"force_per_width": 10.0, "tangent_stiffness": 10.0, "stretch_energy": 100.0}
+"""Factors from N/mm, or mJ/mm², to the units of these labels."""
 
 
 def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
@@ -39,45 +46,62 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """
     if not any(name in cube for cube in cubes for name in ROWS):
         raise fault("curves", "shows strains, and no cube has any; import markers")
+    return _curves(cubes, ROWS)
+
+
+def force_curves(cubes: Sequence[xr.Dataset]) -> Figure:
+    """Force over the width of the cloth, tangent stiffness and energy, against applied strain.
+
+    The width is that of the relaxed fabric, in cloth by the gauge; the energy is that over its
+    area. Colours, dashes, bands and breaks are those of the figure ``curves``.
+    """
+    if not any("force_per_width" in cube for cube in cubes):
+        raise fault("force", "shows force over width, and no cube has any; simulate patches")
+    return _curves(cubes, FORCE_ROWS)
+
+
+def _curves(cubes: Sequence[xr.Dataset], rows: Mapping[str, str]) -> Figure:
+    """A row of curves for each variable, with its label."""
     designs = [one for cube in cubes for one in designs_of(cube) if int(one["status"]) in RUN]
     if not designs:
-        raise fault("curves", "no design of this selection has been simulated; run it first")
+        raise fault("designs", "none of this selection has been simulated; run it first")
     stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})
     periods = np.unique([float(design["periods"]) for design in designs])
     colours = dict(zip(periods, shades(len(periods)), strict=True))
     figure = Figure(figsize=(TWO_COLUMNS, 4.9), layout="constrained")
-    grid = figure.subplots(len(ROWS), len(stripes), sharex=True, sharey="row", squeeze=False)
+    grid = figure.subplots(len(rows), len(stripes), sharex=True, sharey="row", squeeze=False)
+    # Axial strain follows the diagonal and energy rises from 0, so that this corner is free.
+    row, corner = (1, "lower right") if rows is ROWS else (2, "upper left")
     for column, n_stripe in zip(grid.T, stripes, strict=True):
         for design in designs:
             if int(design["n_stripe"]) == n_stripe:
-                _draw_design(column, design, colours[float(design["periods"])])
+                _draw_design(column, rows, design, colours[float(design["periods"])])
         column[0].set_title(f"n_stripe = {n_stripe}")
-        # Axial strain follows the diagonal, so that this corner is free.
-        if column[1].lines:
+        if column[row].lines:
             small: Look = {"fontsize": 6, "title_fontsize": 6, "borderpad": 0, "labelspacing": 0.15}
             small["handlelength"] = 1.6 if any(map(is_measured, cubes)) else 1
-            column[1].legend(title="n_subunit", loc="lower right", **small)
+            column[row].legend(title="n_subunit", loc=corner, **small)
         column[-1].set_xlabel("applied strain [1]")
-    for axes, label in zip(grid[:, 0], ROWS.values(), strict=True):
+    for axes, label in zip(grid[:, 0], rows.values(), strict=True):
         axes.set_ylabel(label)
     for axes in (*grid[0], *grid[-1]):
         axes.axhline(0, color="0.7", lw=0.6, zorder=0)
     figure.align_ylabels(list(grid[:, 0]))
-    if notes := _notes(designs):
+    if notes := _notes(designs, rows):
         figure.legend(handles=notes, loc="outside lower center", ncols=2)
     return figure
 
 
-def _notes(designs: Sequence[xr.Dataset]) -> list[Artist]:
+def _notes(designs: Sequence[xr.Dataset], rows: Iterable[str]) -> list[Artist]:
     """Legend entries of what the curves show besides their colour."""
     names = {str(name) for design in designs for name in design.data_vars}
     band: Look = {"facecolor": "0.3", "alpha": BAND, "lw": 0}
     notes: list[Artist] = []
-    if any(f"{name}_low" in names for name in ROWS):
+    if any(f"{name}_low" in names for name in rows):
         notes.append(Patch(label="band: range over slightly different fabrics", **band))
     if any(map(is_measured, designs)):
         notes.append(Line2D([], [], color="0.3", ls="--", label="measured"))
-    if any(f"{name}_error" in names for name in ROWS):
+    if any(f"{name}_error" in names for name in rows):
         notes.append(Patch(label="band of a measured curve: two standard errors", **band))
     notes += break_note(designs)
     if any(int(design["status"]) == Status.not_converged for design in designs):
@@ -86,16 +110,18 @@ def _notes(designs: Sequence[xr.Dataset]) -> list[Artist]:
     return notes
 
 
-def _draw_design(rows: Iterable[Axes], design: xr.Dataset, colour: Colour) -> None:
+def _draw_design(
+    column: Iterable[Axes], rows: Iterable[str], design: xr.Dataset, colour: Colour
+) -> None:
     measured = is_measured(design)
     label = f"{int(design['n_subunit'])} (P = {int(design['periods'])})"
     label += f", {source_of(design)}" if measured else ""
     look: Look = {"color": colour, "ls": line_style(design), "label": label}
     strains, snapped = design["applied_strain"].values, snapped_before(design)
-    for axes, name in zip(rows, ROWS, strict=True):
+    for axes, name in zip(column, rows, strict=True):
         if name not in design:
             continue
-        values = design[name].values
+        values = IN_FIGURE.get(name, 1.0) * design[name].values
         recorded = np.isfinite(values)
         curves = [strains, values, *_edges(design, name)]
         strain, value, *band = broken(snapped[recorded], *(each[recorded] for each in curves))
@@ -146,5 +172,6 @@ def break_note(designs: Iterable[xr.Dataset]) -> list[Line2D]:
 
 
 FIGURES = {
-    "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments")
+    "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments"),
+    "force": FigureKind(force_curves, coordinates=("applied_strain",), several="experiments"),
 }

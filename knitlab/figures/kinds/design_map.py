@@ -19,8 +19,7 @@ from knitlab.figures.found_designs import non_dominated
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 
-LARGE_SPREAD = 0.05
-"""Spread of Poisson's ratio over the siblings of a design above which the map states it."""
+LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
@@ -70,7 +69,6 @@ def _spread(cube: xr.Dataset) -> float:
     return float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max())
 
 
-CAPACITANCE = "capacitance"
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
 
@@ -101,7 +99,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     capacitance within it take their place. The Pareto front is joined, named and listed. Designs
     without a value are marked by status; measured ones have a dashed frame.
     """
-    if any(CAPACITANCE not in cube for cube in cubes):
+    if any("capacitance" not in cube for cube in cubes):
         raise fault("sensor", NEEDED)
     merits: Merits = PAPER
     if window is not None:
@@ -122,7 +120,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
 
 
 def _within(window: str, cubes: Sequence[xr.Dataset]) -> tuple[Merits, list[xr.Dataset]]:
-    slope, straight = (f"{name}({CAPACITANCE}, {window})" for name in ("slope", "linearity"))
+    slope, straight = (f"{name}(capacitance, {window})" for name in ("slope", "linearity"))
     reduced = [
         cube.assign({slope: abs(cube[slope])}) for cube in with_columns(cubes, [slope, straight])
     ]

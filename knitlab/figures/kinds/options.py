@@ -15,13 +15,13 @@ from knitlab.validation.margin import Grade, signed
 from knitlab.validation.option_ranking import RankedOptions, differing, ranked_options
 
 MOST = 16  # largest number of sets of options that the figure shows
+# Colour of a cell and of its text.
 LOOKS = {
     Grade.holds: ("#0072B2", "white"),
     Grade.near_miss: ("#F5D7A1", "black"),
     Grade.fails: ("#E69F00", "black"),
     Grade.not_measured: ("white", "black"),
 }
-"""Colour of a cell and of its text, by grade."""
 NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quarter of it"
 UNSTATED = {"drag": 0}  # labels of options that are stated only if they have an effect
 
@@ -56,7 +56,7 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
             margin = signed(result.margin).replace("-", MINUS)
             axes.text(column, row, margin, ha="center", va="center", color=ink, fontsize=5.5)
     axes.set_xlim(-0.5, len(shown) - 0.5)
-    heads = ["\n".join(_head(options, varied)) for options in shown]
+    heads = [_head(options, varied) for options in shown]
     axes.set_xticks(range(len(shown)), heads, fontsize=5.5, linespacing=1.1)
     name_rows(axes, [name.replace("_", " ") for name in names], fontsize=6.5)
     axes.xaxis.tick_top()
@@ -75,13 +75,13 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def _head(options: RankedOptions, varied: Sequence[str]) -> list[str]:
+def _head(options: RankedOptions, varied: Sequence[str]) -> str:
     """The lines above a column."""
-    labels = [str(options.options.get(name, UNSTATED.get(name, ""))) for name in varied]
-    for word, short in (("stripe_", ""), ("per_", ""), ("_", " ")):
-        labels = [label.replace(word, short) for label in labels]
+    labels = "\n".join(str(options.options.get(name, UNSTATED.get(name, ""))) for name in varied)
+    labels = labels.replace("stripe_", "").replace("per_", "").replace("_", " ")
     judged = [f"{options.designs} designs"] if options.designs else []
-    return [*labels, *judged, f"{options.count(Grade.holds)}/{options.decided}"]
+    measured = f"{options.count(Grade.holds)}/{options.decided}"
+    return "\n".join([*([labels] if varied else []), *judged, measured])
 
 
 FIGURES = {"options": FigureKind(options_figure, dims=None, several="any")}

@@ -10,8 +10,7 @@ from knitlab.figures.sheets import design_text, draw_sheet, frame_sheet
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.meshes.fabric import closed_nodes
 
-CONTRACTED = (0.0, 0.15, 0.5)
-"""Fractions of the in-plane contraction at which snapshots are shown, before the last one."""
+CONTRACTED = (0.0, 0.15, 0.5)  # fractions of the in-plane contraction at the first snapshots
 
 
 def relaxation_figure(case: xr.Dataset) -> Figure:
@@ -62,8 +61,8 @@ def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
 def _chosen_snapshots(nodes: np.ndarray) -> list[int]:
     """Snapshots at which the sheet has reached these fractions of its in-plane contraction."""
     area = np.ptp(nodes[..., :2], axis=(1, 2)).prod(axis=1)
-    contracted, whole = area[0] - area, area[0] - area[-1]
-    reached = [contracted >= (fraction - 1e-9) * whole for fraction in CONTRACTED]
+    contracted = area[0] - area
+    reached = [contracted >= (fraction - 1e-9) * contracted[-1] for fraction in CONTRACTED]
     return [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
 
 

@@ -15,8 +15,7 @@ QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}
 PERIODS = {"rib": "$w$ (period)", "garter": "$h$ (period)"}
 MOST_DESIGNS = 60  # largest number of rows that remain legible
-MOST_OVER_MEDIAN = 3
-"""Limit of the colour scale over the median of the designs' largest sensitivities."""
+MOST_OVER_MEDIAN = 3  # limit of the colour scale over the median of the largest sensitivities
 NOTE = (
     "change of Poisson's ratio for a relative change of a number $p$ of a stripe;"
     " framed: the largest in magnitude of a design"

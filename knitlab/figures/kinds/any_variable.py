@@ -1,5 +1,6 @@
-"""A grid: any variable of a cube over any two of its dimensions."""
+"""Any variable of a cube: a grid over two dimensions, or all designs along a swept setting."""
 
+from functools import partial
 from textwrap import fill
 from typing import Any
 
@@ -8,18 +9,25 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.cube.cube_file import base_dims, design_dims
+from knitlab.cube.cube_file import base_dims, design_dims, swept_dims
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.cube.strain_window import with_columns
 from knitlab.figures import cells
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import TWO_COLUMNS, ValueColours, number
+from knitlab.figures.style import (
+    CATEGORY_COLOURS,
+    MARKERS,
+    TWO_COLUMNS,
+    Look,
+    ValueColours,
+    name_rows,
+    number,
+)
 from knitlab.io.errors import fault, unknown
 
 PERIODS = "periods"
-MOST_COLUMNS, MOST_ROWS = 16, 24
-"""Largest numbers of columns and rows whose cells still have room for a number."""
+MOST_COLUMNS, MOST_ROWS = 16, 24  # of cells that still have room for a number
 NO_VALUE = "no value there"
 
 
@@ -28,18 +36,16 @@ def value_grid(
 ) -> Figure:
     """Any variable over any two dimensions of a cube, swept settings included.
 
-    A place where no design can be, or none was planned, stays empty; a design without a value is
+    There is no cell where no design can be, or none was planned; a design without a value is
     marked by status. Every other dimension needs one selected value. Either dimension may be
     ``periods`` for P = n_subunit / (2 n_stripe); without ``x`` and ``y`` they are those with more
     than one value, with P in place of n_subunit. ``of`` may be a reduction, as in queries.
     """
-    (cube,) = with_columns([cube], [of])
-    if of not in cube.data_vars:
-        raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
+    cube = _with_variable(cube, of)
     if of in FLAGS or cube[of].dtype.kind not in "iuf":
         raise fault("of", f"{of} is not a number; choose a variable with a unit")
     has_periods = base_dims(cube) == DESIGN_DIMS
-    # Along n_subunit most places would be empty where both numbers of a design vary.
+    # Along n_subunit most cells would be missing where both numbers of a design vary.
     both = has_periods and all(cube.sizes[n] > 1 and n in cube[of].dims for n in DESIGN_DIMS)
     if PERIODS in (x, y) or (x is y is None and both):
         if not has_periods:
@@ -60,11 +66,12 @@ def value_grid(
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
     marked, gaps = _draw(axes, values, status, colours)
-    cells.name_places(axes, *([_text(each, "g") for each in values[dim].values] for dim in (x, y)))
-    axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
-    unit = values.attrs.get("units", "1")
-    label = _upright(f"{values.attrs.get('long_name', of)} [{unit}]")
-    colours.bar(figure, axes, pad=0.01, label=label)
+    names = ([_text(each, "g") for each in values[dim].values] for dim in (x, y))
+    cells.name_columns_and_rows(axes, *names)
+    label = f"{values.attrs.get('long_name', of)} [{values.attrs.get('units', '1')}]"
+    upright = partial(fill, width=26, break_long_words=False)
+    axes.set(xlabel=_axis_label(cube, x), ylabel=upright(_axis_label(cube, y)))
+    colours.bar(figure, axes, pad=0.01, label=upright(label))
     cells.marks_legend(figure, marked, NO_VALUE, [cells.EMPTY] if gaps else [])
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
@@ -91,6 +98,13 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
     missing = {name: value for name, value in missing.items() if name in cube}
     families = [family.reindex({PERIODS: wanted}, fill_value=missing) for family in families]
     return xr.concat(families, "n_stripe", coords="different", compat="equals")
+
+
+def _with_variable(cube: xr.Dataset, of: str) -> xr.Dataset:
+    (cube,) = with_columns([cube], [of])
+    if of not in cube.data_vars:
+        raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
+    return cube
 
 
 def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, str]:
@@ -133,7 +147,7 @@ def _plane(
 def _draw(
     axes: Axes, values: xr.DataArray, status: xr.DataArray, colours: ValueColours
 ) -> tuple[set[Status], bool]:
-    """Draw the cells, and return the statuses marked and whether there are empty places."""
+    """Draw the cells, and return the statuses marked and whether there are gaps."""
     rows, columns = values.shape
     large = columns <= MOST_COLUMNS and rows <= MOST_ROWS
     marked: set[Status] = set()
@@ -141,16 +155,12 @@ def _draw(
         code, value = Status(int(status[row, column])), float(values[row, column])
         if code in RUN and np.isfinite(value):
             text = _text(value) if large else ""
-            cells.value_cell(axes, row, column, colours(value), text, large=large, fontsize=6)
+            cells.value_cell(axes, row, column, colours(value), text, fontsize=6)
         elif code is not Status.excluded:
             look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
             cells.cell(axes, row, column, **look)
             marked.add(code)
     return marked, bool((status == Status.excluded).any())
-
-
-def _upright(label: str) -> str:
-    return fill(label, 26, break_long_words=False)
 
 
 def _axis_label(cube: xr.Dataset, dim: str) -> str:
@@ -169,11 +179,58 @@ def _text(value: Any, form: str = ".3g") -> str:
     return value if isinstance(value, str) else number(float(value), form)
 
 
+def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
+    """Any variable of every design, at each value of a swept setting.
+
+    A row is a design, and a mark is a value of the setting, such as a layout of electrodes. The
+    legend counts the designs that have no value there. Every other setting needs one value, and
+    ``of`` may be a reduction, as in queries: ``slope(capacitance, 0.1:0.3)``.
+    """
+    cube = _with_variable(cube, of)
+    swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
+    designs = base_dims(cube)
+    if of in FLAGS or cube[of].dtype.kind not in "iuf" or {*cube[of].dims} - {*swept, *designs}:
+        raise fault("of", f"{of} is not a single number of a design; choose another, or reduce it")
+    if not swept:
+        problem = "the cube has no swept setting; give several values of one to a workflow"
+        raise fault("swept", problem)
+    setting, *others = swept
+    if others:
+        problem = f"the cube sweeps {', '.join(swept)}; select one value of all but one"
+        raise fault("swept", problem)
+    if cube.sizes[setting] > len(MARKERS):
+        # More could not be distinguished.
+        raise fault("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
+    rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
+    rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
+    names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
+    height = max(2.4, 1.1 + 0.16 * len(names))
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
+    axes = figure.add_subplot()
+    for k, value in enumerate(rows[setting].values):
+        one = rows.isel({setting: k})
+        values = one[of].where(one["status"] == Status.ok)
+        missing = int((values.isnull() & (one["status"] != Status.excluded)).sum())
+        label = value if isinstance(value, str) else number(float(value), ".4g")
+        label += f" ({missing} without value)" if missing else ""
+        look: Look = {"ms": 4.5, "mfc": "none", "color": CATEGORY_COLOURS[k], "label": label}
+        axes.plot(values, np.arange(len(names)), MARKERS[k], **look)
+    unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
+    name_rows(axes, names, fontsize=6.5)
+    axes.set(xlabel=f"{name or of} [{unit or '1'}]", ylabel=f"({', '.join(designs)})")
+    axes.grid(axis="y", color="0.9", lw=0.5)
+    axes.set_axisbelow(True)
+    axes.tick_params(axis="y", length=0)
+    figure.legend(title=setting, loc="outside right upper")
+    return figure
+
+
 FIGURES = {
     "grid": FigureKind(
         value_grid,
         dims=None,
         coordinates=("applied_strain", "stripe_parameter"),
         options=("x", "y", "of"),
-    )
+    ),
+    "swept": FigureKind(swept_values, dims=None, options=("of",)),
 }

@@ -1,0 +1,243 @@
+"""Materials: the stripes of one yarn and the lengths that go with them, as a file or an object."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomli_w
+from pydantic import Field, PositiveFloat, ValidationError
+from scipy.interpolate import interp1d
+from scipy.stats import gmean
+
+from knitlab.fabric.settings import PlainKnit, Unit
+from knitlab.fabric.stripe import Knit, Stripe
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.toml import StrictModel, read_checked, read_toml
+from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
+from knitlab.sweep.parameters import Parameters
+from knitlab.sweep.stripe_tables import QUANTITIES, UNITS, StripeRow, StripeTable, StripeTables
+
+SCALED = {
+    "z_max": "sheet",
+    "thickness": "sheet",
+    "stitch_width": "gauge",
+    "stitch_height": "gauge",
+    "clearance": "capacitor",
+    "ground_distance": "capacitor",
+}
+"""Lengths that go with a yarn, by the attribute of the parameters that holds each."""
+DIGITS = 6
+"""Digits of the numbers of a calibrated stripe in a file."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """One yarn on one machine: its stripes, and the lengths that go with them.
+
+    Nothing of the paper's yarn is used beside it: a design that needs another stripe is refused.
+    Lengths that it does not give are those of the paper's yarn times the ratio of the periods,
+    which the plan of a run states.
+
+    Attributes:
+        stripes: calibrated stripes, one for each knit and number of stitches.
+        name: name of the material.
+        z_max: half the gap between the walls [mm].
+        thickness: thickness of the fabric, for contact [mm].
+        stitch_width: width of a stitch before the fabric folds, along the course [mm].
+        stitch_height: height of a stitch along the wale [mm].
+        clearance: distance below which electrodes touch [mm].
+        ground_distance: distance of a grounded plane below the fabric [mm].
+        plain: stiffness of plain knit; a pattern with plain knit is refused without it.
+        interpolate: whether stripes between two of these are interpolated.
+        source: where the numbers come from.
+
+    Raises:
+        BadInput: if a number is out of range, or a stripe is there twice.
+
+    Example:
+        >>> import knitlab as kl
+        >>> rib = kl.Stripe("rib", 4, period=10.0, k_s=39.3, theta_0=0.74, k_t=13.6)
+        >>> garter = kl.Stripe("garter", 8, period=10.0, k_s=121.0, theta_0=1.26, k_t=23.4)
+        >>> acrylic = kl.Material((rib, garter), name="acrylic", z_max=40.0)
+        >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03], material=acrylic)
+    """
+
+    stripes: tuple[Stripe, ...]
+    name: str = "own material"
+    z_max: Annotated[PositiveFloat, Unit("mm")] | None = None
+    thickness: Annotated[PositiveFloat, Unit("mm")] | None = None
+    stitch_width: Annotated[PositiveFloat, Unit("mm")] | None = None
+    stitch_height: Annotated[PositiveFloat, Unit("mm")] | None = None
+    clearance: Annotated[PositiveFloat, Unit("mm")] | None = None
+    ground_distance: Annotated[PositiveFloat, Unit("mm")] | None = None
+    plain: PlainKnit | None = None
+    interpolate: bool = False
+    source: str = "given in Python"
+
+    def __post_init__(self) -> None:
+        faults: list[Fault] = []
+        named = [(stripe.knit, stripe.n) for stripe in self.stripes]
+        if not named:
+            faults.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
+        for knit, n in sorted({each for each in named if named.count(each) > 1}):
+            faults.append(Fault("stripes", f"have {knit} {n} twice; keep one"))
+        for stripe in self.stripes:
+            try:
+                StripeRow.of(stripe)
+            except ValidationError as error:
+                faults += faults_of(error, f"{stripe.knit} {stripe.n}")
+        for name in SCALED:
+            value = getattr(self, name)
+            if value is not None and not 0 < value < math.inf:
+                faults.append(Fault(name, f"is {value!r}; give a length above 0 in mm"))
+        if faults:
+            raise BadInput(faults)
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Material":
+        """The material in a file, as :meth:`write` and ``knitlab calibrate`` write it.
+
+        Raises:
+            BadInput: with every fault of the file.
+        """
+        return read_checked(MaterialFile, Path(path)).material(Path(path).stem)
+
+    def write(self, path: str | Path) -> None:
+        """Write the material into a TOML file, for ``--material`` and the setting ``material``."""
+        table: dict[str, Any] = {"name": self.name, "interpolate": self.interpolate}
+        table |= {
+            name: {"value": value, "unit": "mm", "source": self.source}
+            for name in SCALED
+            if (value := getattr(self, name)) is not None
+        }
+        if self.plain is not None:
+            table["plain"] = {
+                name: {"value": value, "unit": unit_of(kind), "source": self.source}
+                for name, kind in declared(PlainKnit).items()
+                for value in [getattr(self.plain, name)]
+            }
+        for stripe in sorted(self.stripes, key=lambda each: (each.knit, each.n)):
+            _add_row(table, stripe, self.source)
+        with atomic_write(Path(path)) as temporary:
+            temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+
+
+_ENTRIES = entries({name: Annotated[PositiveFloat, Unit("mm")] for name in SCALED})
+
+
+@with_fields(entries(declared(PlainKnit)))
+class _PlainEntries(StrictModel):
+    """``[plain]`` of a material file."""
+
+
+@with_fields({name: (entry | None, None) for name, (entry, _) in _ENTRIES.items()})
+class MaterialFile(StrictModel):
+    """A material file: tables of stripes, and lengths with unit and source."""
+
+    name: Annotated[str, Field(min_length=1)] | None = None
+    interpolate: bool = False
+    rib: StripeTable | None = None
+    garter: StripeTable | None = None
+    plain: _PlainEntries | None = None
+
+    def _sources(self) -> Iterator[str]:
+        for table in filter(None, (self.rib, self.garter)):
+            yield from (row.source or table.source for row in table.n.values())
+
+    def material(self, name: str) -> Material:
+        """The material, with this name if the file has none."""
+        tables = StripeTables(rib=self.rib, garter=self.garter)
+        knits: tuple[Knit, ...] = ("rib", "garter")
+        lengths = {length: getattr(self, length) for length in SCALED}
+        plain = None
+        if self.plain is not None:
+            plain = PlainKnit(**{field: entry.value for field, entry in self.plain})
+        return Material(
+            tuple(tables.stripe(knit, n) for knit in knits for n in tables.rows(knit)),
+            name=self.name or name,
+            plain=plain,
+            interpolate=self.interpolate,
+            source="; ".join(dict.fromkeys(self._sources())),
+            **{length: entry.value for length, entry in lengths.items() if entry is not None},
+        )
+
+
+def add_stripe(
+    path: Path, stripe: Stripe, source: str, covariance: Mapping[str, Any] | None = None
+) -> None:
+    """Add a stripe to a material file, or replace it there; the file is made if there is none.
+
+    Raises:
+        BadInput: with every fault of a file that is there.
+    """
+    table: dict[str, Any] = {}
+    if path.exists():
+        read_checked(MaterialFile, path)
+        table = read_toml(path)
+    rounded: dict[str, Any] = {
+        name: float(f"{getattr(stripe, name):.{DIGITS}g}") for name in QUANTITIES
+    }
+    _add_row(table, replace(stripe, **rounded), source, covariance)
+    with atomic_write(path) as temporary:
+        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+
+
+def _add_row(
+    table: dict[str, Any],
+    stripe: Stripe,
+    source: str,
+    covariance: Mapping[str, Any] | None = None,
+) -> None:
+    """Add the row of a stripe to the table of a material file."""
+    row: dict[str, Any] = {name: getattr(stripe, name) for name in QUANTITIES}
+    own = table.setdefault(stripe.knit, {"source": source, "unit": dict(UNITS), "n": {}})
+    if own["source"] != source:
+        row["source"] = source
+    if stripe.stiffening_strain is not None:
+        row["stiffening_strain"] = stripe.stiffening_strain
+        own["unit"]["stiffening_strain"] = "1"
+    if stripe.spring_curve is not None:
+        curve = stripe.spring_curve
+        row["spring_curve"] = {"strain": list(curve.strain), "force": list(curve.force)}
+    if covariance:
+        row["covariance"] = dict(covariance)
+    own["n"][str(stripe.n)] = row
+
+
+def period_ratio(stripes: Sequence[Stripe], reference: StripeTables) -> float:
+    """Periods of stripes over those of reference stripes of as many stitches: the geometric mean.
+
+    Reference periods are interpolated linearly between numbers of stitches, and continued beyond.
+    """
+    ratios = []
+    for stripe in stripes:
+        sizes = list(reference.rows(stripe.knit))
+        periods = [reference.stripe(stripe.knit, n).period for n in sizes]
+        period_at = interp1d(sizes, periods, fill_value="extrapolate")
+        ratios.append(stripe.period / float(period_at(stripe.n)))
+    return float(gmean(ratios))
+
+
+def with_material(parameters: Parameters, material: Material) -> Parameters:
+    """The parameters with a material in place of the paper's yarn."""
+    ratio = period_ratio(material.stripes, parameters.stripes)
+    changes: dict[str, dict[str, float]] = {"sheet": {}, "gauge": {}, "capacitor": {}}
+    scaled = {}
+    for name, table in SCALED.items():
+        value = getattr(material, name)
+        if value is None:
+            value = ratio * getattr(getattr(parameters, table), name)
+            scaled[name] = value
+        changes[table][name] = value
+    stripes = StripeTables(interpolate=material.interpolate).with_stripes(material.stripes)
+    return replace(
+        parameters,
+        stripes=stripes,
+        plain=material.plain,
+        material=material.name,
+        scaled=scaled,
+        **{name: replace(getattr(parameters, name), **given) for name, given in changes.items()},
+    )

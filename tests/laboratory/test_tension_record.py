@@ -1,0 +1,199 @@
+"""Records of a testing machine: units, repeats, cycles and noise, and what is refused."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import knitlab as kl
+from knitlab.fabric.settings import ModelOptions
+from knitlab.fabric.stripe import cell_length
+from knitlab.fabric.zigzag import zigzag
+from knitlab.io.errors import BadInput
+from knitlab.laboratory.tension_record import period_of, read_tension_record
+from tests.fabrics import compiled_tension, stripe
+
+GOOD = "strain [1],force [N]\n0,0\n0.1,0.2\n0.2,0.5\n0.3,0.9\n"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "curve.csv"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "strain", "force", "options"),
+    [
+        ("strain [1],force [N]", 1, 1, {}),
+        ("Strain [%], Force [cN]", 100, 100, {}),
+        ("strain [mm/mm],force [mN],time [s]", 1, 1000, {}),
+        ("Axial strain (%),Load (N)", 100, 1, {}),
+        ("extension [mm],force [N]", 80, 1, {"gauge_length": 80.0}),
+        ("Extension (cm),Load (N)", 8, 50, {"gauge_length": 80.0, "width": 50.0}),
+        ("strain [1],stress [N/mm]", 1, 1, {}),
+        ("strain [1],stress [N/m]", 1, 1000, {}),
+        ("strain [1],stress [MPa]", 1, 1 / 2, {"thickness": 2.0}),
+        ("strain [1],stress [kPa]", 1, 1000 / 2, {"thickness": 2.0}),
+    ],
+)
+def test_units_of_the_header_are_converted(tmp_path, header, strain, force, options):
+    extra = ",7" if "time" in header else ""
+    strains, forces = [0.0, 0.1, 0.1, 0.3, 0.4], [0.0, 0.2, 0.5, 0.9, 1.0]
+    rows = [f"{strain * a},{force * b}{extra}" for a, b in zip(strains, forces, strict=True)]
+    path = written(tmp_path, "\n".join(["# a comment", header, *rows]))
+    curve = read_tension_record(path, **options)
+    np.testing.assert_allclose(curve.strain, strains)
+    np.testing.assert_allclose(curve.force, [forces])
+    assert curve.per_width == ("stress" in header or "width" in options)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (GOOD.replace("[N]", ""), {}, "column force: has no unit"),
+        (GOOD.replace("strain [1]", "strain"), {}, "column strain: has no unit"),
+        (GOOD.replace("[N]", "[]"), {}, "column force: has no unit"),
+        (GOOD.replace("[N]", "[mm]"), {}, r"is in mm; give it in a unit of force"),
+        (GOOD.replace("[N]", "[wurble]"), {}, "unknown unit 'wurble'"),
+        (GOOD.replace("strain [1]", "strain [N]"), {}, "is in N"),
+        (GOOD.replace("strain [1]", "time [s]"), {}, "column strain: is missing"),
+        (GOOD.replace("force [N]", "pull [N]"), {}, "has neither"),
+        (GOOD.replace("0.2,0.5", "0.2,nan"), {}, "point 3 is 'nan'"),
+        (GOOD.replace("0.2,0.5", "0.2,"), {}, "point 3 is empty"),
+        (GOOD.replace("0.2,0.5", "0.2,inf"), {}, "point 3 is 'inf'"),
+        (GOOD.replace("strain [1]", "extension [mm]"), {}, "needs the gauge_length"),
+        (GOOD, {"cycle": 2}, "has 1 cycles; choose one of them, not cycle 2"),
+        (GOOD.replace("0,0\n", "-1,0\n"), {}, "goes down to -1"),
+        ("strain [1],force [N]\n0,0\n0.1,1\n", {}, "has 2 points"),
+        ("strain [1],force [N]\n", {}, "has 0 points"),
+        ("", {}, "is not a CSV table"),
+        (GOOD.replace("0.2,0.5", "0.2,0.5,3"), {}, "is not a CSV table"),
+        ("strain [1],force [N]\n0,0,0,0\n0,1,0,5\n0,2,0,9\n0,3,1,0\n", {}, "is not a CSV"),
+        (GOOD.replace("0.2,", "0.1,").replace("0.3,", "0.1,"), {}, "has 2 points"),
+        (GOOD, {"thickness": 0.3}, "thickness 0.3: is for stress"),
+        (GOOD.replace("force [N]", "stress [N/mm]"), {"width": 3.0}, "width 3: is for force"),
+        (GOOD.replace("force [N]", "stress [MPa]"), {}, "give the thickness in mm"),
+        (GOOD.replace("force", "strain"), {}, "occurs twice"),
+        (GOOD.replace("force [N]", "strain [1]"), {}, "occurs twice"),
+        (GOOD.replace("strain [1]", "strain [deg]"), {}, "is in deg"),
+        (GOOD.replace("strain [1]", "strain [dB]"), {}, "is in dB"),
+        (GOOD.replace("0.2,0.5", "0.2,0.5 # slack"), {}, "point 3 is '0.5 # slack'"),
+        (GOOD.replace("0.2,0.5", "0.2"), {}, "point 3 is empty"),
+    ],
+)
+def test_a_bad_curve_is_refused(tmp_path, text, options, message):
+    with pytest.raises(BadInput, match=message):
+        read_tension_record(written(tmp_path, text), **options)
+
+
+def test_all_faults_are_in_one_message(tmp_path):
+    path = written(tmp_path, "strain [m],force [kg]\n0,0\nx,1\n0.2,2\n0.3,nan\n")
+    with pytest.raises(BadInput) as caught:
+        read_tension_record(path)
+    assert len(caught.value.faults) == 4
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(BadInput, match=r"nowhere\.csv: cannot be read"):
+        read_tension_record(tmp_path / "nowhere.csv")
+
+
+RIB = replace(stripe("rib", 4), period=10.0)
+GAUGE_LENGTH, WIDTH = 80.0, 60.0
+ROW = float(cell_length(RIB, ModelOptions(cell_size="relaxed")))
+
+
+def pulls(strain, factor=1.0):
+    """Force of a swatch of the stripe, as wide as WIDTH."""
+    force = compiled_tension(zigzag(RIB), jnp.maximum(jnp.asarray(strain), 0.0))
+    return factor * WIDTH / ROW * np.asarray(force)
+
+
+def raw_record(tmp_path, seed=0, repeats=5, peaks=(0.6, 2.0, 2.0), noise=0.01, softening=0.8):
+    """What a tester writes: cycles, noise, small negative values, and repeats that differ."""
+    random = np.random.default_rng(seed)
+    rows = ["Specimen,Time (s),Extension (mm),Load (N)"]
+    for repeat in range(1, repeats + 1):
+        strain = np.concatenate(
+            [np.concatenate([np.linspace(0, p, 150), np.linspace(p, 0, 150)]) for p in peaks]
+        )
+        rising = np.gradient(strain) >= 0
+        force = pulls(strain, 1 + 0.03 * (repeat - 3)) * np.where(rising, 1.0, softening)
+        force = force + noise * random.normal(size=len(force))
+        extension = GAUGE_LENGTH * strain + 0.05 * random.normal(size=len(strain))
+        rows += [
+            f"{repeat},{k},{e:.4f},{f:.4f}"
+            for k, (e, f) in enumerate(zip(extension, force, strict=True))
+        ]
+    path = tmp_path / "raw.csv"
+    path.write_text("\n".join(rows))
+    return path
+
+
+def test_a_raw_record_gives_the_stripe_that_it_was_made_of(tmp_path):
+    record = read_tension_record(
+        raw_record(tmp_path), gauge_length=GAUGE_LENGTH, width=WIDTH, cycle=2
+    )
+    assert record.per_width
+    assert record.force.shape[0] == 5
+    assert "loading of cycle 2" in record.summary[0]
+    fit = kl.calibrate(record.strain, record.force, period=10.0, per_width=True)
+    assert fit.usable
+    for name in ("k_s", "k_t", "theta_0"):
+        low, high = fit.intervals[name]
+        assert low <= getattr(RIB, name) <= high
+        assert fit.values[name] == pytest.approx(getattr(RIB, name), rel=0.05)
+    # Repeats differ by 1.5 % of k_s and k_t on average; the points alone would hide that.
+    scatter = 0.03 * np.std([-2, -1, 0, 1, 2], ddof=1) / np.sqrt(5)
+    assert fit.standard_errors["k_t"] / fit.values["k_t"] == pytest.approx(scatter, rel=0.3)
+    one = kl.calibrate(record.strain, record.force.mean(axis=0), period=10.0, per_width=True)
+    assert one.standard_errors["k_t"] < fit.standard_errors["k_t"]
+
+
+def test_of_cycles_one_loading_branch_is_taken(tmp_path):
+    path = raw_record(tmp_path, repeats=1, noise=0.0)
+    curves = {}
+    for cycle in (1, 2):
+        record = read_tension_record(path, gauge_length=80.0, width=WIDTH, cycle=cycle)
+        np.testing.assert_allclose(
+            record.force[0], pulls(record.strain, 0.94) / WIDTH, atol=0.01 * record.force.max()
+        )
+        curves[cycle] = record.strain.max()
+    assert curves[1] < 0.62 < 1.9 < curves[2]
+
+
+def test_forces_over_the_width_are_those_of_rows_as_wide_as_cells_are_long():
+    strain = np.linspace(0.0, 2.0, 30)
+    force = np.asarray(compiled_tension(zigzag(RIB), jnp.asarray(strain)))
+    per_row = kl.calibrate(strain, force, period=10.0)
+    per_width = kl.calibrate(strain, force / ROW, period=10.0, per_width=True)
+    for name, value in per_row.values.items():
+        assert per_width.values[name] == pytest.approx(value, rel=1e-6)
+
+
+@settings(deadline=None, max_examples=20)
+@given(shift=st.floats(-0.01, 0.01), seed=st.integers(0, 100))
+def test_records_that_start_off_zero_are_cut_there(tmp_path_factory, shift, seed):
+    folder = tmp_path_factory.mktemp("record")
+    random = np.random.default_rng(seed)
+    strain = np.linspace(shift, 1.0, 200) + 0.002 * random.normal(size=200)
+    rows = [f"{a},{b}" for a, b in zip(strain, pulls(strain), strict=True)]
+    path = written(folder, "\n".join(["strain [1],force [N]", *rows]))
+    record = read_tension_record(path)
+    assert record.strain.min() >= 0
+    assert np.all(np.diff(record.strain) > 0)
+    np.testing.assert_allclose(
+        record.force[0], pulls(record.strain), atol=0.02 * record.force.max()
+    )
+
+
+def test_the_period_follows_from_stitches():
+    assert period_of(4, gauge_length=80.0, gauge_stitches=64) == pytest.approx(10.0)
+    assert period_of(4, 10.0) == 10.0
+    for given_twice in ({"period": 1.0, "gauge_stitches": 4.0}, {}, {"gauge_stitches": 4.0}):
+        with pytest.raises(BadInput):
+            period_of(4, **given_twice)

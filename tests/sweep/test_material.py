@@ -1,0 +1,233 @@
+"""Materials: files and objects, what replaces the paper's yarn, and what is refused."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import knitlab as kl
+from knitlab.io.errors import BadInput
+from knitlab.sweep.material import SCALED, add_stripe, period_ratio, with_material
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.stripe_tables import StripeTables
+
+PAPER = kl.defaults()
+RIB, GARTER = PAPER.stripes.stripe("rib", 4), PAPER.stripes.stripe("garter", 8)
+STRAINS = [0.0, 0.05, 0.1]
+
+
+def longer(stripe, factor):
+    """A stripe of a similar fabric: all lengths multiplied, k_s kept, energies as lengths²."""
+    return replace(stripe, period=factor * stripe.period, k_t=factor**2 * stripe.k_t)
+
+
+def written(path, *stripes, **lengths):
+    kl.Material(stripes, name="acrylic", **lengths).write(path)
+    return str(path)
+
+
+def test_a_similar_fabric_of_another_size_has_the_same_curve():
+    # Fails if any length that acts on the fabric, such as z_max, is not scaled with the periods.
+    design = kl.Design(4, 16, boundary="periodic")
+    similar = kl.Material((longer(RIB, 7.0), longer(GARTER, 7.0)))
+    paper, scaled = kl.simulate(design, STRAINS), kl.simulate(design, STRAINS, material=similar)
+    assert float(paper["touches_wall"].max()) if "touches_wall" in paper else True
+    np.testing.assert_allclose(scaled["poisson_ratio"], paper["poisson_ratio"], rtol=1e-5)
+    for name in ("relaxed_cell_x", "knit_cell_x", "amplitude"):
+        if name in paper:
+            np.testing.assert_allclose(scaled[name], 7.0 * paper[name], rtol=1e-6)
+
+
+def test_own_lengths_are_kept_and_the_others_are_stated(tmp_path):
+    path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0), z_max=38.0)
+    settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
+    plan = make_plan("periodic", settings)
+    (case,) = plan.cases.values()
+    # The workflow has 1.9 of the paper's 6 mm, in the lengths of flat cells.
+    assert case.sheet.z_max == pytest.approx(38.0 * 1.9 / 6)
+    (case,) = make_plan("periodic", settings | {"z_max": 20.0}).cases.values()
+    assert case.sheet.z_max == 20.0
+    assert plan.gauge.stitch_width == pytest.approx(7 * PAPER.gauge.stitch_width)
+    assert plan.material == "acrylic"
+    (sentence,) = plan.warnings
+    assert "stitch_height = 1.94 mm, stitch_width = 3.89 mm" in sentence
+    assert "z_max = 12 mm" in sentence
+    given_all = settings | {"stitch_width": 4.0, "stitch_height": 2.0, "z_max": 20.0}
+    assert make_plan("periodic", given_all).warnings == ()
+
+
+def test_a_length_that_is_not_given_is_stated_where_it_acts(tmp_path):
+    path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0))
+    settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
+    (plain,) = make_plan("periodic", settings).warnings
+    assert "z_max = 13.3 mm" in plain
+    assert "thickness" not in plain
+    (contact,) = make_plan("periodic", settings | {"contact": "barrier"}).warnings
+    assert "thickness = 0.7 mm" in contact
+    (sensor,) = make_plan("sensor", settings).warnings
+    assert "clearance = 0.7 mm" in sensor
+
+
+@pytest.mark.parametrize(
+    ("workflow", "given", "problem"),
+    [
+        ("periodic", {"n_stripe": 6, "n_subunit": 12}, "n_stripe = 6 has no rib stripe"),
+        ("periodic", {"n_stripe": 2}, "n_stripe = 2 has no rib stripe"),
+        ("stripes", {"n": 6}, r"no stripe of n = \[6\]"),
+    ],
+)
+def test_the_papers_stripes_are_not_used_beside_a_material(tmp_path, workflow, given, problem):
+    path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0))
+    with pytest.raises(BadInput, match=problem):
+        make_plan(workflow, given | {"material": path})
+
+
+def test_one_knit_alone_is_not_completed_from_the_paper(tmp_path):
+    path = written(tmp_path / "rib.toml", RIB)
+    with pytest.raises(BadInput, match=r"no garter stripe of 8.*material 'acrylic'"):
+        make_plan("periodic", {"n_stripe": 4, "n_subunit": 16, "material": path})
+    # Pure rib needs no garter.
+    made = make_plan("stripes", {"knit": "rib", "material": path})
+    assert {case.weft.n for case in made.cases.values()} == {4}
+
+
+def test_of_a_named_set_only_designs_with_stripes_are_planned(tmp_path):
+    path = written(tmp_path / "a.toml", RIB, GARTER)
+    plan = make_plan("periodic", {"material": path})
+    assert {case.design["n_stripe"] for case in plan.cases.values()} == {4}
+    assert all("acrylic" in reason for reason in plan.excluded.values())
+
+
+def test_plain_knit_of_the_paper_is_not_used_either(tmp_path):
+    path = written(tmp_path / "a.toml", RIB, GARTER)
+    given = {"n_stripe": 4, "n_subunit": 16, "pattern": ["GP", "RG"], "material": path}
+    with pytest.raises(BadInput, match=r"has no plain knit; give .*plain_stretch_weft"):
+        make_plan("periodic", given)
+    written(tmp_path / "a.toml", RIB, GARTER, plain=PAPER.plain)
+    (case,) = make_plan("periodic", given).cases.values()
+    assert case.plain == PAPER.plain
+
+
+def test_stripes_are_interpolated_only_if_asked(tmp_path):
+    ribs = [PAPER.stripes.stripe("rib", n) for n in (4, 8)]
+    garters = [PAPER.stripes.stripe("garter", n) for n in (8, 16)]
+    path = written(tmp_path / "a.toml", *ribs, *garters)
+    given = {"n_stripe": 6, "n_subunit": 12, "material": path}
+    with pytest.raises(BadInput, match="n_stripe = 6 has no rib stripe"):
+        make_plan("periodic", given)
+    (case,) = make_plan("periodic", given | {"interpolate_stripes": True}).cases.values()
+    assert case.weft.period == pytest.approx((ribs[0].period + ribs[1].period) / 2)
+    assert case.weft.k_t == pytest.approx(np.sqrt(ribs[0].k_t * ribs[1].k_t))
+    with pytest.raises(BadInput, match="n_stripe = 10 has no rib stripe"):
+        make_plan(
+            "periodic", given | {"n_stripe": 10, "n_subunit": 20, "interpolate_stripes": True}
+        )
+
+
+def test_the_papers_stripes_are_interpolated_too_and_not_for_a_list():
+    (case,) = make_plan(
+        "periodic", {"n_stripe": 7, "n_subunit": 14, "interpolate_stripes": True}
+    ).cases.values()
+    below, above = (PAPER.stripes.stripe("rib", n) for n in (6, 8))
+    assert below.period < case.weft.period < above.period
+    for name, value in (("interpolate_stripes", [True, False]), ("material", ["a", "b"])):
+        with pytest.raises(BadInput, match=name):
+            make_plan("periodic", {name: value})
+
+
+def test_a_stripe_between_stiffening_ones_is_refused():
+    stripes = [replace(RIB, n=n, stiffening_strain=0.2) for n in (4, 8)]
+    tables = StripeTables(interpolate=True).with_stripes(stripes)
+    with pytest.raises(BadInput, match="lies between 4 and 8, whose springs are not both linear"):
+        tables.stripe("rib", 6)
+
+
+POSITIVE = st.floats(1e-3, 1e3)
+
+
+@settings(deadline=None)
+@given(
+    numbers=st.lists(
+        st.tuples(POSITIVE, POSITIVE, st.floats(0.1, 3.0), POSITIVE), min_size=1, max_size=4
+    ),
+    lengths=st.dictionaries(st.sampled_from(sorted(SCALED)), POSITIVE),
+    interpolate=st.booleans(),
+)
+def test_a_material_is_read_as_it_was_written(tmp_path_factory, numbers, lengths, interpolate):
+    path = tmp_path_factory.mktemp("material") / "yarn.toml"
+    knits = ("garter", "rib")
+    stripes = tuple(
+        sorted(
+            (kl.Stripe(knits[k % 2], 2 + k, *values) for k, values in enumerate(numbers)),
+            key=lambda stripe: (stripe.knit == "garter", stripe.n),
+        )
+    )
+    material = kl.Material(stripes, name="yarn", interpolate=interpolate, source="test", **lengths)
+    material.write(path)
+    read = kl.Material.read(path)
+    assert replace(read, source="test") == material
+
+
+@given(st.floats(0.1, 50.0))
+def test_the_ratio_of_the_papers_stripes_to_themselves_is_their_factor(factor):
+    stripes = [
+        longer(PAPER.stripes.stripe(knit, n), factor)
+        for knit in ("rib", "garter")
+        for n in PAPER.stripes.sizes(knit)
+    ]
+    assert period_ratio(stripes, PAPER.stripes) == pytest.approx(factor)
+    assert period_ratio([replace(RIB, n=1)], PAPER.stripes) > 1  # narrower than the paper's
+
+
+def test_a_calibrated_stripe_is_added_to_the_file_and_replaces_itself(tmp_path):
+    path = tmp_path / "acrylic.toml"
+    add_stripe(path, RIB, "first")
+    add_stripe(path, GARTER, "second")
+    add_stripe(path, replace(RIB, k_s=2.0), "third", {"k_s": {"k_s": 0.01}})
+    read = kl.Material.read(path)
+    assert read.name == "acrylic"
+    assert read.stripes == (replace(RIB, k_s=2.0), GARTER)
+    assert "third" in read.source
+
+
+def test_a_material_with_faults_lists_every_one(tmp_path):
+    path = tmp_path / "bad.toml"
+    path.write_text('z_max = { value = -1.0, unit = "cm", source = "ruler" }\nthicknes = 3\n')
+    with pytest.raises(BadInput) as caught:
+        make_plan("periodic", {"material": str(path)})
+    text = str(caught.value)
+    assert "z_max.value" in text
+    assert "z_max.unit" in text
+    assert "thicknes" in text
+    with pytest.raises(BadInput, match="twice"):
+        kl.Material((RIB, RIB))
+    with pytest.raises(BadInput, match="z_max: is -1"):
+        kl.Material((RIB,), z_max=-1.0)
+    with pytest.raises(BadInput, match="stripes: are missing"):
+        kl.Material(())
+
+
+def test_nothing_but_the_lengths_and_stripes_of_the_parameters_changes():
+    changed = with_material(PAPER, kl.Material((RIB, GARTER)))
+    for name in ("model", "solver", "dynamics", "designs", "patterns", "layouts"):
+        assert getattr(changed, name) == getattr(PAPER, name)
+    assert changed.sheet.k_wall == PAPER.sheet.k_wall
+
+
+def test_the_command_line_takes_a_material_wherever_settings_are_taken(tmp_path, monkeypatch):
+    from click.testing import CliRunner
+
+    from knitlab.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / "a, b.toml", RIB, GARTER, z_max=5.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        done = CliRunner().invoke(
+            main, ["plan", "periodic", "--material", "a, b.toml", "--set", "n_subunit=16"]
+        )
+    assert done.exit_code == 0, done.output
+    assert "1 cases" in done.output
