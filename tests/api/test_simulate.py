@@ -222,3 +222,20 @@ def test_a_case_file_holds_what_simulate_returns(small_test, tmp_path):
     small_test.to_netcdf(tmp_path / "test.nc")
     with xr.open_dataset(tmp_path / "test.nc") as again:
         np.testing.assert_array_equal(again["position"], small_test["position"])
+
+
+def test_a_design_that_no_stripe_divides_is_refused_when_it_is_made():
+    with pytest.raises(kl.BadInput, match="n_subunit = 17 is not a positive multiple"):
+        kl.Design(4, 17)
+    with pytest.raises(kl.BadInput, match="Design"):
+        kl.Design(0, 16)
+
+
+def test_what_is_no_design_is_named():
+    with pytest.raises(kl.BadInput, match=r"is '4,16'; give a knitlab\.Design"):
+        kl.simulate("4,16")
+
+
+def test_a_largest_strain_in_percent_is_refused():
+    with pytest.raises(kl.BadInput, match="strain_max = 45 is 4500%; .* 45 % is 0.45"):
+        kl.Protocol(strain_max=45)
