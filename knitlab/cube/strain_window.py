@@ -12,6 +12,7 @@ from knitlab.cube.cube_file import design_dims
 from knitlab.io.errors import fault, unknown
 
 STRAIN = "applied_strain"  # dimension of windows
+IN_PERCENT = 10  # times the last strain: a window beyond is one in percent
 PARTS = 64  # equal intervals of a window at whose ends a curve is interpolated
 
 Curves = Float[np.ndarray, "design strain"]
@@ -49,11 +50,10 @@ class StrainWindow:
     def check_within(self, cubes: Sequence[xr.Dataset], source: str) -> None:
         """Check that a cube reaches the window; BadInput names its source and the remedy."""
         last = max((float(cube[STRAIN].max()) for cube in cubes if STRAIN in cube), default=np.inf)
-        if self.stop > last + 1e-9:
+        if self.start > last + 1e-9 or self.stop > IN_PERCENT * last:
             remedy = "strains are fractions: 5 % is 0.05" if self.stop > 1 else "take a smaller one"
-            raise fault(
-                source, f"strain {self} is beyond {last:g}, the last of all cubes; {remedy}"
-            )
+            problem = f"strain {self} is beyond {last:g}, the last of all cubes; {remedy}"
+            raise fault(source, problem)
 
     def read(
         self, strains: Float[np.ndarray, " grid"], values: Curves

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from knitlab.cli import main
 from knitlab.cli.options import read_selections
-from knitlab.sweep import workers
 
 PREVIEW = str(Path(__file__).parents[2] / "results/reference/preview")
 SMALL = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "strain_max=0.06")
@@ -97,7 +96,7 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
 def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     # Not the ten seconds that a scheduler has to answer.
-    monkeypatch.setattr(workers, "Client", lambda address, **_: Client(address, timeout=0.5))
+    monkeypatch.setattr("distributed.Client", lambda address, **_: Client(address, timeout=0.5))
     result = knitlab(*words)
     assert result.exit_code == 2
     assert result.output.strip()
