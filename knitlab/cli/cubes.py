@@ -15,7 +15,10 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 @options.select
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
 @options.repeatable("--sort", "Sort by a variable, ascending; -NAME descends.", metavar="NAME")
-@click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
+@click.option(
+    "--columns", metavar="NAMES", help="Columns to show, separated by commas; all shows every one."
+)
+@click.option("--list", "listed", is_flag=True, help="List the variables, with unit and meaning.")
 @options.table_format
 def query(
     cubes: tuple[Path, ...],
@@ -23,19 +26,29 @@ def query(
     where: str | None,
     sort: tuple[str, ...],
     columns: str | None,
+    listed: bool,
     style: str,
 ) -> None:
     """List the designs of CUBES, simulated and measured.
 
-    Variables along the applied strain appear once it is selected: --select applied_strain=0.15
+    Variables along the applied strain appear once it is selected: --select applied_strain=0.15.
+    A table has the columns that answer most questions, and those of conditions; csv and json have
+    all.
     """
     from knitlab.cube.cube_file import open_cube
-    from knitlab.cube.query import formatted, query_cubes
+    from knitlab.cube.query import formatted, main_columns, query_cubes, variables_table
 
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
-    names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else None
+    names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else []
     opened = [open_cube(cube, lazily=True) for cube in cubes]
-    table = query_cubes(opened, selections, where, sort, names)
+    if listed:
+        click.echo(formatted(variables_table(opened), style))
+        return
+    shown = None if names in ([], ["all"]) else names
+    table = query_cubes(opened, selections, where, sort, shown)
+    if not names and style == "table":
+        asked = re.findall(r"\w+", f"{where or ''} {' '.join(sort)}")
+        table = table[main_columns(table, [name for name in asked if name in table])]
     click.echo(formatted(table, style))
 
 

@@ -125,6 +125,7 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
         off_by = target.excess(values, none)
         in_spread = np.full(len(values), "unknown")
         return Reached(target, none, values[:, None], values, off_by, off_by, in_spread)
+    target.window.check_within(cubes, source)
     at, curves = _curves(cubes, target.name, target.window)
     band = [
         _curves(cubes, name, target.window)[1]

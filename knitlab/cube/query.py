@@ -17,6 +17,11 @@ from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.strain_window import with_columns
 from knitlab.io.errors import BadInput, Fault
 
+MAIN_COLUMNS = (
+    *("poisson_ratio", "force_per_width", "poisson_ratio_min", "applied_strain_at_min"),
+    *("intersections_at_min", "sensitivity", "working_range", "knit_cell_x", "knit_cell_y"),
+)  # that the command line shows unless asked for others, after what tells rows apart
+MOST_MAIN_COLUMNS = 8
 STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
 """Columns that are shown only on request."""
 
@@ -169,6 +174,18 @@ def _differing_options(cube: xr.Dataset, cubes: Sequence[xr.Dataset]) -> dict[st
     return {name: model_options(cube).get(name) for name in ("boundary", *differing)}
 
 
+def main_columns(table: pd.DataFrame, asked: Sequence[str] = ()) -> list[str]:
+    """At most eight columns that answer most questions: what tells rows apart, and results.
+
+    Those that were ``asked`` for, as by a condition, are among them.
+    """
+    first = list(table.columns[: list(table.columns).index("status") + 1])
+    varying = [name for name in first if name not in ("cube", SOURCE) or table[name].nunique() > 1]
+    wanted = [*varying, *asked, *MAIN_COLUMNS]
+    present = dict.fromkeys(name for name in wanted if name in table.columns)
+    return list(present)[: max(MOST_MAIN_COLUMNS, len(varying) + len(asked))]
+
+
 def queried(
     table: pd.DataFrame,
     where: str | None = None,
@@ -187,8 +204,22 @@ def queried(
         ascending = [not key.startswith("-") for key in sort]
         table = table.sort_values(names, ascending=ascending, kind="stable")
     if columns:
-        return table[list(dict.fromkeys(columns))]
+        # Rows of several cubes must be told apart.
+        cube = ["cube"] if "cube" in table and table["cube"].nunique() > 1 else []
+        return table[list(dict.fromkeys([*cube, *columns]))]
     return table.drop(columns=[name for name in STRIPE_NUMBERS if name in table])
+
+
+def variables_table(cubes: Sequence[xr.Dataset]) -> pd.DataFrame:
+    """What can be asked for: every variable of cubes, with its dimensions, unit and meaning."""
+    rows: dict[str, tuple[str, str, str]] = {}
+    for cube in cubes:
+        for name, each in cube.variables.items():
+            along = ", ".join(str(dim) for dim in each.dims if dim not in design_dims(cube))
+            about = each.attrs.get("long_name", "")
+            rows.setdefault(str(name), (along or "-", each.attrs.get("units", "-"), about))
+    table = [(name, *row) for name, row in sorted(rows.items())]
+    return pd.DataFrame(table, columns=["name", "along", "unit", "meaning"])
 
 
 def formatted(table: pd.DataFrame, style: str) -> str:

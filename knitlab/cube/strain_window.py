@@ -12,6 +12,7 @@ from knitlab.cube.cube_file import design_dims
 from knitlab.io.errors import fault, unknown
 
 STRAIN = "applied_strain"  # dimension of windows
+IN_PERCENT = 10  # times the last strain: a window beyond is one in percent
 PARTS = 64  # equal intervals of a window at whose ends a curve is interpolated
 
 Curves = Float[np.ndarray, "design strain"]
@@ -45,6 +46,14 @@ class StrainWindow:
         if not 0 <= start <= stop < np.inf:
             raise fault(source, f"the window {text.strip()} does not ascend from at least 0")
         return cls(start, stop)
+
+    def check_within(self, cubes: Sequence[xr.Dataset], source: str) -> None:
+        """Check that a cube reaches the window; BadInput names its source and the remedy."""
+        last = max((float(cube[STRAIN].max()) for cube in cubes if STRAIN in cube), default=np.inf)
+        if self.start > last + 1e-9 or self.stop > IN_PERCENT * last:
+            remedy = "strains are fractions: 5 % is 0.05" if self.stop > 1 else "take a smaller one"
+            problem = f"strain {self} is beyond {last:g}, the last of all cubes; {remedy}"
+            raise fault(source, problem)
 
     def read(
         self, strains: Float[np.ndarray, " grid"], values: Curves
@@ -154,6 +163,7 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
     for match in (match for text in texts for match in _COLUMN.finditer(text)):
         column, reduction, name, window = match[0], match[1], match[2], match[3]
         strains = StrainWindow.of(window, column)
+        strains.check_within(cubes, column)
         if name not in curves:
             raise fault(column, f"reduces a curve along {STRAIN}, and {unknown(name, curves)}")
         extended = [

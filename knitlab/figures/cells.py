@@ -32,6 +32,7 @@ EMPTY = "no cell: no such design in this cube"
 PERIODS_LABEL = (
     "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
 )
+LETTERS_IN_WIDTH = 130  # of a legend below a figure of two columns
 MOST_NAMED = 16  # largest number of columns or rows that have a tick each
 # Frame of a measured cell.
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
@@ -173,4 +174,6 @@ def marks_legend(
     handles += [Patch(label=text, facecolor="none", edgecolor="none") for text in notes]
     handles += [Patch(label=names[status], **MARKS[status]) for status in sorted(marked)]
     if handles:
-        figure.legend(handles=handles, loc="outside lower left", ncols=3)
+        longest = max(len(str(handle.get_label())) for handle in handles)
+        columns = max(1, min(3, LETTERS_IN_WIDTH // longest))
+        figure.legend(handles=handles, loc="outside lower left", ncols=columns)

@@ -46,6 +46,7 @@ from knitlab.sweep.patterns import is_pattern_name
 
 Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]  # numbers of stitches
 
+LARGEST_STRAIN = 10.0  # of a test; pure stripes unfold to about 2
 MOST_STEPS = 1000  # largest number of strain steps of a test
 MOST_SIBLINGS = 100  # largest number of siblings of a design
 
@@ -157,6 +158,12 @@ class ProtocolSection(StrictModel):
 
     @model_validator(mode="after")
     def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
+        if self.strain_max > LARGEST_STRAIN:
+            fraction = f"strains are fractions, so that {self.strain_max:g} % is"
+            raise ValueError(
+                f"strain_max = {self.strain_max:g} is {self.strain_max:.0%}; {fraction}"
+                f" {self.strain_max / 100:g}"
+            )
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6:
             raise ValueError(

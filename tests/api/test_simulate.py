@@ -143,7 +143,7 @@ def test_an_invalid_setting_is_refused(settings, message):
     [
         ({"robustness": 101}, "Protocol: robustness: .* 100, but is 101"),
         ({"method": "dynamics", "unloading": True}, "gives no unloading; take method"),
-        ({"strain_max": 45.0}, "gives 1.5e.03 strains; give at most"),
+        ({"strain_max": 9.0, "strain_step": 0.006}, "gives 1.5e.03 strains; give at most"),
         ({"strain_step": 0.04}, "not a whole multiple of strain_step"),
     ],
 )
@@ -222,3 +222,20 @@ def test_a_case_file_holds_what_simulate_returns(small_test, tmp_path):
     small_test.to_netcdf(tmp_path / "test.nc")
     with xr.open_dataset(tmp_path / "test.nc") as again:
         np.testing.assert_array_equal(again["position"], small_test["position"])
+
+
+def test_a_design_that_no_stripe_divides_is_refused_when_it_is_made():
+    with pytest.raises(kl.BadInput, match="n_subunit = 17 is not a positive multiple"):
+        kl.Design(4, 17)
+    with pytest.raises(kl.BadInput, match="Design"):
+        kl.Design(0, 16)
+
+
+def test_what_is_no_design_is_named():
+    with pytest.raises(kl.BadInput, match=r"is '4,16'; give a knitlab\.Design"):
+        kl.simulate("4,16")
+
+
+def test_a_largest_strain_in_percent_is_refused():
+    with pytest.raises(kl.BadInput, match=r"strain_max = 45 is 4500%; .* 45 % is 0\.45"):
+        kl.Protocol(strain_max=45)

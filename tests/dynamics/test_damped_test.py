@@ -17,7 +17,7 @@ from knitlab.fabric.network import network
 from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import (
     CLAMPED,
-    EVERY_STRIPE,
+    DISTINCT_STRIPES,
     FINE,
     PERIODIC,
     checkered,
@@ -63,7 +63,7 @@ def test_both_methods_reach_the_same_states(integrator):
 
 
 @pytest.mark.slow
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_a_pure_stripe_relaxes_to_its_rest_angle(of):
     """Every fold has θ0 then, and a period is sin(θ0/2) of what it is flat."""
     fabrics = of_pure(of, PERIODIC, AT_REST)

@@ -101,7 +101,7 @@ def test_they_are_for_graded_and_plain_patches_and_single_folds(boundary, cells_
 
 
 @pytest.mark.slow
-@settings(max_examples=10)
+@settings(max_examples=4)  # each is compiled
 @given(
     rows=st.integers(1, 3),
     columns=st.integers(1, 3),

@@ -187,8 +187,9 @@ def test_energy_is_balanced_to_the_square_of_the_step(options, rate):
 
 
 @pytest.mark.slow
-@BOUNDARIES
-@pytest.mark.parametrize("rate", [0.0, 2.0], ids=["relaxing", "pulled"])
+@pytest.mark.parametrize(
+    ("options", "rate"), [(CLAMPED, 2.0), (PERIODIC, 0.0)], ids=["clamped-pulled", "periodic"]
+)
 def test_leapfrog_and_tsit5_go_the_same_way(options, rate):
     ends = []
     for settings in (PRECISE, *(replace(SETTINGS, step_safety=part) for part in (0.1, 0.05))):
@@ -203,8 +204,11 @@ def test_leapfrog_and_tsit5_go_the_same_way(options, rate):
 
 
 @pytest.mark.slow
-@BOUNDARIES
-@pytest.mark.parametrize("integrator", ["leapfrog", "tsit5"])
+@pytest.mark.parametrize(
+    ("options", "integrator"),
+    [(CLAMPED, "leapfrog"), (PERIODIC, "tsit5")],
+    ids=["leapfrog", "tsit5"],
+)
 def test_a_motion_does_not_depend_on_its_batch(options, integrator):
     settings = replace(SETTINGS, integrator=integrator)
     ratios, times = [0.015, 0.1, 0.05], np.array([0.4, 1.3, 0.9])

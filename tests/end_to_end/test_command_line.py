@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from distributed import Client
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -84,9 +85,7 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
         ("run", "periodic", "--set", "n_stripe=5", "--set", "n_subunit=20"),
         ("run", "periodic", "--set", "z_max=-1"),
         ("run", "periodic", "--workers", "-1"),
-        pytest.param(
-            ("run", "periodic", "--scheduler", "tcp://127.0.0.1:9"), marks=pytest.mark.slow
-        ),
+        ("run", "periodic", "--scheduler", "tcp://127.0.0.1:9"),
         ("plan", "periodic", "--set", "hinge=all"),
         ("query", "nowhere.nc"),
         ("map", "auxetic", "nowhere.nc", "-o", "new/map.png"),
@@ -96,6 +95,8 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
 )
 def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    # Not the ten seconds that a scheduler has to answer.
+    monkeypatch.setattr("distributed.Client", lambda address, **_: Client(address, timeout=0.5))
     result = knitlab(*words)
     assert result.exit_code == 2
     assert result.output.strip()

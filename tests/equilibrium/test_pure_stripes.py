@@ -13,7 +13,7 @@ from knitlab.fabric.zigzag import zigzag
 from tests.fabrics import (
     CLAMPED,
     DEFAULT,
-    EVERY_STRIPE,
+    DISTINCT_STRIPES,
     FINE,
     PERIODIC,
     cell_of,
@@ -71,7 +71,7 @@ def along_the_ridges(of, strain):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, options):
     net, fabric = pure(of, options)
     state = relaxed(net, fabric, FINEST)
@@ -93,7 +93,7 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, options):
 
 
 @pytest.mark.slow
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
     net, fabric = pure(of, PERIODIC, ridges="G")
     test = stretched(net, fabric, STRAINS, FINE)
@@ -106,7 +106,7 @@ def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
 
 
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
     net, fabric = pure(of, PERIODIC, ridges="R")
     strains = [0.0, 0.1, 0.2, 0.45]
@@ -119,7 +119,7 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
 
 
 @pytest.mark.slow
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 @pytest.mark.parametrize(
     ("boundary", "periods"),
     [("periodic", 1), ("clamped", 1), pytest.param("clamped", 2, marks=pytest.mark.slow)],
@@ -149,7 +149,7 @@ def test_model_options_act_on_the_zigzag_as_on_the_sheet(choice):
 
 
 @pytest.mark.slow
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_a_periodic_sheet_without_diagonals_is_the_zigzag(of):
     """First of the two reasons why 3D is stiffer than 2D at large strain."""
     force = [across_the_ridges(of, strain, diagonals=0.0)[1] for strain in STRAINS[1:]]
@@ -163,7 +163,7 @@ def test_a_periodic_sheet_without_diagonals_is_the_zigzag(of):
 
 
 @pytest.mark.slow
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_springs(of):
     """The second reason: R cells side by side have R hinges on a fold, but R + 1 springs."""
     options = ModelOptions(cell_size="relaxed", boundary="clamped", fold_phase="stripe_centre")

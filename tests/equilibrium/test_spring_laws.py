@@ -86,8 +86,10 @@ def test_gradient_and_stiffness_are_those_of_differences(law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rib", LAWS)
-@pytest.mark.parametrize("garter", [*LAWS, "linear"])
+@pytest.mark.parametrize(
+    ("rib", "garter"),
+    [("stiffening", "tabulated"), ("tabulated", "stiffening"), ("stiffening", "linear")],
+)
 def test_chunks_of_elements_give_what_the_whole_network_gives(rib, garter):
     stripes = replace(stripe("rib", 4), **LAWS[rib]), stripe("garter", 8)
     stripes = stripes[0], replace(stripes[1], **LAWS.get(garter, {}))

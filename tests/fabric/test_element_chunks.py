@@ -25,9 +25,9 @@ def shared(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("boundary", "periods"), SHEETS)
 @pytest.mark.parametrize(
-    "angle", ["whole_normals", pytest.param("across_edge", marks=pytest.mark.slow)]
+    ("boundary", "periods", "angle"),
+    [*((*sheet, "whole_normals") for sheet in SHEETS), ("clamped", 4, "across_edge")],
 )
 def test_energy_forces_and_hessians_equal_those_without_chunks(boundary, periods, angle):
     net, fabric = checkered(4, periods, ModelOptions(boundary=boundary, fold_angle=angle))

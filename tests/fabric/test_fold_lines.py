@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from knitlab.fabric.fold_lines import Ridge, fold_senses, fold_stiffness_factors
 from knitlab.fabric.settings import ModelOptions
-from tests.fabrics import EVERY_STRIPE, FINE, patch_map, pure, relaxed, stripe
+from tests.fabrics import DISTINCT_STRIPES, FINE, patch_map, pure, relaxed, stripe
 
 FINER = st.sampled_from([8, 16])
 FRACTIONS = st.floats(0.05, 1.0)
@@ -42,6 +42,7 @@ def test_a_stripe_has_the_same_compliance_and_the_same_folds_on_any_grid(cells, 
         assert np.abs(parts).sum() == pytest.approx(4)
 
 
+@settings(max_examples=20)
 @given(FINER, FRACTIONS, st.floats(0.3, 3.0))
 def test_the_angle_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
     ridge = Ridge(cells, fraction)
@@ -61,7 +62,7 @@ def test_the_angle_of_a_ridge_is_differentiable_by_the_rest_angle():
 
 
 @pytest.mark.slow
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 @pytest.mark.parametrize("cells_per_period", [8, 16])
 def test_a_pure_stripe_relaxes_without_energy_to_the_same_length_on_finer_grids(
     of, cells_per_period

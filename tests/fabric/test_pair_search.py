@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from knitlab.fabric.barrier import Barrier, shortened
@@ -37,6 +37,7 @@ def moved(numbers, shape, configuration):
 
 
 @pytest.mark.parametrize("periodic", [False, True])
+@settings(max_examples=30)
 @given(seed=SEEDS)
 def test_kept_pairs_give_the_forces_and_free_steps_of_pairs_searched_anew(periodic, seed):
     numbers = np.random.default_rng(seed)

@@ -172,7 +172,12 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
         ("auxetic", "map.jpeg2", {}, "has no suffix of a figure; give .pdf, .svg, .png"),
         ("auxetic", "map.pdf", {"n_stripe": 3}, "no n_stripe = 3"),
         ("shape", "shape.png", {}, "holds no node position"),
-        ("curves", "curves.png", {"n_stripe": 2, "n_subunit": 64}, "no design of this selection"),
+        (
+            "curves",
+            "curves.png",
+            {"n_stripe": 2, "n_subunit": 64},
+            "none of this selection has been simulated",
+        ),
         ("auxetic", "map.pdf", {"cell_x": 1}, "is not a coordinate of auxetic"),
         ("sensitivity", "map.pdf", {}, "run with sensitivities = true"),
         ("samples", "map.pdf", {}, "holds none of these designs; shapes are in case files"),

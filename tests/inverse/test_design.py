@@ -80,7 +80,7 @@ def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_number
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("design", [(4, 8), (2, 8), (6, 24)])
+@pytest.mark.parametrize("design", [(4, 8), (6, 24)])
 def test_a_hidden_fabric_is_met_and_undetermined_parameters_are_reported(tmp_path, design):
     factors = dict(zip(FACTORS, (1.2, 0.9, 0.8, 1.1), strict=True))
     n_stripe, n_subunit = design

@@ -1,6 +1,7 @@
 """The search space: its points, and the stripe parameters that follow from them."""
 
 from dataclasses import asdict
+from functools import cache
 
 import numpy as np
 import pytest
@@ -42,9 +43,12 @@ def test_impossible_designs_are_left_out_and_the_test_ends_at_the_largest_strain
     assert case.robustness == 0
 
 
+usual_space = cache(space)
+
+
 @given(st.lists(st.floats(0, 1), min_size=5, max_size=5))
 def test_a_point_is_found_again_from_its_values(fractions):
-    searched = space()
+    searched = usual_space()
     point = np.array(fractions)
     np.testing.assert_allclose(searched.point_of(searched.values(point)), point, atol=1e-12)
 

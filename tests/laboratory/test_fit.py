@@ -93,6 +93,18 @@ def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
     np.testing.assert_allclose(again.values, fit.curves[1], rtol=1e-6, atol=1e-9)
 
 
+@pytest.fixture(scope="module")
+def short(case):
+    """Below the strain of the snap, where the fabric has only one state, and precise."""
+    fine = replace(case.equilibrium_solver, tolerance=1e-11)
+    return replace(case, applied_strain=STRAINS[:3], solver=fine)
+
+
+@pytest.fixture(scope="module")
+def short_truth(short):
+    return simulated_test(with_factors(short, TRUTH))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
@@ -101,11 +113,8 @@ def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
         *(pytest.param(each, marks=pytest.mark.slow) for each in ("garter_theta_0", "garter_k_s")),
     ],
 )
-def test_derivatives_are_those_of_finite_differences(case, name):
-    # Below the strain of the snap, where the fabric has only one state.
-    fine = replace(case.equilibrium_solver, tolerance=1e-11)
-    short = replace(case, applied_strain=STRAINS[:3], solver=fine)
-    truth, step = simulated_test(with_factors(short, TRUTH)), 1e-4
+def test_derivatives_are_those_of_finite_differences(short, short_truth, name):
+    truth, step = short_truth, 1e-4
     up, down = (
         simulated_test(with_factors(short, {**TRUTH, name: TRUTH[name] * np.exp(by)}), truth)
         for by in (step, -step)

@@ -9,7 +9,7 @@ import pytest
 from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.zigzag import zigzag
 from knitlab.measure.calibration import FITTED, calibrate
-from tests.fabrics import EVERY_STRIPE, compiled_tension, stripe
+from tests.fabrics import DISTINCT_STRIPES, compiled_tension, stripe
 
 POINTS, NOISE, SEEDS = 41, 0.01, 40
 
@@ -22,7 +22,7 @@ def curve(of, largest=2.0, noise=NOISE, seed=0):
 
 
 @pytest.mark.slow
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_a_clean_curve_gives_its_stripe_back(of):
     fit = calibrate(of.period, *curve(of, noise=0.0))
     assert fit.usable
@@ -33,7 +33,7 @@ def test_a_clean_curve_gives_its_stripe_back(of):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cell_size", ["flat", "relaxed"])
-@EVERY_STRIPE
+@DISTINCT_STRIPES
 def test_a_fitted_stripe_has_the_measured_curve_with_the_cell_size_it_is_fitted_for(of, cell_size):
     strain, force = curve(of, noise=0.0)
     fit = calibrate(of.period, strain, force)

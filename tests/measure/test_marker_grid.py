@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from knitlab.measure.marker_grid import NoGrid, find_grid, grid_of_places
 
-SETTINGS = settings(max_examples=150, deadline=None)
+SETTINGS = settings(max_examples=50, deadline=None)
 
 
 @st.composite

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 import knitlab
 from knitlab.cli import main
+from knitlab.cube.derived import with_derived
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y
@@ -107,7 +108,7 @@ def test_pure_stripes_have_no_size_in_cloth(tmp_path):
 
 
 def test_a_query_shows_sizes_in_cloth_as_the_first_millimetres(tmp_path):
-    cube = ran(tmp_path).cube
+    cube = with_derived(ran(tmp_path).cube)
     shown = [name for name in cube.knitlab.query() if cube[name].attrs.get("units") == "mm"]
     assert shown[: len(SIZES)] == [
         "knit_cell_x",

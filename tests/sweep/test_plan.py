@@ -322,7 +322,7 @@ def test_a_misspelt_figure_is_reported_with_the_likely_one(tmp_path):
 @pytest.mark.parametrize(
     ("setting", "said"),
     [
-        ("strain_max=15", "strain_max = 15 is 1500% of the length; usual are 0.2 to 0.6"),
+        ("strain_max=9", "strain_max = 9 is 900% of the length; usual are 0.2 to 0.6"),
         ("k_t_factor=1e4", "k_t of rib 4 is 178 N; usual are 0.0048 to 0.0498 N"),
         ("rib_period=0.01", "period of rib 4 is 0.01 mm; usual are 1.09 to 2.44 mm"),
     ],

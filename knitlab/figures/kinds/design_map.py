@@ -13,7 +13,14 @@ from matplotlib.figure import Figure
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import with_columns
-from knitlab.figures.cells import EMPTY, PERIODS_LABEL, draw_map, marks_legend, row_count
+from knitlab.figures.cells import (
+    EMPTY,
+    PERIODS_LABEL,
+    designs_of,
+    draw_map,
+    marks_legend,
+    row_count,
+)
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.found_designs import non_dominated
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
@@ -21,6 +28,10 @@ from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
+CROSSES = "†"
+CROSSES_NOTE = f"{CROSSES} the simulated fabric passes through itself there, which no real one can"
+LAST = "‡"
+LAST_NOTE = f"{LAST} lowest at the last strain of the test: ν may fall further"
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
 
@@ -29,7 +40,8 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
 
     With one applied strain selected, it shows Poisson's ratio there. Designs without a value are
     hatched by status, so that a failure never looks like a value; measured ones have a dashed
-    frame. Where ν of the siblings of a design differs by more than 0.05 at any strain, the map
+    frame. Marks say where the fabric passes through itself, and where ν is lowest at the last
+    strain. Where ν of the siblings of a design differs by more than 0.05 at any strain, the map
     states the difference.
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
@@ -40,9 +52,9 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
         cubes = [cube.isel(applied_strain=0) for cube in cubes]
 
     def text(value: float, design: xr.Dataset) -> str:
-        shown = number(value)
+        shown = f"{number(value)}{_crosses(design)}"
         if lowest:
-            shown += f"\nat {float(design['applied_strain_at_min']):.0%}"
+            shown += f"{_last(design)}\nat {float(design['applied_strain_at_min']):.0%}"
         spread = _spread(design)
         return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
 
@@ -58,8 +70,26 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     notes = [f"in each cell: (n_stripe, n_subunit), {said}", *([EMPTY] if gaps else [])]
     if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
         notes.append(SPREAD_NOTE)
+    shown = [design for cube in cubes for design in designs_of(cube)]
+    if any(map(_crosses, shown)):
+        notes.append(CROSSES_NOTE)
+    if lowest and any(map(_last, shown)):
+        notes.append(LAST_NOTE)
     marks_legend(figure, marked, NO_RATIO, notes, cubes)
     return figure
+
+
+def _crosses(design: xr.Dataset) -> str:
+    """A mark, if the fabric passes through itself where its Poisson's ratio is shown."""
+    along = design["applied_strain"].ndim
+    name = "intersections_at_min" if along else "self_intersections"
+    return CROSSES if name in design and float(design[name]) > 0 else ""
+
+
+def _last(design: xr.Dataset) -> str:
+    """A mark, if Poisson's ratio is lowest at the last strain of the test."""
+    last = float(design["applied_strain"].max())
+    return LAST if float(design["applied_strain_at_min"]) >= last > 0 else ""
 
 
 def _spread(cube: xr.Dataset) -> float:

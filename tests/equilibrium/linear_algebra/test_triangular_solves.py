@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import spsolve
 
@@ -23,6 +23,7 @@ def some(case: Case, count: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).choice(len(case.rows), count, replace=False)
 
 
+@settings(max_examples=30)
 @given(
     case=st.sampled_from([FREE, PERIODIC]),
     seed=st.integers(0, 2**32 - 1),
