@@ -8,6 +8,7 @@ import sys
 import tempfile
 import warnings
 from pathlib import Path
+from typing import Any
 
 import knitlab as kl
 from knitlab.sweep.reproduce import largest_differences
@@ -25,7 +26,7 @@ def main(names: list[str]) -> int:
             print(f"{name:20} no workflow of this name makes it", flush=True)
             continue
         cases = kl.plan(name).cases.values()
-        design = dict(min(cases, key=lambda case: case.mesh_shape.unknowns).design)
+        design: dict[str, Any] = dict(min(cases, key=lambda case: case.mesh_shape.unknowns).design)
         with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             computed = kl.run(name, **design, results=folder)

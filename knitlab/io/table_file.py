@@ -58,7 +58,7 @@ def read_columns(
     name_of: Callable[[str], str] = str.strip,
     with_gaps: Collection[str] = (),
 ) -> dict[str, Float[np.ndarray, " point"]]:
-    """Numbers of columns; empty entries of those ``with_gaps`` are NaN. BadInput has every fault."""
+    """Numbers of columns; empty entries of those ``with_gaps`` are NaN; else BadInput."""
     headers, rows = read_table(path, example)
     present = list(map(name_of, headers))
     columns, faults = {}, list[Fault]()
