@@ -17,6 +17,7 @@ from knitlab.fabric.settings import ModelOptions
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
+from knitlab.io.provenance import git_commit
 from knitlab.knitting.chart import Face
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
@@ -26,11 +27,13 @@ from knitlab.knitting.stitch_chart import is_turned, stitch_chart
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.cube import gauge_of
 from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
 from knitlab.sweep.parameters import defaults
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.reproduce import find_case
+from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import Protocol
 from knitlab.sweep.workflow_file import Overrides
 
@@ -47,6 +50,7 @@ class SingleDesign(NamedTuple):
     case: Case
     gauge: Gauge
     prediction: Prediction | None = None
+    material: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +207,31 @@ def knitted(
         raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
-    return KnitSample(chart, used, design.gauge, program, design.prediction)
+    assumed, differences = _assumptions(design)
+    return KnitSample(chart, used, design.gauge, program, design.prediction, assumed, differences)
+
+
+def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Yarn, stripes and gauge that a sample counts on, and what its yarn does not have."""
+    case, tables = design.case, defaults().stripes
+    width, height = design.gauge.stitch_width, design.gauge.stitch_height
+    rows = [("yarn", design.material or "that of the paper, params/stripes.toml")]
+    differences = []
+    for stripe in dict.fromkeys((case.weft, case.warp)):
+        needed = {name: getattr(stripe, name) for name in STRIPE_QUANTITIES}
+        numbers = ", ".join(f"{name} {value:.4g} {UNITS[name]}" for name, value in needed.items())
+        rows.append((f"{stripe.knit} {stripe.n}", numbers))
+        if design.material is not None or stripe.n not in tables.sizes(stripe.knit):
+            continue
+        given = tables.stripe(stripe.knit, stripe.n)
+        factors = {name: value / getattr(given, name) for name, value in needed.items()}
+        other = [f"{name} × {by:.2f}" for name, by in factors.items() if abs(by - 1) > 0.005]
+        if other:
+            its = f"{stripe.knit} {stripe.n} needs {', '.join(other)} of the paper's yarn"
+            differences.append(f"{its}: find a yarn or a stitch size that has it, and calibrate it")
+    rows.append(("gauge", f"a stitch of {width:.3g} × {height:.3g} mm before the fabric folds"))
+    rows.append(("case", f"{case.case_id}, code {git_commit()[:12]}"))
+    return tuple(rows), tuple(differences)
 
 
 def check_output(path: Path) -> None:
@@ -247,15 +275,16 @@ def _of_workflow(
     for dim, kept in chosen_places(labels, selections).items():
         designs = [case for case in designs if case.design[dim] in labels[dim][kept]]
     _check_is_one(plan.workflow, [case.label for case in designs])
-    return SingleDesign(designs[0], plan.gauge)
+    return SingleDesign(designs[0], plan.gauge, material=plan.material)
 
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     """The design of a cube or of a test."""
     gauge = gauge_of(cube.attrs) or defaults().gauge
+    material = cube.attrs.get("material")
     if is_case(cube):
         case = case_of(json.loads(cube.attrs["parameters"]))
-        return SingleDesign(case, gauge, _prediction(cube, case, "test"))
+        return SingleDesign(case, gauge, _prediction(cube, case, "test"), material)
     dims = design_dims(cube)
     kept = selected(cube, selections).stack(design=dims)
     kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
@@ -269,7 +298,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     folder = None if source is None else cube_path(source).parent
     name = str(cube.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
-    return SingleDesign(case, gauge, _prediction(design, case, name))
+    return SingleDesign(case, gauge, _prediction(design, case, name), material)
 
 
 def _check_is_one(title: str, designs: Sequence[str]) -> None:

@@ -193,6 +193,8 @@ def simulate(
     sizes = sizes_of(case, values, parameters.gauge)
     results = results.assign(known_in_advance(case) | sizes)
     results.attrs |= stated_gauge(parameters.gauge)
+    if material is not None:
+        results.attrs["material"] = material.name
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
     return with_derived(described(results))

@@ -96,5 +96,5 @@ def draw_faces(
     axes.add_collection(
         PolyCollection(shown, facecolors=colours[from_below], rasterized=True, **edges)
     )
-    axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
+    axes.set(xlabel="x, weft [mm of network]", ylabel="y, warp [mm of network]", aspect="equal")
     axes.autoscale_view()

@@ -40,6 +40,8 @@ class Specification:
     gauge: Gauge
     program: str
     prediction: Prediction | None = None
+    assumed: tuple[tuple[str, str], ...] = ()  # yarn, stripes and gauge that it counts on
+    differences: tuple[str, ...] = ()  # of the stripes that it needs from those of the yarn
 
     @cached_property
     def operations(self) -> list[Operation]:
@@ -87,7 +89,8 @@ class Specification:
     @property
     def remarks(self) -> list[str]:
         """What deserves a look before it is knitted."""
-        remarks = [
+        remarks = list(self.differences)
+        remarks += [
             f"the yarn of carrier {carrier} floats past {passed} needles"
             for carrier, passed in longest_floats(self.operations).items()
             if passed > self.machine.longest_float
@@ -133,6 +136,7 @@ class Specification:
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
             yield "size relaxed", _millimetres(self.relaxed_size)
+        yield from self.assumed
 
 
 def _minutes(seconds: float) -> str:

@@ -68,7 +68,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     state = f"periodic, {state}" if periodic else state
     axes.set_title("\n".join([sheets.design_text(case), state, "; ".join(notes)]), fontsize=7)
     colours = mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS)
-    figure.colorbar(colours, ax=axes, label="height z [mm]", shrink=0.8)
+    figure.colorbar(colours, ax=axes, label="height z [mm of network]", shrink=0.8)
     return figure
 
 

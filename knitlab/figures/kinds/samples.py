@@ -29,9 +29,10 @@ COMPONENTS = {
 def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain over samples between clamps (paper, Fig. "tension images").
 
-    Shows every unit cell of the paper's three samples, and of measured samples of any design, at
-    ``applied_strain`` or the recorded strain nearest 0.23. Cells that lost a marker are white; the
-    central ones, over which strains are averaged, have a dark frame.
+    Lengths are those of the relaxed cloth, by the gauge. Shows every unit cell of the paper's three
+    samples, and of measured samples of any design, at ``applied_strain`` or the recorded strain
+    nearest 0.23. Cells that lost a marker are white; the central ones, over which strains are
+    averaged, have a dark frame.
     """
     shown = _samples(cubes)
     if not shown:
@@ -80,7 +81,9 @@ def _draw_cells(axes: Axes, sample: xr.Dataset, field: xr.DataArray, colours: Va
 
     observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
     rows, columns = observed.shape
-    width, height = float(sample["relaxed_cell_x"]), float(sample["relaxed_cell_y"])
+    # Relaxed sizes of an experiment are those of the cloth.
+    kind = "knit" if "knit_cell_x" in sample else "relaxed"
+    width, height = (float(sample[f"{kind}_cell_{direction}"]) for direction in "xy")
     x, y = width * np.arange(columns + 1), height * np.arange(rows + 1)
     look: Look = {"cmap": colours.colours, "norm": colours.norm, "edgecolors": "0.8", "lw": 0.3}
     axes.pcolormesh(x, y, observed.values, **look)
@@ -115,8 +118,8 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         colours = by_strain.colours(by_strain.norm(_by_face(state)))
         draw_faces(axes, faces, shaded(faces, colours))
         axes.set_title(f"{_name(state)}\n{state_text(float(state['applied_strain']))}")
-        axes.set(xlabel="x [mm]", ylabel="")
-    grid[0].set_ylabel("y, warp [mm]")
+        axes.set(xlabel="x [mm of network]", ylabel="")
+    grid[0].set_ylabel("y, warp [mm of network]")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
     by_strain.bar(figure, list(grid), label=label, shrink=0.8, aspect=30)
     return figure

@@ -13,14 +13,15 @@ from knitlab.io.errors import fault
 from knitlab.measure.fit_statistics import linear_fit
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
+OTHER = {"x": "y", "y": "x"}
 PEAK = CATEGORY_COLOURS[1]
 
 
 def wavelength_figure(cube: xr.Dataset) -> Figure:
     """Boundaries, their spectra, and wavelengths against n_subunit (paper, Fig. "wavelength").
 
-    Wavelengths have one fitted line for each n_stripe, and are in millimetres of cloth where the
-    cube has them, as in the paper. Boundary and spectrum are of the smallest unit cell of n_stripe
+    Lengths are in cloth, by the gauge, as in the paper. Wavelengths have one fitted line for each
+    n_stripe. Boundary and spectrum are of the smallest unit cell of n_stripe
     4, or of the first n_stripe if there is no 4.
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
@@ -43,10 +44,18 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
     return figure
 
 
+def to_cloth(design: xr.Dataset, direction: str) -> float:
+    """Factor from a relaxed length of the network to that of the cloth, by the gauge."""
+    knit, relaxed = (design[f"{name}_cell_{direction}"] for name in ("knit", "relaxed"))
+    return float(knit / relaxed)
+
+
 def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
-    along = shown["boundary_point"].values * float(shown[f"boundary_length_{direction}"])
-    across = shown[f"boundary_{direction}"].values
-    shown_length = 3 * float(shown[f"wavelength_{direction}"])
+    scale, other = to_cloth(shown, direction), to_cloth(shown, OTHER[direction])
+    length = scale * float(shown[f"boundary_length_{direction}"])
+    along = shown["boundary_point"].values * length
+    across = other * shown[f"boundary_{direction}"].values
+    shown_length = 3 * scale * float(shown[f"wavelength_{direction}"])
     within = abs(along - along[-1] / 2) <= shown_length / 2
     axes.plot(along[within], across[within], color="black", lw=0.9)
     axes.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
@@ -56,12 +65,13 @@ def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
 def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     from knitlab.measure.wavelength import spectrum
 
-    length = float(shown[f"boundary_length_{direction}"])
-    wavenumbers, amplitudes = spectrum(shown[f"boundary_{direction}"].values, length)
-    wavelength = float(shown[f"wavelength_{direction}"])
+    scale, other = to_cloth(shown, direction), to_cloth(shown, OTHER[direction])
+    length = scale * float(shown[f"boundary_length_{direction}"])
+    wavenumbers, amplitudes = spectrum(other * shown[f"boundary_{direction}"].values, length)
+    wavelength = scale * float(shown[f"wavelength_{direction}"])
     within = wavenumbers <= 4 / wavelength
     axes.plot(wavenumbers[within], amplitudes[within], color="black", lw=0.9)
-    peak = 1 / wavelength, float(shown[f"wave_amplitude_{direction}"])
+    peak = 1 / wavelength, other * float(shown[f"wave_amplitude_{direction}"])
     axes.plot(*peak, "o", ms=4, mfc="none", color=PEAK)
     beside: Look = {"xytext": (6, -2), "textcoords": "offset points"}
     axes.annotate(f"λ = {wavelength:.1f} mm", peak, color=PEAK, **beside)
@@ -70,10 +80,7 @@ def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
 
 
 def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
-    in_cloth = f"knit_wavelength_{direction}" in cube
-    name = f"knit_wavelength_{direction}" if in_cloth else f"wavelength_{direction}"
-    unit = "mm of cloth" if in_cloth else "mm"
-    wavelengths = cube[name].where(cube["status"] == Status.ok)
+    wavelengths = cube[f"knit_wavelength_{direction}"].where(cube["status"] == Status.ok)
     for n_stripe, colour, marker in zip(
         cube["n_stripe"].values, CATEGORY_COLOURS, MARKERS, strict=False
     ):
@@ -88,9 +95,9 @@ def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
             axes.plot(ends, fit.intercept + fit.slope * ends, color=colour, lw=0.9)
             label += f": {fit.slope:.2f} ± {fit.slope_halfwidth:.2f}"
         axes.plot(x, y, marker, color=colour, ms=3.5, label=label)
-    axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength [{unit}]")
+    axes.set(xlabel="n_subunit [stitches]", ylabel="wavelength [mm]")
     axes.set_title(f"wavelength along {direction}")
-    title = f"slope ± 95 % [{unit} a stitch]"
+    title = "slope ± 95 % [mm a stitch]"
     small: Look = {"fontsize": 6, "title_fontsize": 6, "handletextpad": 0.2}
     axes.legend(loc="upper left", title=title, **small)
     # Room above the lines for the legend.
