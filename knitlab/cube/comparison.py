@@ -99,13 +99,13 @@ def _rows(simulation: xr.Dataset, experiment: xr.Dataset) -> Iterator[dict[str, 
                 cells = simulated["strain_yy"].notnull().any(["applied_strain", "cell_y"])
                 curve = curve * (across / int(cells.sum()))
             at, values, errors = _at_measured_strains(name, curve, measured)
-            found = difference(at, values, errors)
-            if found is not None:
+            differing = difference(at, values, errors)
+            if differing is not None:
                 yield {
                     "source": source_of(experiment),
                     **labels,
                     "variable": name,
-                    **found._asdict(),
+                    **differing._asdict(),
                     "largest_measured": float(np.nanmax(np.abs(values))),
                     "units": VARIABLES[name].units,
                 }

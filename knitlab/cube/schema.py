@@ -332,9 +332,9 @@ def described(dataset: xr.Dataset) -> xr.Dataset:
 def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
     """NetCDF encoding of a case or cube: integers stored as such, arrays compressed."""
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
-    for name, its in chosen.items():
+    for name, settings in chosen.items():
         if compressed and dataset[name].ndim and dataset[name].dtype.kind in "fi":
-            its |= {"zlib": True, "complevel": 4}
+            settings |= {"zlib": True, "complevel": 4}
         if name in INTEGERS:
-            its |= {"dtype": "int32", "_FillValue": MISSING}
+            settings |= {"dtype": "int32", "_FillValue": MISSING}
     return chosen

@@ -167,7 +167,7 @@ def split(
         load, number = loads[0]
         heapq.heapreplace(loads, (load + costs[part], number))
         shards[number].append(part)
-    return [tuple(its) for its in shards]
+    return [tuple(shard) for shard in shards]
 
 
 def _parts(batch: Batch, cases: Mapping[str, Case], longest: float) -> list[Batch]:

@@ -46,7 +46,7 @@ def factors(quantities: Types) -> Types:
 
 def parts(kind: Any) -> tuple[Any, ...]:
     """A declared type and all its parts, including markers such as its unit."""
-    return kind, *(part for its in get_args(kind) for part in parts(its))
+    return kind, *(inner for argument in get_args(kind) for inner in parts(argument))
 
 
 def unit_of(kind: Any) -> str:
@@ -67,14 +67,16 @@ def optional(types: Types) -> Fields:
 def with_defaults(table: type) -> Fields:
     """Fields with the defaults of a dataclass."""
     defaults = {field.name: field.default for field in dataclasses.fields(table)}
-    defaults = {name: its for name, its in defaults.items() if its is not dataclasses.MISSING}
+    defaults = {name: one for name, one in defaults.items() if one is not dataclasses.MISSING}
     types = required(declared(table))
     return {name: (kind, defaults.get(name, ...)) for name, (kind, _) in types.items()}
 
 
 def entries(types: Types) -> Fields:
     """Tables ``{value, unit, source}`` of a parameter file."""
-    stated = {name: required({"value": its}) | units({"unit": its}) for name, its in types.items()}
+    stated = {
+        name: required({"value": kind}) | units({"unit": kind}) for name, kind in types.items()
+    }
     return {name: (with_fields(fields)(ParameterValue), ...) for name, fields in stated.items()}
 
 

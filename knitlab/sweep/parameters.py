@@ -117,8 +117,6 @@ TABLES: dict[str, type[Any]] = {
     "gauge": Gauge,
 }
 """Tables of settings, by the attribute of the parameters that holds each."""
-
-
 FILES: dict[str, type[Any]] = {
     "stripes": StripeTables,
     **{
@@ -150,13 +148,13 @@ def read_parameters(folder: Path) -> Parameters:
         ]
     if faults.all:
         raise BadInput(faults.all)
-    entries_of_files = [entry for file in read.values() for entry in file]
-    found = {name: its for name, its in entries_of_files if isinstance(its, ParameterValue)}
+    items = [item for file in read.values() for item in file]
+    stated = {name: entry for name, entry in items if isinstance(entry, ParameterValue)}
     layouts = {
         name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
         for name, row in read["electrodes"].layouts.items()
     }
-    values = {name: entry.value for name, entry in found.items()} | {"layout": ElectrodeLayout()}
+    values = {name: entry.value for name, entry in stated.items()} | {"layout": ElectrodeLayout()}
     tables = {
         name: table(**{field: values[field] for field in declared(table)})
         for name, table in TABLES.items()
@@ -166,7 +164,7 @@ def read_parameters(folder: Path) -> Parameters:
         layouts=layouts,
         designs=read["designs"],
         patterns={name: (entry, folder) for name, entry in read["patterns"].root.items()},
-        sources={name: entry.source for name, entry in found.items()},
+        sources={name: entry.source for name, entry in stated.items()},
         **tables,
     )
 

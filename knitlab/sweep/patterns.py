@@ -80,8 +80,8 @@ class Pattern(StrictModel):
     def _says_each_once(self) -> "Pattern":
         given = [name for name in ("rows", "map", "image") if getattr(self, name) is not None]
         if len(given) != 1:
-            found = f"has {' and '.join(given)}" if given else "has no patches"
-            raise ValueError(f"{found}; give one of rows, map and image")
+            patches = f"has {' and '.join(given)}" if given else "has no patches"
+            raise ValueError(f"{patches}; give one of rows, map and image")
         if (self.image is None) != (not self.colours):
             raise ValueError("an image needs colours, and colours an image; give both or none")
         for one, other in SIZES_OF_LINES:
@@ -165,7 +165,7 @@ class Pattern(StrictModel):
         def total(lines: _Lines, count: int) -> int:
             if periods := getattr(self, f"{lines.name}_periods"):
                 n = getattr(self, f"{lines.name}_n_stripe") or (n_stripe,) * count
-                return sum(lines.of_period(its) * p for its, p in zip(n, periods, strict=False))
+                return sum(lines.of_period(size) * p for size, p in zip(n, periods, strict=False))
             sizes = getattr(self, f"{lines.name}_{lines.unit}")
             return sum(sizes or (lines.stitches * n_subunit,) * count)
 
@@ -177,7 +177,7 @@ class _Lines:
     """The rows or the columns of a pattern; a rib stitch counts as ``stitches`` of theirs."""
 
     name: str
-    place: str
+    title: str
     unit: str
     knit: Knit
     stitches: int
@@ -198,7 +198,7 @@ class _Lines:
                 stripes = f"{2 * size / period:g} stripes of n_stripe {n}"
                 rule = f"a patch holds an even number of them; take {' or '.join(map(str, near))}"
                 problems.append(
-                    f"{self.place} {number}: {size} {self.unit} are {stripes}, and {rule}"
+                    f"{self.title} {number}: {size} {self.unit} are {stripes}, and {rule}"
                 )
             yield max(1, whole)
 
@@ -212,7 +212,7 @@ class _Lines:
             except KeyError:
                 missing = f"no {self.knit} stripe of {self.stitches * n} {self.unit}"
                 remedy = "choose another n_stripe, or give a material that has it"
-                problems.append(f"{self.place} {number}: there is {missing}; {remedy}")
+                problems.append(f"{self.title} {number}: there is {missing}; {remedy}")
 
 
 COLUMNS = _Lines("column", "column", "stitches", "rib", 1)

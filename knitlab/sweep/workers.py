@@ -71,9 +71,9 @@ class BatchError:
     def of(cls, error: BaseException) -> "BatchError":
         """Describe an exception by its type, message and innermost frame."""
         frames = traceback.extract_tb(error.__traceback__)
-        place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+        line = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
         return cls(
-            f"{type(error).__name__}: {error}{place}",
+            f"{type(error).__name__}: {error}{line}",
             "".join(traceback.format_exception(error)),
             cannot_write=error if isinstance(error, CannotWrite) else None,
         )

@@ -333,8 +333,7 @@ class Setting:
     @property
     def factor_on(self) -> str | None:
         """The quantity that it multiplies, if it is a factor."""
-        marks = (its.quantity for its in parts(self.kind) if isinstance(its, FactorOn))
-        return next(marks, None)
+        return next((on.quantity for on in parts(self.kind) if isinstance(on, FactorOn)), None)
 
     @property
     def takes_list(self) -> bool:
