@@ -55,13 +55,9 @@ def difference(
 def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.DataFrame:
     """One row for each curve of a design that a simulation and an experiment both have.
 
-    The simulation is interpolated linearly to the measured strains, and its force is scaled to the
-    number of unit cells across the measured sample. Capacitances, which depend on the length of the
-    electrodes, are normalised at the first common strain.
-
-    Raises:
-        BadInput: if the cubes are not one simulation and experiments, have swept settings, or have
-            no curve of a design in common.
+    The simulation is interpolated linearly to the measured strains, its force scaled to the unit
+    cells across the sample, and capacitances to the first common strain. BadInput if the cubes are
+    not one simulation and experiments, have swept settings, or no curve in common.
     """
     if is_measured(simulation):
         name = source_of(simulation)

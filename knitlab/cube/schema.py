@@ -55,8 +55,7 @@ def _variable(dims: tuple[str, ...], text: str, of: str = "all", in_cube: bool =
     return Variable(dims, units or "1", long_name, description, in_cube, of)
 
 
-DESIGN_DIMS = ("n_stripe", "n_subunit")
-"""Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
+DESIGN_DIMS = ("n_stripe", "n_subunit")  # dimensions of a cube of checkerboards
 STRIPE_DIMS = ("knit", "n", "boundary")
 CYCLE = "cycle"  # dimension of an experiment with several cycles
 SOURCE = "source"  # coordinate that states the source of a cube

@@ -12,8 +12,7 @@ from knitlab.io.errors import BadInput, faults_of
 from knitlab.io.toml import StrictModel
 
 Types = dict[str, Any]  # declared types of settings, with range and unit, by name
-Fields = dict[str, tuple[Any, Any]]
-"""Types and defaults of a schema's fields, by name; without a default a field is required."""
+Fields = dict[str, tuple[Any, Any]]  # types and defaults of a schema, by name; ... where required
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 

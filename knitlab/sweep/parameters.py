@@ -70,14 +70,12 @@ class DesignSets(RootModel[dict[str, DesignSet]]):
 class Parameters:
     """Everything under ``params/``, and the source of each value by the name of its setting.
 
-    The capacitor has the layout where none is named. Paths of a pattern are relative to the folder
-    beside it. ``material`` is the name of a material in place of the paper's yarn, ``scaled`` are
-    the lengths that its periods scaled, and ``plain`` is None if it has no plain knit.
+    ``material`` names one in place of the paper's yarn, ``scaled`` are lengths that it scaled.
     """
 
     stripes: StripeTables
     sheet: Sheet
-    plain: PlainKnit | None
+    plain: PlainKnit | None  # None if the material has none
     model: ModelOptions
     solver: Solver
     dynamics: Dynamics
@@ -85,7 +83,7 @@ class Parameters:
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
     designs: DesignSets
-    patterns: dict[str, tuple[Pattern, Path]]
+    patterns: dict[str, tuple[Pattern, Path]]  # with the folder that its paths are relative to
     sources: dict[str, str]
     material: str | None = None
     scaled: Mapping[str, float] = field(default_factory=dict)

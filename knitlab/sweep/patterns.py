@@ -91,17 +91,6 @@ class Pattern(StrictModel):
             letters_of(self.rows)
         return self
 
-    @property
-    def is_graded(self) -> bool:
-        """Whether rows or columns have sizes or stripes of their own."""
-        names = ("column_n_stripe", "row_n_stripe", *SIZES_OF_LINES[0], *SIZES_OF_LINES[1])
-        return any(getattr(self, name) is not None for name in names)
-
-    @property
-    def single_folds(self) -> tuple[SingleFold, ...]:
-        """The single folds."""
-        return tuple(SingleFold(**fold.model_dump()) for fold in self.folds)
-
     def files(self, folder: Path) -> list[Path]:
         """Files that the pattern reads, relative to a folder."""
         return [folder / name for name in (self.map, self.image) if name is not None]
@@ -131,7 +120,8 @@ class Pattern(StrictModel):
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
         """Sizes and stripes of rows and columns, None if all are alike; BadPattern has faults."""
-        if not self.is_graded:
+        names = ("column_n_stripe", "row_n_stripe", *SIZES_OF_LINES[0], *SIZES_OF_LINES[1])
+        if all(getattr(self, name) is None for name in names):
             return None
         problems: list[str] = []
         made = []

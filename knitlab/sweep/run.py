@@ -133,15 +133,10 @@ class Run:
 def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     """Simulate the cases of a plan that have no undamaged file, then write ``cube.nc``.
 
-    Results of other code or parameters are kept unless ``options.refresh``. A batch that raises or
-    whose worker dies is tried again, then each of its cases on its own; a case that still has no
-    result is ``failed``. Ctrl-C and SIGTERM keep finished cases. The last of several shards to end
-    writes ``cube.nc`` with the cases of all.
-
-    Raises:
-        BadInput: if another run holds the folder, its cube has other dimensions, shards of another
-            plan run there, or a batch needs more memory than the machine has.
-        CannotWrite: if the folder cannot be written, or is full; finished cases are kept.
+    A batch that raises or whose worker dies is tried again, then each of its cases on its own; a
+    case that still has no result is ``failed``. The last of several shards to end writes the cube.
+    BadInput if another run or plan holds the folder, its cube has other dimensions, or a batch
+    needs more memory than there is; CannotWrite if the folder is full, finished cases are kept.
     """
     if options.scheduler is not None:
         workers.connected(options.scheduler).close()  # before anything is written

@@ -38,7 +38,6 @@ from knitlab.sweep.declared_fields import (
     factors,
     optional,
     parts,
-    unit_of,
     with_fields,
 )
 from knitlab.sweep.figure_names import FIGURE_NAMES
@@ -308,12 +307,10 @@ SECTIONS: dict[str, type[StrictModel]] = {
     "gauge": GaugeSection,
 }
 """The tables of a workflow file."""
-SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
-"""Sections of which any single setting may be a list, and is then a dimension of the cube."""
+SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")  # single settings may be lists
 SAMPLE_SIZE = "unit_cells"  # the setting of `[design]` that may be a list too, of pairs
 PATTERN = "pattern"  # the setting of `[design]` that may be a list of names
-OF_ALL_CASES = ("material", "interpolate_stripes")
-"""Settings of a swept section that may not be a list."""
+OF_ALL_CASES = ("material", "interpolate_stripes")  # but these may not
 
 
 @dataclass(frozen=True)
@@ -324,11 +321,6 @@ class Setting:
     name: str
     kind: Any
     default: Any
-
-    @property
-    def unit(self) -> str:
-        """Its unit [UDUNITS]."""
-        return unit_of(self.kind)
 
     @property
     def factor_on(self) -> str | None:
