@@ -27,7 +27,7 @@ from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.motion import Motion, leapfrog
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.threads import ONE_THREAD
-from knitlab.io.provenance import provenance
+from knitlab.io.fingerprint import provenance
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import dynamic_tests, moving_fabrics
 from knitlab.sweep.plan import make_plan

@@ -10,39 +10,11 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import xarray as xr
-
 import knitlab as kl
+from knitlab.sweep.reproduce import largest_differences
 
 KEPT = Path("results/reference")
-COMPARED = ("poisson_ratio", "reaction_force", "capacitance")
-NEGLIGIBLE = 1e-6
-"""Largest difference, relative to the largest value of a curve, that counts as none."""
-
-
-def smallest_case(workflow: str) -> dict[str, Any]:
-    """The design of the case with the fewest unknowns, as settings."""
-    cases = kl.plan(workflow).cases.values()
-    smallest = min(cases, key=lambda case: case.mesh_shape.unknowns)
-    return dict(smallest.design)
-
-
-def largest_difference(kept: xr.Dataset, computed: xr.Dataset, design: dict[str, Any]) -> float:
-    """The largest difference of the curves of one design, relative to the largest value of each."""
-    differences = [0.0]
-    for name in COMPARED:
-        if name in kept and name in computed:
-            before, now = (
-                cube[name].sel({dim: design[dim] for dim in design if dim in cube.dims}).squeeze()
-                for cube in (kept, computed)
-            )
-            before, now = xr.align(before, now, join="inner")
-            if bool((before.isnull() != now.isnull()).any()):
-                return np.inf
-            if bool(before.notnull().any()):
-                differences.append(float(abs(now - before).max() / abs(before).max()))
-    return max(differences)
+NEGLIGIBLE = 1e-6  # largest difference that counts as none
 
 
 def main(names: list[str]) -> int:
@@ -53,11 +25,14 @@ def main(names: list[str]) -> int:
         if kept.attrs.get("workflow") != name:
             print(f"{name:20} no workflow of this name makes it", flush=True)
             continue
-        design = smallest_case(name)
+        cases = kl.plan(name).cases.values()
+        design: dict[str, Any] = dict(min(cases, key=lambda case: case.mesh_shape.unknowns).design)
         with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             computed = kl.run(name, **design, results=folder)
-        difference = largest_difference(kept, computed, design)
+        new, old = (cube.sel(design, drop=True) for cube in (computed, kept))
+        differ, same = largest_differences(new, old)
+        difference = max(differ.values()) if same else float("inf")
         differing += difference > NEGLIGIBLE
         print(f"{name:20} {difference:9.1e}  {design}", flush=True)
     return differing

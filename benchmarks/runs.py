@@ -22,7 +22,7 @@ from benchmarks.command_line import COMMAND, processor_seconds
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.cube.cube_file import CUBE
 from knitlab.fabric.threads import ONE_THREAD
-from knitlab.io.provenance import provenance
+from knitlab.io.fingerprint import provenance
 
 FILE = "runs.nc"
 WORKFLOW = "periodic"

@@ -17,7 +17,7 @@ from knitlab.fabric.settings import ModelOptions
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
-from knitlab.io.provenance import git_commit
+from knitlab.io.fingerprint import git_commit
 from knitlab.knitting.chart import Face
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine

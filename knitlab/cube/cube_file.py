@@ -1,7 +1,7 @@
 """Cube files: opening, writing and joining cubes, and the dimensions of their designs."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -156,7 +156,10 @@ def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     rank_of = np.vectorize(lambda status: WITHOUT_RESULTS.get(status, 3), otypes=[int])
     rank = xr.apply_ufunc(rank_of, both["status"])
     joined = both.isel(cube=rank.argmax("cube"))
-    joined = joined.reindex({dim: _labels(one[dim], other[dim]) for dim in design_dims(one)})
+    labels = {
+        dim: [*one[dim].values.tolist(), *other[dim].values.tolist()] for dim in design_dims(one)
+    }
+    joined = joined.reindex({dim: ordered_labels(given) for dim, given in labels.items()})
     joined = xr.Dataset(
         {
             name: joined[name].transpose(*design_dims(one), *VARIABLES[name].dims).astype(kind)
@@ -169,7 +172,7 @@ def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     return joined
 
 
-def _labels(one: xr.DataArray, other: xr.DataArray) -> list[Any]:
-    """All labels of a dimension: numbers in ascending order, texts in order of appearance."""
-    labels = list(dict.fromkeys([*one.values.tolist(), *other.values.tolist()]))
+def ordered_labels(given: Iterable[Any]) -> list[Any]:
+    """Different labels: numbers in ascending order, texts in order of appearance."""
+    labels = list(dict.fromkeys(given))
     return labels if any(isinstance(label, str) for label in labels) else sorted(labels)

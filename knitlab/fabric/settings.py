@@ -2,7 +2,7 @@
 
 ``z_max: Annotated[PositiveFloat, Unit("mm")]`` in a table such as :class:`Sheet` is the only
 declaration of that setting, with its range and unit: parameter files, workflows, sweeps and the
-documentation derive from it (:mod:`knitlab.sweep.settings`).
+documentation derive from it (:mod:`knitlab.sweep.workflow`).
 """
 
 import math

@@ -26,7 +26,7 @@ from knitlab.simulation.case import Case
 from knitlab.sweep.cube import GAUGE_ATTRIBUTES
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.plan import Plan, batched
-from knitlab.sweep.settings import SETTINGS
+from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
 
 

@@ -25,8 +25,8 @@ from knitlab.io.errors import fault
 from knitlab.io.lock import held
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.settings import PATTERN
 from knitlab.sweep.workers import interrupted_by_signals
+from knitlab.sweep.workflow import PATTERN
 
 REQUEST = "request.json"
 BUDGET = 60  # default number of simulations of the searches

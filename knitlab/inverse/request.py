@@ -17,7 +17,7 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name
-from knitlab.sweep.settings import PATTERN, SETTINGS
+from knitlab.sweep.workflow import PATTERN, SETTINGS
 
 CHOICES = ("n_stripe", "n_subunit", PATTERN)  # vary as lists, in all combinations
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))  # what variables change

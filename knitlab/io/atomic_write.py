@@ -9,18 +9,13 @@ from tempfile import mkdtemp
 
 from knitlab.io.errors import CannotWrite, Fault
 
-UNFINISHED = ".writing-"
-"""Prefix of unfinished files, or of their folders."""
+UNFINISHED = ".writing-"  # prefix of unfinished files, or of their folders
 PROBE_BYTES = 1 << 20
 
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to; on success it replaces ``path``.
-
-    Raises:
-        CannotWrite: if the folder cannot be written, or is full.
-    """
+    """Yield a temporary path, which replaces ``path`` on success; CannotWrite if it cannot."""
     folder = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -19,8 +19,7 @@ class Fault:
         return f"{self.path}: {self.problem}"
 
 
-MOST_NAMES = 20
-"""Largest number of names that a message lists."""
+MOST_NAMES = 20  # largest number of names that a message lists
 SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
 """Pydantic's error types for values that should be a single one."""
 
@@ -63,10 +62,7 @@ def fault(path: str, problem: str) -> BadInput:
 def faults_of(
     error: ValidationError, source: str, known: Mapping[str, str] | None = None
 ) -> list[Fault]:
-    """The faults that pydantic found in input from ``source``.
-
-    For a misspelt or misplaced key they suggest one of the known keys, given with its table.
-    """
+    """The faults that pydantic found in input; for a misspelt key with a known one like it."""
     found = error.errors()
     # Without those that only follow from others: lists that these left empty.
     inner = {entry["loc"][:-1] for entry in found}

@@ -1,9 +1,12 @@
-"""Fingerprints: of the code that computes results, and of files. Needs no JAX."""
+"""Fingerprints of the code that computes results, and of files; provenance. Needs no JAX."""
 
 import ast
 import hashlib
+import platform
+import subprocess
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 from knitlab.io.shipped import PACKAGE
@@ -35,18 +38,19 @@ OF_NO_CASE = (
 )
 """Modules of these that compute nothing of a case."""
 DIGITS = 12
+LIBRARIES = ("equinox", "jax", "jaxlib", "netCDF4", "numpy", "scipy", "xarray")
 NOT_EXECUTED = {"annotation", "returns", "type_comment", "ctx", "kind", "simple"}
 """Fields of nodes that hold annotations, or repeat what the place of the node says."""
 BLOCKS = {"body", "orelse", "finalbody"}
 
 
-@lru_cache(maxsize=1)
+@cache
 def code_fingerprint() -> str:
     """Fingerprint of the code that computes a case, and of the version of the model."""
     return fingerprint_of(PACKAGE)
 
 
-@lru_cache(maxsize=1)
+@cache
 def package_fingerprint() -> str:
     """Fingerprint of the text of the whole package."""
     digest = hashlib.sha256()
@@ -89,12 +93,38 @@ def digests(paths: Iterable[Path]) -> dict[str, str]:
     }
 
 
-def normalised(source: str) -> str:
-    """The syntax tree of a module as text, without what is not executed.
+@cache
+def provenance() -> dict[str, str]:
+    """Global attributes that state the code and libraries behind a file, with CF names."""
+    return {
+        "Conventions": "CF-1.11",
+        "source": f"knitlab {version('knitlab')}",
+        "git_commit": git_commit(),
+        "library_versions": " ".join(f"{name}={version(name)}" for name in LIBRARIES),
+        "python_version": platform.python_version(),
+        "random_seeds": "none: the simulation is deterministic",
+        "references": "Mahadevan et al., Folding-Driven Auxetic Weft Knit Textiles with"
+        " Integrated Capacitive Sensing",
+    }
 
-    That is comments, docstrings, annotations, the order of imports and imports for annotations.
-    Empty fields of nodes are left out too, because versions of Python differ in them.
-    """
+
+def git_commit() -> str:
+    """Commit of the source tree, marked if it has changes; ``unknown`` if installed."""
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(PACKAGE), *words]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        tracked = git("ls-files", "--error-unmatch", str(PACKAGE / "__init__.py"))
+        changed = git("status", "--porcelain", "--untracked-files=no", str(PACKAGE))
+        return git("rev-parse", "HEAD") + ("+changes" if changed else "") if tracked else "unknown"
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def normalised(source: str) -> str:
+    """The syntax tree of a module as text, without what is not executed or empty."""
     module = _Module()
     body = module.text(ast.parse(source))
     imports = sorted(text for name, text in module.imports if name is None or name in module.used)

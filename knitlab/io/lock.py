@@ -21,8 +21,7 @@ from knitlab.io.errors import BadInput, CannotWrite, Fault, fault
 LOCK_NAME = ".lock"
 GATE_NAME = ".lock-gate"
 SHARD_LOCK = re.compile(r"\.lock-shard-(\d+)-of-(\d+)")
-GATE_SECONDS = 900.0
-"""Longest time to wait for the gate; its holder writes a cube at most."""
+GATE_SECONDS = 900.0  # longest time to wait for the gate; its holder writes a cube at most
 
 
 @contextmanager

@@ -13,11 +13,7 @@ from knitlab.io.errors import BadInput, Fault, fault
 
 
 def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
-    """Headers, which may contain duplicates, and the rows below them, as text, without # lines.
-
-    Raises:
-        BadInput: if it cannot be read, or is not a table; the message shows the example.
-    """
+    """Headers, perhaps repeated, and the rows below as text, without # lines; else BadInput."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         table = pd.read_csv(
@@ -62,10 +58,7 @@ def read_columns(
     name_of: Callable[[str], str] = str.strip,
     with_gaps: Collection[str] = (),
 ) -> dict[str, Float[np.ndarray, " point"]]:
-    """The numbers of columns with some names, which follow from their headers.
-
-    Entries of those ``with_gaps`` may be empty, which is NaN. BadInput has every fault.
-    """
+    """Numbers of columns; empty entries of those ``with_gaps`` are NaN; else BadInput."""
     headers, rows = read_table(path, example)
     present = list(map(name_of, headers))
     columns, faults = {}, list[Fault]()

@@ -14,8 +14,7 @@ from knitlab.cube.cube_file import CUBE, design_dims, is_measured, read_cube, wr
 from knitlab.cube.schema import CYCLE, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
-from knitlab.io.fingerprint import code_fingerprint, file_digest, text_fingerprint
-from knitlab.io.provenance import provenance
+from knitlab.io.fingerprint import code_fingerprint, file_digest, provenance, text_fingerprint
 from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import Values, read_capacitance, read_tensile
 from knitlab.laboratory.markers import read_markers

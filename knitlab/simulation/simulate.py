@@ -27,7 +27,7 @@ from knitlab.equilibrium.tensile_test import (
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.zigzag import zigzag
 from knitlab.io.errors import fault
-from knitlab.io.provenance import provenance
+from knitlab.io.fingerprint import provenance
 from knitlab.measure.zigzag_tension import pull_chain
 from knitlab.simulation.case import Case, by_test
 from knitlab.simulation.measurement import measured

@@ -19,22 +19,16 @@ from knitlab.dynamics.settings import Dynamics
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case, Method, by_test
 
-BATCH_UNKNOWNS = 8_000
-"""Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians."""
-RELAXATION_STEPS = 10
-"""About the number of steps of a tensile test that its relaxation costs."""
-COST_POWER = 1.3
-"""About the power of the number of unknowns with which the cost of a step grows."""
+BATCH_UNKNOWNS = 8_000  # unknowns that one vmapped batch may hold: about 1 GiB of element Hessians
+RELAXATION_STEPS = 10  # about the number of steps of a tensile test that its relaxation costs
+COST_POWER = 1.3  # about the power of the number of unknowns with which the cost of a step grows
 SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.018, "dynamics": 1.2e-7}
 """Seconds for a unit of work on one core, by method."""
-TIME_TO_REST = 60.0
-"""Usual duration of a motion until a fabric is at rest [ms]."""
-STIFFNESS_OF_NODE = 4.7
-"""Largest eigenvalue of the stiffness of a sheet, over the largest k_s."""
+TIME_TO_REST = 60.0  # usual duration of a motion until a fabric is at rest [ms]
+STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over the largest k_s
 CONTACT = 4.0
 """How much longer a fabric with contact takes; more where its plies are pressed together."""
-PROCESS_BYTES = 500e6
-"""Memory of a worker with its compiled programs."""
+PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
 BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}
 """Memory for each unknown of a batch, to some 30 %."""
 PARTS_OF_SHARE = 8
@@ -113,10 +107,7 @@ def seconds(cases: Iterable[Case]) -> float:
 
 
 def work(case: Case, states: float) -> float:
-    """Work in the first states of a case: steps of 1000 unknowns, or time steps of one node.
-
-    The states of its siblings are counted after its own; a fraction is part of the next state.
-    """
+    """Work in the first states of a case and its siblings: steps of 1000 unknowns, or of a node."""
     if case.method == "dynamics":
         time_step = _time_step(case, case.motion)
         return _time(case, case.motion, states) / time_step * case.mesh_shape.nodes
@@ -166,10 +157,7 @@ def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | Non
 def split(
     batches: Sequence[Batch], cases: Mapping[str, Case], count: int
 ) -> list[tuple[Batch, ...]]:
-    """The batches of each of several shards of a plan, whatever is done already.
-
-    The longest part goes first, each to the shard that has least to do.
-    """
+    """The batches of each shard of a plan: the longest first, to the shard that has least to do."""
     share = math.fsum(batch.estimated_seconds for batch in batches) / count
     parts = [part for batch in batches for part in _parts(batch, cases, share / PARTS_OF_SHARE)]
     costs = {part: _rounded(part.estimated_seconds) for part in parts}

@@ -28,9 +28,10 @@ from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.material import SCALED, MaterialFile, with_material
 from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
-from knitlab.sweep.settings import PATTERN, SETTINGS
 from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import (
+    PATTERN,
+    SETTINGS,
     DesignSection,
     ElectrodesSection,
     ModelSection,
@@ -44,35 +45,25 @@ from knitlab.sweep.workflow_text import WorkflowText
 PULLED_ACROSS = ("G",)
 MATERIAL = "model.material"
 PATTERN_FILES = "design.pattern_files"
-USUAL_STRAIN = 2.0
-"""Largest usual applied strain: that of pure stripes, which unfold furthest."""
-FAR = 10.0
-"""Factor beyond the values of the tables from which a value is unusual."""
+USUAL_STRAIN = 2.0  # largest usual applied strain: that of pure stripes, which unfold furthest
+FAR = 10.0  # factor beyond the values of the tables from which a value is unusual
 Table = TypeVar("Table")
 Design = tuple[Label, ...]
 Pair = tuple[int, int]
-Source = Callable[[str], str]
-"""Names where a ``section.key`` comes from, for a fault."""
+Source = Callable[[str], str]  # names where a `section.key` comes from, for a fault
 DEFAULT_SET = "paper"
 
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """Labels of the designs to simulate, and impossible combinations of their grid with the reason.
-
-    They are (n_stripe, n_subunit) of a checkerboard, (knit, n, boundary) of a pure stripe.
-    """
+    """Labels of designs along the dimensions, and impossible ones of their grid with the reason."""
 
     designs: tuple[Design, ...]
     excluded: dict[Design, str]
 
 
 def design_space(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
-    """Resolve a workflow's ``[design]``; impossible combinations of a grid are excluded.
-
-    Raises:
-        BadInput: if a set or a member of it does not exist, or if no design is left.
-    """
+    """The designs of ``[design]``; BadInput if a set or a member is unknown, or none is left."""
     name, sets = section.set or DEFAULT_SET, parameters.designs.root
     if name not in sets:
         raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
@@ -99,29 +90,25 @@ def _members(
     section: DesignSection, name: str, pairs: tuple[Pair, ...], source: Source
 ) -> list[Pair]:
     faults = []
-    for key, place in (("n_stripe", 0), ("n_subunit", 1)):
+    for axis, (key, other) in enumerate((("n_stripe", "n_subunit"), ("n_subunit", "n_stripe"))):
         wanted = getattr(section, key)
         if wanted is None:
             continue
-        members = sorted({pair[place] for pair in pairs})
-        other = "n_subunit" if key == "n_stripe" else "n_stripe"
+        members = sorted({pair[axis] for pair in pairs})
         remedy = f"choose from {members}, or give {other} too for a grid of your own"
         faults += [
             Fault(source(f"design.{key}"), f"set {name!r} has no {key} = {value}; {remedy}")
             for value in wanted
             if value not in members
         ]
-        pairs = tuple(pair for pair in pairs if pair[place] in wanted)
+        pairs = tuple(pair for pair in pairs if pair[axis] in wanted)
     if faults:
         raise BadInput(faults)
     return sorted(pairs)
 
 
 def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
-    """Resolve a workflow's ``[stripes]``: all stripes of the tables, or those of given sizes.
-
-    If only one knit has a stripe of some size, this size is excluded for the other knit.
-    """
+    """The stripes of ``[stripes]``; sizes that only one knit has are excluded for the other."""
     there = {knit: list(parameters.stripes.rows(knit)) for knit in section.knit}
     sizes = sorted(set().union(*there.values()))
     if section.n and (strangers := sorted(set(section.n) - set(sizes))):
@@ -142,10 +129,7 @@ def stripe_space(section: StripesSection, parameters: Parameters, source: Source
 
 
 def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int, int]:
-    """Repeats of a pattern of (courses, wales) in a sample along (y, x) (paper, "Kinematics").
-
-    Two courses count as long as a wale is wide.
-    """
+    """Repeats along (y, x) of a pattern of (courses, wales); two courses are as long as a wale."""
     if section.needles is None:
         return section.unit_cells or (1, 1)
     courses, wales = stitches
@@ -183,9 +167,8 @@ def with_material_file(
         scaled.pop(name, None)
         if MATERIAL not in text.sources or key in text.sources:
             continue
-        ratio = getattr(getattr(changed, attribute), name) / getattr(
-            getattr(parameters, attribute), name
-        )
+        new, old = (getattr(getattr(each, attribute), name) for each in (changed, parameters))
+        ratio = new / old
         given[name] = scaled[name] = ratio * given[name]
         if name in axes:
             values = tuple(ratio * value for value in axes[name].values)
@@ -224,11 +207,7 @@ def cases(
     parameters: Parameters,
     source: Source,
 ) -> Iterator[Case]:
-    """The case of every design, labelled with the values of the axes too.
-
-    Raises:
-        BadInput: if settings contradict each other.
-    """
+    """The case of every design, also labelled by the axes; BadInput if settings contradict."""
     protocol, changes = workflow.protocol, workflow.model.changes
     model_options = overridden(parameters.model, workflow.model)
     solver = overridden(parameters.solver, workflow.solver)
@@ -273,8 +252,8 @@ def cases(
                 _check_cells(rows, entry.cell)
                 _check_thickness(case, source)
             except BadPattern as error:
-                place = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
-                raise BadInput(Fault(place, problem) for problem in error.problems) from error
+                where = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
+                raise BadInput(Fault(where, problem) for problem in error.problems) from error
             yield case.without_unused()
     elif workflow.stripes is not None:
         for knit, stitches, boundary in space.designs:
@@ -358,26 +337,24 @@ def _check_together(
     by_dynamics = workflow.protocol.method == "dynamics"
     sensitivities = workflow.protocol.sensitivities
     boundaries = workflow.stripes.boundaries if workflow.stripes else (options.boundary,)
-    key = "solver.drag"
-    if solver.drag and not by_dynamics and "periodic" in boundaries:
-        problem = "holds back a sample that moves between clamps; periodic fabric has no place to"
-        problem += " move from: take boundary = clamped, or drag = 0"
-    elif solver.drag and not by_dynamics and sensitivities:
-        problem = "has no sensitivities, which are those of equilibria; take drag = 0"
-    elif options.contact == "none":
-        return
-    else:
-        key = "model.contact"
-        if by_dynamics:
-            problem = "needs equilibria, as explicit time steps cannot hold a barrier; take method"
-            problem += " = equilibrium, or contact = none"
-        elif solver.drag:
-            problem = "is not combined with drag; take drag = 0, or contact = none"
-        elif sensitivities:
-            problem = "has no sensitivities; leave them out, or take contact = none"
-        else:
-            return
-    raise fault(source(key), problem)
+    of_drag = {
+        "holds back a sample that moves between clamps; periodic fabric has no place to move from:"
+        " take boundary = clamped, or drag = 0": "periodic" in boundaries,
+        "has no sensitivities, which are those of equilibria; take drag = 0": sensitivities,
+    }
+    of_contact = {
+        "needs equilibria, as explicit time steps cannot hold a barrier; take method = equilibrium,"
+        " or contact = none": by_dynamics,
+        "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
+        "has no sensitivities; leave them out, or take contact = none": sensitivities,
+    }
+    drag, contact = solver.drag > 0 and not by_dynamics, options.contact != "none"
+    for key, used, refused in (
+        ("solver.drag", drag, of_drag),
+        ("model.contact", contact, of_contact),
+    ):
+        for problem in (problem for problem, holds in refused.items() if used and holds):
+            raise fault(source(key), problem)
 
 
 def _check_thickness(case: Case, source: Source) -> None:
@@ -404,18 +381,17 @@ def _scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -
     if not scaled:
         return []
     lengths = ", ".join(f"{name} = {value:.3g} mm" for name, value in sorted(scaled.items()))
-    its = f"the paper's, scaled to the periods of the material {parameters.material!r}"
-    return [f"{lengths}: {its}; give others in its file or as settings"]
+    origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
+    return [f"{lengths}: {origin}; give others in its file or as settings"]
 
 
 def unusual_values(
     workflow: Workflow, cases: Iterable[Case], parameters: Parameters
 ) -> tuple[str, ...]:
     """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
-    sentences: list[str] = []
     cases = tuple(cases)
     contact = any(case.options.contact != "none" for case in cases)
-    sentences += _scaled_lengths(workflow, parameters, contact)
+    sentences = _scaled_lengths(workflow, parameters, contact)
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
             usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"
@@ -427,8 +403,8 @@ def unusual_values(
                 known = [getattr(row, name) for row in rows]
                 if not min(known) / FAR <= value <= max(known) * FAR:
                     usual = f"usual are {min(known):g} to {max(known):g} {unit}"
-                    its = f"{name} of {stripe.knit} {stripe.n}"
-                    sentences.append(f"{its} is {value:.4g} {unit}; {usual}")
+                    subject = f"{name} of {stripe.knit} {stripe.n}"
+                    sentences.append(f"{subject} is {value:.4g} {unit}; {usual}")
     protocol = workflow.protocol
     if protocol.robustness and protocol.method != "equilibrium":
         ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}"

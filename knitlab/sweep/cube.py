@@ -11,12 +11,12 @@ import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
-from knitlab.cube.cube_file import OPTION, design_dims, read_cube
+from knitlab.cube.cube_file import OPTION, design_dims, ordered_labels, read_cube
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.io.errors import BadInput, fault
-from knitlab.io.provenance import provenance
+from knitlab.io.fingerprint import provenance
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge, at_gauge, knit_sizes
-from knitlab.simulation.case import Case, Label
+from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.plan import Plan
@@ -120,7 +120,7 @@ def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> d
     strains = tuple(old["applied_strain"].values.tolist())
     gauge, entries = gauge_of(old.attrs), {}
     for design, cell in known.items():
-        values = {name: array[cell.place] for name, array in arrays.items()}
+        values = {name: array[cell.indices] for name, array in arrays.items()}
         if gauge is not None:
             sizes = {name: float(values[name]) for name in (*ALONG_X, *ALONG_Y)}
             values |= at_gauge(sizes, gauge, plan.gauge)
@@ -185,12 +185,12 @@ def gauge_of(attributes: Mapping[Any, Any]) -> Gauge | None:
     """The gauge that attributes of a cube state; those of pure stripes state none."""
     if not set(GAUGE_ATTRIBUTES.values()) <= set(attributes):
         return None
-    return Gauge(**{name: float(attributes[its]) for name, its in GAUGE_ATTRIBUTES.items()})
+    return Gauge(**{name: float(attributes[key]) for name, key in GAUGE_ATTRIBUTES.items()})
 
 
 def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:
     designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
-    labels = [_along(designs, place) for place in range(len(plan.dims))]
+    labels = [ordered_labels(along) for along in zip(*designs, strict=True)]
     strains = sorted({strain for entry in entries.values() for strain in entry.strains})
     sizes = {"applied_strain": len(strains)}
     for dim, name in zip(("cell_y", "cell_x"), UNIT_CELLS, strict=True):
@@ -205,20 +205,20 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     arrays["status"] = np.full(grid, Status.excluded, np.int8)
     arrays |= {name: np.full(grid, "", dtype=object) for name in TEXT_VARIABLES}
 
-    places = [{label: k for k, label in enumerate(along)} for along in labels]
+    index_of = [{label: k for k, label in enumerate(along)} for along in labels]
     rank = {strain: k for k, strain in enumerate(strains)}
     for design, entry in entries.items():
-        place = tuple(along[label] for along, label in zip(places, design, strict=True))
+        at = tuple(along[label] for along, label in zip(index_of, design, strict=True))
         rows = [rank[strain] for strain in entry.strains]
         for name, value in entry.values.items():
             dims = VARIABLES[name].dims
             if "applied_strain" not in dims:
-                arrays[name][place] = str(value) if name in TEXT_VARIABLES else value
+                arrays[name][at] = str(value) if name in TEXT_VARIABLES else value
             else:
                 # Values of an old cube may be padded to more unit cells than the new one has.
                 extents = zip(dims[1:], np.shape(value)[1:], strict=True)
                 within = tuple(slice(0, min(size, sizes[dim])) for dim, size in extents)
-                arrays[name][place][(rows, *within)] = value[(slice(None), *within)]
+                arrays[name][at][(rows, *within)] = value[(slice(None), *within)]
 
     variables: dict[str, Any] = {
         name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()
@@ -233,9 +233,3 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     for name, coordinate in plan.coordinates.items():
         cube[name].attrs |= coordinate.attributes
     return cube
-
-
-def _along(designs: Sequence[Design], place: int) -> list[Label]:
-    """Labels along one dimension: numbers in ascending order, texts in order of appearance."""
-    labels = list(dict.fromkeys(design[place] for design in designs))
-    return labels if any(isinstance(label, str) for label in labels) else sorted(labels)

@@ -11,8 +11,7 @@ from knitlab.fabric.settings import Unit
 from knitlab.io.errors import BadInput, faults_of
 from knitlab.io.toml import StrictModel
 
-Types = dict[str, Any]
-"""Declared types of settings, with range and unit, by name."""
+Types = dict[str, Any]  # declared types of settings, with range and unit, by name
 Fields = dict[str, tuple[Any, Any]]
 """Types and defaults of a schema's fields, by name; without a default a field is required."""
 Model = TypeVar("Model", bound=type[StrictModel])

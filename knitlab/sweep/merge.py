@@ -19,13 +19,11 @@ from knitlab.io.lock import held
 from knitlab.sweep import results_folder
 from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube
 from knitlab.sweep.plan import joined_plan
-from knitlab.sweep.reproduce import comparison
+from knitlab.sweep.reproduce import CURVES, comparison
 from knitlab.sweep.results_folder import PLAN, Cell, Design, Failure
 
 CASES = "cases"
-COMPARED = ("poisson_ratio", "reaction_force")
-MOST_NAMED = 5
-"""Largest number of cases that a message names."""
+MOST_NAMED = 5  # largest number of cases that a message names
 
 
 @dataclass(frozen=True)
@@ -41,8 +39,8 @@ class Merge:
     @property
     def counts(self) -> dict[str, int]:
         """Number of designs by status, without excluded combinations."""
-        found = self.cube["status"].values
-        numbers = {status.name: int((found == status).sum()) for status in Status}
+        statuses = self.cube["status"].values
+        numbers = {status.name: int((statuses == status).sum()) for status in Status}
         return {name: n for name, n in numbers.items() if n and name != Status.excluded.name}
 
 
@@ -113,12 +111,13 @@ class FolderContents:
     def numbers(self, case_id: str) -> xr.Dataset:
         """What is compared of a case: from its file, or else from the cube."""
         if case_id in self.sound:
-            return case_file.read_case(self.path, case_id)[list(COMPARED)]
-        cell = self.results[case_id]
-        assert self.cube is not None
-        assert cell is not None
-        place = dict(zip(self.dims, cell.place, strict=True))
-        return self.cube[list(COMPARED)].isel(place, drop=True)
+            case = case_file.read_case(self.path, case_id)
+        else:
+            cell = self.results[case_id]
+            assert self.cube is not None
+            assert cell is not None
+            case = self.cube.isel(dict(zip(self.dims, cell.indices, strict=True)), drop=True)
+        return case[[name for name in CURVES if name in case]]
 
 
 def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = False) -> Merge:
@@ -162,10 +161,10 @@ def _results_folders(path: Path) -> list[Path]:
     """A results folder of a workflow, or those in a folder of such folders."""
     if _holds_results(path):
         return [path]
-    found = sorted(each for each in path.glob("*") if each.is_dir() and _holds_results(each))
-    if not found:
+    folders = sorted(each for each in path.glob("*") if each.is_dir() and _holds_results(each))
+    if not folders:
         raise fault(str(path), f"holds no results: neither {PLAN} nor {CUBE}; check the path")
-    return found
+    return folders
 
 
 def _holds_results(path: Path) -> bool:
@@ -217,7 +216,7 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
             problem += f" {', '.join(first.dims)}; merge it into another folder"
             raise fault(str(other.path), problem)
         changed = differences(first.parameters, other.parameters)
-        if listed := "; ".join(str(its) for its in changed if its.key[0] not in MAY_DIFFER):
+        if listed := "; ".join(str(each) for each in changed if each.key[0] not in MAY_DIFFER):
             problem = f"was computed otherwise than {first.path} ({listed}); merge it into another"
             problem += " folder, or run both as one workflow with a list of values"
             faults.append(Fault(str(other.path), problem))
@@ -242,21 +241,19 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
     of_case: dict[str, FolderContents] = {}
     for folder in folders:
         for design, cell in folder.cells.items():
-            owner, its = of_design.setdefault(design, (folder, cell))
-            if its.case_id != cell.case_id:
+            owner, known = of_design.setdefault(design, (folder, cell))
+            if known.case_id != cell.case_id:
                 pairs = zip(folder.dims, design, strict=True)
                 labels = "  ".join(f"{name} {label}" for name, label in pairs)
                 problem = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
-                problem += f" {its.case_id}, computed with other settings;"
+                problem += f" {known.case_id}, computed with other settings;"
                 problem += " merge it into another folder"
                 faults[cell.case_id] = Fault(str(folder.path), problem)
         for case_id in folder.results:
             owner = of_case.setdefault(case_id, folder)
             if owner is folder or case_id in faults or _same_file(case_id, owner, folder):
                 continue
-            # The strains of a cube are those of all its designs.
-            new, known = xr.align(folder.numbers(case_id), owner.numbers(case_id), join="outer")
-            agree, sentence = comparison(new, known)
+            agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:
                 problem = f"has other numbers in {folder.path} than in {owner.path}"
                 problem += f" ({sentence.partition(':')[0]});"

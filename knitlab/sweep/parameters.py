@@ -91,11 +91,7 @@ class Parameters:
     scaled: Mapping[str, float] = field(default_factory=dict)
 
     def with_tables(self, **given: object) -> "Parameters":
-        """The parameters with other tables by their attributes; None keeps one.
-
-        Raises:
-            BadInput: with every value that is out of range, and every table of another kind.
-        """
+        """The parameters with other tables, None keeps one; BadInput has every one out of range."""
         faults, tables = ErrorCollector(), dict[str, Any]()
         for name, table in given.items():
             if table is None:

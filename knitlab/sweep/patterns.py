@@ -130,11 +130,7 @@ class Pattern(StrictModel):
     def grading(
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
-        """Sizes and stripes of the rows and columns of letters; None if all are as in a design.
-
-        Raises:
-            BadPattern: if rows or columns cannot be knitted; it lists them all.
-        """
+        """Sizes and stripes of rows and columns, None if all are alike; BadPattern has faults."""
         if not self.is_graded:
             return None
         problems: list[str] = []

@@ -33,8 +33,7 @@ from knitlab.sweep.cases import (
     with_pattern_files,
 )
 from knitlab.sweep.parameters import Parameters, read_parameters
-from knitlab.sweep.settings import SETTINGS
-from knitlab.sweep.workflow import CHANGES, SPRING_LAW_CHANGES, Workflow
+from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
 from knitlab.sweep.workflow_text import SweepAxis, WorkflowText
 
@@ -134,11 +133,7 @@ class Plan:
 def make_plan(
     workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
 ) -> Plan:
-    """Resolve a workflow, given by its name or its file, overrides and parameters into a plan.
-
-    Raises:
-        BadInput: with every fault of every file and override.
-    """
+    """The plan of a workflow, by name or file, with overrides; BadInput has every fault."""
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
     faults = ErrorCollector()
@@ -220,10 +215,7 @@ def _stripes_fingerprint(
 
 
 def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
-    """The plan with the cases of several recorded plans of one workflow and the same dimensions.
-
-    If the plans differ, it states no inputs: no workflow file gives all its cases.
-    """
+    """Recorded plans of one workflow as one; it states inputs only if they have the same cases."""
     first = records[0]
     cases: dict[str, Case] = {}
     for record in records:

@@ -14,16 +14,11 @@ from knitlab.sweep.batches import work
 BAR = "{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left"
 LINE = "{desc}, {percentage:.1f} %, {elapsed} elapsed, {remaining} left"
 SECONDS_BETWEEN_LINES = 30.0
-SECONDS_BETWEEN_CLOCKS = 1.0
-"""Time between updates of the elapsed time on a terminal."""
+SECONDS_BETWEEN_CLOCKS = 1.0  # time between updates of the elapsed time on a terminal
 
 
 class ProgressBar:
-    """A bar over all states of some cases; a case that ends early counts in full.
-
-    If the output is not a terminal, it writes a line every half minute. The elapsed time moves on
-    while no work is reported, as in a long relaxation.
-    """
+    """A bar over all states of some cases; off a terminal a line every half minute."""
 
     def __init__(self, cases: Mapping[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
         self._cases = cases

@@ -25,10 +25,10 @@ HEADER = (
     f"{'strain':>8} {'outcome':>15} {'residual [N]':>13} {'iterations':>10} {'energy [N mm]':>14}"
     f" {'nu':>9} {'force [N]':>10}"
 )
-AGREES = 1e-3
-"""Difference in Poisson's ratio, and in force over the largest force, up to which results agree."""
-MOST_NAMED = 5
-"""Largest number of identifiers that a message lists."""
+AGREES = 1e-3  # difference up to which results agree, in the units of `largest_differences`
+CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capacitance"}
+"""Curves that are compared, and their names in messages."""
+MOST_NAMED = 5  # largest number of identifiers that a message lists
 
 
 @dataclass(frozen=True)
@@ -41,26 +41,22 @@ class RecordedCase:
 
 
 def find_case(results: Path, case_id: str) -> RecordedCase:
-    """The case with an identifier, or its first characters, in a results folder or those in it.
-
-    Raises:
-        BadInput: if there is none, if several begin so, or if another version recorded it.
-    """
-    found: dict[str, tuple[Path, dict[str, Any]]] = {}
+    """The case whose identifier begins so, in a results folder or those in it; else BadInput."""
+    matches: dict[str, tuple[Path, dict[str, Any]]] = {}
     for folder in [results, *sorted(path for path in results.glob("*") if path.is_dir())]:
         with suppress(BadInput, OSError):  # a folder that cannot be read holds no case
             for name, record in _records(folder, case_id):
-                found.setdefault(name, (folder, record))
-    if case_id in found:
-        found = {case_id: found[case_id]}
-    if not found:
+                matches.setdefault(name, (folder, record))
+    if case_id in matches:
+        matches = {case_id: matches[case_id]}
+    if not matches:
         where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
         raise fault(case_id, where)
-    if len(found) > 1:
-        some = ", ".join(list(found)[:MOST_NAMED])
-        more = ", …" if len(found) > MOST_NAMED else ""
-        raise fault(case_id, f"{len(found)} cases begin so ({some}{more}); give more characters")
-    ((name, (folder, record)),) = found.items()
+    if len(matches) > 1:
+        some = ", ".join(list(matches)[:MOST_NAMED])
+        more = ", …" if len(matches) > MOST_NAMED else ""
+        raise fault(case_id, f"{len(matches)} cases begin so ({some}{more}); give more characters")
+    ((name, (folder, record)),) = matches.items()
     try:
         return RecordedCase(case_of(record), name, folder)
     except (ValidationError, KeyError, TypeError) as error:
@@ -120,18 +116,26 @@ def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
 
 def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
     """Whether new results of a case agree with kept ones, and a sentence with the differences."""
-    ratio, kept_ratio = results["poisson_ratio"].values, kept["poisson_ratio"].values
-    force, kept_force = results["reaction_force"].values, kept["reaction_force"].values
-    same = bool((np.isfinite(force) == np.isfinite(kept_force)).all())
-    ratios = _largest(ratio - kept_ratio)
-    forces = _largest(force - kept_force) / max(_largest(kept_force), np.finfo(float).tiny)
-    agree = same and ratios <= AGREES and forces <= AGREES
+    differ, same = largest_differences(results, kept)
+    agree = same and max(differ.values()) <= AGREES
     verdict = "agrees with" if agree else "DOES NOT agree with"
-    differ = f"nu differs by at most {ratios:.1e}, force by {forces:.1e} of the largest"
+    listed = [f"{CURVES[name]} by {value:.1e}" for name, value in differ.items()]
+    listed[0] = f"nu differs by at most {differ['poisson_ratio']:.1e}"
     missing = "" if same else ", and other states are missing"
-    return agree, f"{differ}{missing}: {verdict}"
+    return agree, f"{', '.join(listed)} of the largest{missing}: {verdict}"
+
+
+def largest_differences(results: xr.Dataset, kept: xr.Dataset) -> tuple[dict[str, float], bool]:
+    """Largest difference of each curve, relative but for ν, and whether the same states exist."""
+    results, kept = xr.align(results, kept, join="outer")
+    differ, same = {}, True
+    for name in [name for name in CURVES if name in results and name in kept]:
+        new, old = results[name].values, kept[name].values
+        largest = 1.0 if name == "poisson_ratio" else max(_largest(old), np.finfo(float).tiny)
+        differ[name] = _largest(new - old) / largest
+        same &= bool((np.isfinite(new) == np.isfinite(old)).all())
+    return differ, same
 
 
 def _largest(values: np.ndarray) -> float:
-    known = np.abs(values[np.isfinite(values)])
-    return float(known.max()) if known.size else 0.0
+    return float(np.abs(values).max(initial=0.0, where=np.isfinite(values)))

@@ -25,8 +25,7 @@ from knitlab.sweep.workflow_file import Overrides, read_overrides, workflow_file
 PLAN = "plan.json"
 FAILURES = "failures.jsonl"
 Design = tuple[Any, ...]
-Failure = dict[str, Any]
-"""An entry of ``failures.jsonl``: a design that is not ok, and why."""
+Failure = dict[str, Any]  # an entry of `failures.jsonl`: a design that is not ok, and why
 
 
 class CaseState(Enum):
@@ -43,7 +42,7 @@ class CaseState(Enum):
 class Cell:
     """A design of a cube: its indices, its case, and the fingerprint of the code behind it."""
 
-    place: tuple[int, ...]
+    indices: tuple[int, ...]
     case_id: str
     code: str
     status: Status
@@ -61,10 +60,9 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
     labels = [cube[dim].values.tolist() for dim in design_dims(cube)]
     case_id, code, status = (cube[name].values for name in ("case_id", "code", "status"))
     designs = {}
-    for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
-        design = tuple(along[k] for along, k in zip(labels, place, strict=True))
-        its = str(case_id[place]), str(code[place]), Status(int(status[place]))
-        designs[design] = Cell(place, *its)
+    for at in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
+        design = tuple(along[k] for along, k in zip(labels, at, strict=True))
+        designs[design] = Cell(at, str(case_id[at]), str(code[at]), Status(int(status[at])))
     return designs
 
 
@@ -187,10 +185,7 @@ class FolderStatus:
 
 
 def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
-    """Progress of the last plan of a workflow, which is planned again if an input has changed.
-
-    BadInput if it was never planned there; ``check`` compares every case file with its checksum.
-    """
+    """Progress of the last plan of a workflow, planned again if an input changed; else BadInput."""
     folder = results / Path(workflow).stem
     record = read_plan(folder)
     designs = planned_designs(record)

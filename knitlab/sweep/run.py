@@ -27,10 +27,8 @@ from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.results_folder import FAILURES, PLAN, CaseState, Failure, earlier_failures
 from knitlab.sweep.workers import BatchError, SchedulerLost, Simulate, Task
 
-ONE_BY_ONE = 2
-"""Number of attempts after which batches are run one by one."""
-Failed = dict[str, BatchError]
-"""Why cases could not be computed, by identifier."""
+ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
+Failed = dict[str, BatchError]  # why cases could not be computed, by identifier
 
 
 @dataclass(frozen=True)
@@ -220,10 +218,7 @@ class _Simulated:
 def _simulate(
     plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions
 ) -> _Simulated:
-    """Simulate the missing cases, and repeat the batches that need it.
-
-    A batch that was lost twice is run alone, where no other batch can kill its worker.
-    """
+    """Simulate cases; a batch that was lost twice is run alone, where it can kill no other."""
     done = _Simulated()
     planned = [batch for batch in plan.batches if not missing.keys().isdisjoint(batch.cases)]
     if not planned:

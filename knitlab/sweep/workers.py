@@ -109,11 +109,7 @@ class Task:
 def pool_of(
     task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
 ) -> Iterator[Pool]:
-    """The pool for a run: a dask scheduler, processes of this machine, or with 0 this process.
-
-    Raises:
-        BadInput: if no scheduler answers, or the system has no timers for ``case_timeout``.
-    """
+    """The pool for a run: a dask scheduler, processes of this machine, or with 0 this process."""
     if scheduler is not None or workers:
         with (
             _client(workers, scheduler, dashboard) as client,
@@ -283,10 +279,7 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Raise KeyboardInterrupt on any signal that asks a process to end, unless it is ignored.
-
-    Outside the main thread this does nothing, as Python installs signal handlers only there.
-    """
+    """Raise KeyboardInterrupt on signals that end a process; only the main thread can do so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

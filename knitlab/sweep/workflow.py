@@ -1,6 +1,12 @@
-"""Workflows: the schema of the TOML file that describes one sweep."""
+"""Workflows: the schema of the TOML file that describes one sweep, and its settings by name.
 
-from typing import TYPE_CHECKING, Annotated, Any
+A setting is declared once, as a field of a table such as
+:class:`~knitlab.equilibrium.settings.Solver` or of a section below; ``--set``, sweeps, coordinates
+and the reference follow.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -25,19 +31,24 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Method
 from knitlab.simulation.stripe_changes import STIFFENING, STRIPE_QUANTITIES
-from knitlab.sweep.declared_fields import Types, declared, factors, optional, with_fields
+from knitlab.sweep.declared_fields import (
+    FactorOn,
+    Types,
+    declared,
+    factors,
+    optional,
+    parts,
+    unit_of,
+    with_fields,
+)
 from knitlab.sweep.figure_names import FIGURE_NAMES
 from knitlab.sweep.patterns import is_pattern_name
 
-Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
-"""Numbers of stitches."""
+Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]  # numbers of stitches
 
-LARGEST_STRAIN = 10.0
-"""Largest applied strain of a test [1]; pure stripes unfold to about 2."""
-MOST_STEPS = 1000
-"""Largest number of strain steps of a test."""
-MOST_SIBLINGS = 100
-"""Largest number of siblings of a design."""
+LARGEST_STRAIN = 10.0  # of a test; pure stripes unfold to about 2
+MOST_STEPS = 1000  # largest number of strain steps of a test
+MOST_SIBLINGS = 100  # largest number of siblings of a design
 
 
 def _known_figure(name: str) -> str:
@@ -297,3 +308,55 @@ SECTIONS: dict[str, type[StrictModel]] = {
     "gauge": GaugeSection,
 }
 """The tables of a workflow file."""
+SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
+"""Sections of which any single setting may be a list, and is then a dimension of the cube."""
+SAMPLE_SIZE = "unit_cells"  # the setting of `[design]` that may be a list too, of pairs
+PATTERN = "pattern"  # the setting of `[design]` that may be a list of names
+OF_ALL_CASES = ("material", "interpolate_stripes")
+"""Settings of a swept section that may not be a list."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting: declared type, with range and unit, and default, None if of a parameter file."""
+
+    section: str
+    name: str
+    kind: Any
+    default: Any
+
+    @property
+    def unit(self) -> str:
+        """Its unit [UDUNITS]."""
+        return unit_of(self.kind)
+
+    @property
+    def factor_on(self) -> str | None:
+        """The quantity that it multiplies, if it is a factor."""
+        marks = (its.quantity for its in parts(self.kind) if isinstance(its, FactorOn))
+        return next(marks, None)
+
+    @property
+    def takes_list(self) -> bool:
+        """Whether its value is a list."""
+        return any(get_origin(part) is tuple for part in parts(self.kind))
+
+    def is_swept_by(self, value: Any) -> bool:
+        """Whether a value of a workflow file is a list of several values."""
+        if not isinstance(value, list) or not value:
+            return False
+        if self.name == SAMPLE_SIZE:
+            return all(isinstance(one, list) for one in value)
+        if self.name == PATTERN:
+            names = [isinstance(one, str) and is_pattern_name(one) for one in value]
+            return len(value) > 1 and all(names)
+        swept = self.section in SWEPT_SECTIONS and self.name not in OF_ALL_CASES
+        return swept and not self.takes_list
+
+
+SETTINGS = {
+    name: Setting(section, name, field.rebuild_annotation(), field.default)
+    for section, schema in SECTIONS.items()
+    for name, field in schema.model_fields.items()
+}
+"""Every setting, by name."""

@@ -14,8 +14,7 @@ from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.toml import read_toml
 from knitlab.simulation.case import Label
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.settings import PATTERN, SAMPLE_SIZE, SETTINGS, Setting
-from knitlab.sweep.workflow import SECTIONS, Workflow
+from knitlab.sweep.workflow import PATTERN, SAMPLE_SIZE, SECTIONS, SETTINGS, Setting, Workflow
 from knitlab.sweep.workflow_file import Overrides, read_overrides
 
 KEYS = dict.fromkeys(Workflow.model_fields, "") | {

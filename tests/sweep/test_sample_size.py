@@ -12,7 +12,7 @@ import knitlab
 from knitlab.cube.cube_file import open_cube, write_cube
 from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
-from knitlab.io.provenance import provenance
+from knitlab.io.fingerprint import provenance
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 from tests.sweep import stand_in

@@ -13,8 +13,7 @@ from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import declared, unit_of
 from knitlab.sweep.parameters import TABLES, Model, read_parameters
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.settings import SETTINGS
-from knitlab.sweep.workflow import SECTIONS
+from knitlab.sweep.workflow import SECTIONS, SETTINGS
 
 DESIGN = ("n_stripe=4", "n_subunit=16")
 FILES = {
