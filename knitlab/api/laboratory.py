@@ -94,6 +94,7 @@ def fit(
     model_error: float = 0.01,
     starts: int = 4,
     step: Step = lambda tests, chi_squared: None,
+    kept: str | Path | None = None,
     **settings: Any,
 ) -> Fit:
     """Fit k_s, k_t and θ0 of both stripes to a test of a whole fabric.
@@ -107,6 +108,7 @@ def fit(
         model_error: error of the model, as a fraction of the largest value of a curve.
         starts: largest number of starts that are tried until the test is matched.
         step: called after every test with the number of tests and χ² of the last.
+        kept: folder that keeps the tests, so that an interrupted fit continues where it was.
         settings: settings of the workflow to replace.
 
     Returns:
@@ -123,4 +125,5 @@ def fit(
     case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))
-    return fit_stripes(case, target, looseness, starts=starts, step=step)
+    folder = None if kept is None else Path(kept)
+    return fit_stripes(case, target, looseness, starts=starts, step=step, kept=folder)

@@ -1,5 +1,7 @@
 """Commands on measurements: ``calibrate``, ``import``, ``fit``."""
 
+import shutil
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -186,7 +188,7 @@ def fit(
     """Fit k_s, k_t and theta_0 of both stripes to an imported EXPERIMENT on a whole fabric.
 
     The sample is the only case of WORKFLOW with the design of the experiment. It is simulated
-    about ten to thirty times.
+    about ten to thirty times; if interrupted, the same command continues.
     """
     from knitlab.api import laboratory as api
     from knitlab.cube.cube_file import open_cube
@@ -198,15 +200,23 @@ def fit(
     options.check_toml(output)
     cube = selected(open_cube(experiment), selections)
 
+    began = time.monotonic()
+
     def report_step(tests: int, chi_squared: float) -> None:
+        if tests == 1:
+            seconds = time.monotonic() - began
+            click.echo(f"the first test took {seconds:.0f} s; usual are 10 to 30 tests", err=True)
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
-    fitted = api.fit(cube, make_plan(workflow, settings), step=report_step, **numbers)
+    kept = output.with_suffix(".tests")
+    plan = make_plan(workflow, settings)
+    fitted = api.fit(cube, plan, step=report_step, kept=kept, **numbers)
     for line in report(fitted):
         click.echo(line)
     for warning in fitted.warnings:
         options.echo_problem(warning)
     fitted_material(fitted, experiment).write(output)
+    shutil.rmtree(kept, ignore_errors=True)
     click.echo(f"stripes  {output}")
     title = f"{fitted.before.label}, fitted to {experiment}"
     options.draw_beside(output, lambda: fit_figure(fitted, title))

@@ -17,6 +17,8 @@ from knitlab.io.errors import fault, unknown
 
 Numbers = Float[np.ndarray, " design"]
 
+CROSSINGS = "intersections_at_min"
+
 
 @dataclass(frozen=True)
 class Reached:
@@ -106,6 +108,9 @@ def find_designs(
     labels = [*design_dims(cubes[0]), *(name for name in ("cube", "boundary") if name in designs)]
     table = designs[labels].iloc[order].reset_index(drop=True)
     table["distance"] = distance[order]
+    if CROSSINGS in designs and (crossings := designs[CROSSINGS].iloc[order]).fillna(0).any():
+        # States of which no real fabric has any.
+        table[CROSSINGS] = crossings.to_numpy()
     ordered = tuple(each.in_order(order) for each in reached)
     for number, each in enumerate(ordered, start=1):
         table[f"value_{number}"] = each.obtained

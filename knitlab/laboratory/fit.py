@@ -10,7 +10,9 @@ branch matches the test, the search is repeated from stripe parameters drawn fro
 """
 
 import itertools
+import pickle
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -23,7 +25,9 @@ from scipy.stats import norm, qmc
 
 from knitlab.cube.schema import VARIABLES
 from knitlab.equilibrium.adjoint import NoDerivative
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
+from knitlab.io.fingerprint import code_fingerprint
 from knitlab.laboratory.curves import (
     QUANTITIES,
     Curves,
@@ -84,6 +88,7 @@ def fit_stripes(
     looseness: float,
     starts: int = 4,
     step: Step = lambda tests, chi_squared: None,
+    kept: Path | None = None,
 ) -> Fit:
     """Fit the stripe parameters of a case, at the strains of a measured test, to that test.
 
@@ -91,7 +96,7 @@ def fit_stripes(
     the test is matched; the first is the tables. ``step`` is called after every test with the
     number of tests and χ² of the last. BadInput if the test with the tables does not converge.
     """
-    search = _Search(case, target, looseness, step)
+    search = _Search(case, target, looseness, step, kept)
     tables = np.zeros(len(FITTED))
     first = search.begin(tables)
     if first is None:
@@ -125,8 +130,11 @@ def _by_name(values: Float[np.ndarray, " name"]) -> Factors:
 class _Search:
     """Simulated tests of a search; the last one is kept for its derivatives."""
 
-    def __init__(self, case: Case, target: MeasuredTest, looseness: float, step: Step) -> None:
+    def __init__(
+        self, case: Case, target: MeasuredTest, looseness: float, step: Step, kept: Path | None
+    ) -> None:
         self.case, self.target, self.looseness, self.step = case, target, looseness, step
+        self.kept = kept
         upper = np.full(len(FITTED), np.log(LARGEST_FACTOR))
         upper[FITTED.index("rib_theta_0")] = np.log(LARGEST_REST_ANGLE / case.weft.theta_0)
         upper[FITTED.index("garter_theta_0")] = np.log(LARGEST_REST_ANGLE / case.warp.theta_0)
@@ -140,19 +148,36 @@ class _Search:
 
     def begin(self, logarithms: Logarithms) -> SimulatedTest | None:
         """Simulate a test from the flat sheet; the search continues from it."""
-        self.near = simulated_test(self.with_parameters(logarithms))
+        self.near = self._simulated(self.with_parameters(logarithms), None)
         self.point = logarithms.tobytes()
-        self.tests += 1
         return self.near
 
     def test(self, logarithms: Logarithms) -> SimulatedTest | None:
         """A test that starts from the last one; if it converges, later ones start from it."""
         if logarithms.tobytes() == self.point:
             return self.near
-        test = simulated_test(self.with_parameters(logarithms), self.near)
-        self.tests += 1
+        test = self._simulated(self.with_parameters(logarithms), self.near)
         if test is not None:
             self.near, self.point = test, logarithms.tobytes()
+        return test
+
+    def _simulated(self, case: Case, near: SimulatedTest | None) -> SimulatedTest | None:
+        """A test, from the kept ones of a fit that was interrupted if it is among them.
+
+        A search is deterministic, so that a test has its number, case and code again.
+        """
+        self.tests += 1
+        if self.kept is None:
+            return simulated_test(case, near)
+        path = self.kept / f"{self.tests:03d}-{case.case_id}-{code_fingerprint()}.pickle"
+        if path.is_file():
+            with suppress(EOFError, pickle.UnpicklingError):
+                loaded: SimulatedTest | None = pickle.loads(path.read_bytes())
+                return loaded
+        test = simulated_test(case, near)
+        self.kept.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(pickle.dumps(test))
         return test
 
     def converged(self, logarithms: Logarithms) -> SimulatedTest:

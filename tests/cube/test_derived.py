@@ -123,3 +123,10 @@ def test_legends_stay_within_their_figure():
     figure.canvas.draw()
     (legend,) = figure.legends
     assert legend.get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_find_shows_which_designs_pass_through_themselves():
+    asked = {"targets": "poisson_ratio_min < 0"}
+    assert "intersections_at_min" not in kl.find(REFERENCE / "periodic", **asked).table
+    table = kl.find(REFERENCE / "preview", **asked).table
+    assert (table["intersections_at_min"] > 0).any()

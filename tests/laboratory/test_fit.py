@@ -168,6 +168,39 @@ def test_a_sample_that_does_not_relax_is_refused(case, truth):
 
 
 @pytest.mark.slow
+def test_an_interrupted_fit_continues_with_the_tests_that_it_has(
+    case, truth, tmp_path, monkeypatch
+):
+    short = replace(case, applied_strain=STRAINS[:3])
+    measured = noisy(truth, 0.005, seed=1)
+    target = MeasuredTest(STRAINS[1:3], measured.values[:, :2], measured.errors[:, :2])
+    simulated = []
+
+    def counted(case, near):
+        simulated.append(case.case_id)
+        return simulated_test(case, near)
+
+    monkeypatch.setattr("knitlab.laboratory.fit.simulated_test", counted)
+
+    def interrupt(tests, _):
+        if tests == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_stripes(short, target, 0.2, starts=1, step=interrupt, kept=tmp_path)
+    assert len(simulated) == 3
+    resumed = fit_stripes(short, target, 0.2, starts=1, kept=tmp_path)
+    alone = fit_stripes(short, target, 0.2, starts=1)
+    assert resumed.factors == pytest.approx(alone.factors, rel=1e-9)
+    assert resumed.tests == alone.tests
+    assert len(simulated) == 2 * alone.tests
+    # A file that was cut off is simulated again.
+    for path in tmp_path.iterdir():
+        path.write_bytes(path.read_bytes()[:100])
+    assert fit_stripes(short, target, 0.2, starts=1, kept=tmp_path).tests == alone.tests
+
+
+@pytest.mark.slow
 def test_a_test_that_fails_midway_is_skipped(case, truth):
     # So far away that no state converges: the search must take a shorter step, not end.
     assert simulated_test(with_factors(case, {"rib_k_s": 1e-9}), truth) is None
