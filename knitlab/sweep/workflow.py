@@ -38,6 +38,7 @@ from knitlab.sweep.declared_fields import (
     factors,
     optional,
     parts,
+    unit_of,
     with_fields,
 )
 from knitlab.sweep.figure_names import FIGURE_NAMES
@@ -321,6 +322,11 @@ class Setting:
     name: str
     kind: Any
     default: Any
+
+    @property
+    def unit(self) -> str:
+        """Unit [UDUNITS]."""
+        return unit_of(self.kind)
 
     @property
     def factor_on(self) -> str | None:

@@ -13,7 +13,7 @@ from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.toml import read_toml
 from knitlab.simulation.case import Label
-from knitlab.sweep.declared_fields import declared, unit_of
+from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.workflow import PATTERN, SAMPLE_SIZE, SECTIONS, SETTINGS, Setting, Workflow
 from knitlab.sweep.workflow_file import Overrides, read_overrides
 
@@ -54,7 +54,7 @@ def coordinate(setting: Setting) -> Variable:
     }.get(setting.name, setting.name)
     if quantity := setting.factor_on:
         long_name = f"factor on {quantity}"
-    return Variable((setting.name,), unit_of(setting.kind), long_name)
+    return Variable((setting.name,), setting.unit, long_name)
 
 
 def combinations(
