@@ -50,8 +50,8 @@ class Shard:
     count: int
 
     def __post_init__(self) -> None:
-        whole = all(type(value) is int for value in (self.number, self.count))
-        if not (whole and 1 <= self.number <= self.count):
+        integers = all(type(value) is int for value in (self.number, self.count))
+        if not (integers and 1 <= self.number <= self.count):
             problem = "is not a part of a plan; give a whole number from 1 to the number of shards"
             raise fault(f"shard {self}", problem)
 
@@ -107,9 +107,9 @@ def work(case: Case, states: float) -> float:
         time_step = _time_step(case, case.motion)
         return _time(case, case.motion, states) / time_step * case.mesh_shape.nodes
     tests, states = divmod(states, len(case.applied_strain))
-    whole = len(case.applied_strain) + RELAXATION_STEPS - 1
+    steps_of_test = len(case.applied_strain) + RELAXATION_STEPS - 1
     begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
-    steps = tests * whole + begun + states
+    steps = tests * steps_of_test + begun + states
     if case.unloading:
         steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
     steps *= CONTACT if case.options.contact == "barrier" else 1.0

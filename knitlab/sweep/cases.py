@@ -12,12 +12,7 @@ from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern, SingleFold
 from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
-from knitlab.fabric.stripe import (
-    GARTER_STITCHES_PER_RIB_STITCH,
-    Knit,
-    Stripe,
-    periods_per_patch,
-)
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe, periods_per_patch
 from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor

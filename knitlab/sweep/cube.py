@@ -86,7 +86,10 @@ def build_cube(
         if cell and has_results and state is CaseState.done and cell.case_id == case_id:
             continue
         if state is not CaseState.damaged and path.is_file():
-            entries[design] = _read_entry(path, case, plan.gauge)
+            wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
+            values = known_in_advance(case) | read_values(path, wanted)
+            values |= sizes_of(case, values, plan.gauge)
+            entries[design] = Entry(values, case.applied_strain)
         elif not has_results:
             status = Status.failed if case_id in failed else Status.pending
             values = known_in_advance(case) | {"code": "", "status": status}
@@ -155,12 +158,6 @@ def known_in_advance(case: Case) -> Values:
         if f"{stripe.knit}_{name}" not in case.design
     }
     return {"periods": case.periods, "case_id": case.case_id, **sizes, **stripes}
-
-
-def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
-    wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
-    values = known_in_advance(case) | read_values(path, wanted)
-    return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
 
 
 def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:

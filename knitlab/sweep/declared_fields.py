@@ -50,7 +50,7 @@ def parts(kind: Any) -> tuple[Any, ...]:
 
 def unit_of(kind: Any) -> str:
     """Unit of a declared type [UDUNITS]."""
-    return next((part.symbol for part in parts(kind) if isinstance(part, Unit)), "1")
+    return next((mark.symbol for mark in parts(kind) if isinstance(mark, Unit)), "1")
 
 
 def required(types: Types) -> Fields:

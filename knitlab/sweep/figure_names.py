@@ -5,23 +5,9 @@ from pathlib import Path
 from knitlab.io.errors import fault
 
 FIGURE_NAMES = (
-    "auxetic",
-    "capacitors",
-    "contact",
-    "curves",
-    "electrodes",
-    "force",
-    "grid",
-    "options",
-    "relaxation",
-    "samples",
-    "sensitivity",
-    "sensor",
-    "shape",
-    "stripes",
-    "swept",
-    "tension",
-    "wavelength",
+    *("auxetic", "capacitors", "contact", "curves", "electrodes", "force", "grid", "options"),
+    *("relaxation", "samples", "sensitivity", "sensor", "shape", "stripes", "swept"),
+    *("tension", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
 COMPARING = ("contact", "grid", "options", "swept")

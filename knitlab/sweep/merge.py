@@ -39,8 +39,7 @@ class Merge:
     @property
     def counts(self) -> dict[str, int]:
         """Number of designs by status, without excluded combinations."""
-        statuses = self.cube["status"].values
-        numbers = {status.name: int((statuses == status).sum()) for status in Status}
+        numbers = {each.name: int((self.cube["status"] == each).sum()) for each in Status}
         return {name: n for name, n in numbers.items() if n and name != Status.excluded.name}
 
 

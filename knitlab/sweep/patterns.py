@@ -182,15 +182,15 @@ class _Lines:
         """Periods of all lines, from their sizes in stitches."""
         for number, (size, n) in enumerate(zip(sizes, n_stripe, strict=True), 1):
             period = self.of_period(n)
-            whole, rest = divmod(size, period)
-            if rest or not whole:
-                near = sorted({max(1, whole) * period, (whole + 1) * period})
+            count, rest = divmod(size, period)
+            if rest or not count:
+                near = sorted({max(1, count) * period, (count + 1) * period})
                 stripes = f"{2 * size / period:g} stripes of n_stripe {n}"
                 rule = f"a patch holds an even number of them; take {' or '.join(map(str, near))}"
                 problems.append(
                     f"{self.title} {number}: {size} {self.unit} are {stripes}, and {rule}"
                 )
-            yield max(1, whole)
+            yield max(1, count)
 
     def stripes(
         self, n_stripe: Sequence[int], stripe: StripeOf, problems: list[str]

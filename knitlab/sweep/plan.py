@@ -73,8 +73,8 @@ class Plan:
     def part(self, shard: Shard) -> "Plan":
         """The part that one shard simulates; without cases if there are more shards than cases."""
         batches = split(self.batches, self.cases, shard.count)[shard.number - 1]
-        own = {case_id for batch in batches for case_id in batch.cases}
-        cases = {case_id: case for case_id, case in self.cases.items() if case_id in own}
+        wanted = {case_id for batch in batches for case_id in batch.cases}
+        cases = {case_id: case for case_id, case in self.cases.items() if case_id in wanted}
         return replace(self, cases=cases, batches=batches)
 
     @cached_property

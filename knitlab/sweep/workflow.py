@@ -336,7 +336,7 @@ class Setting:
     @property
     def takes_list(self) -> bool:
         """Whether its value is a list."""
-        return any(get_origin(part) is tuple for part in parts(self.kind))
+        return any(get_origin(kind) is tuple for kind in parts(self.kind))
 
     def is_swept_by(self, value: Any) -> bool:
         """Whether a value of a workflow file is a list of several values."""

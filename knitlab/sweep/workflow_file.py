@@ -55,7 +55,7 @@ def read_overrides(
                 faults.append(Fault(f"{source} {key}", problem))
         return read, faults
     for given in overrides:
-        key, _, text = (part.strip() for part in given.partition("="))
+        key, _, text = map(str.strip, given.partition("="))
         if text:
             read.append(Override(key, read_value(text), f"{source} {given}"))
         else:

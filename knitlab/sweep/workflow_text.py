@@ -173,7 +173,7 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
 
 
 def _listed(section: str, name: str, value: Any) -> Any:
-    """A value of a workflow, in a list if it stands alone for one."""
+    """A value of a workflow, in a list if it is the only one of a list."""
     setting = SETTINGS.get(name)
     of_setting = setting is not None and setting.section == section and setting.takes_list
     return [value] if of_setting and not isinstance(value, list | dict) else value
