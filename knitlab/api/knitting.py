@@ -12,7 +12,7 @@ import xarray as xr
 
 from knitlab.api.simulation import Design, case_of_design
 from knitlab.cube.cube_file import CUBE, cube_path, design_dims, is_case, open_cube
-from knitlab.cube.selection import chosen_places, selected
+from knitlab.cube.selection import chosen_indices, selected
 from knitlab.fabric.settings import ModelOptions
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
@@ -280,7 +280,7 @@ def _of_workflow(
         dim: np.array(list(dict.fromkeys(case.design[dim] for case in designs)))
         for dim in plan.dims
     }
-    for dim, kept in chosen_places(labels, selections).items():
+    for dim, kept in chosen_indices(labels, selections).items():
         designs = [case for case in designs if case.design[dim] in labels[dim][kept]]
     _check_is_one(plan.workflow, [case.label for case in designs])
     return SingleDesign(designs[0], plan.gauge, material=plan.material)

@@ -57,13 +57,13 @@ def check_case_file(results: Path, case_id: str) -> StoredCase:
     """Compare a case file with its checksum."""
     try:
         stated = checksum_path(results, case_id).read_bytes().split(b" ")[0]
-        found = file_digest(case_path(results, case_id))
+        digest = file_digest(case_path(results, case_id))
     except FileNotFoundError:
         exists = case_path(results, case_id).exists()
         return StoredCase.damaged if exists else StoredCase.nothing
     except OSError:
         return StoredCase.damaged
-    return StoredCase.sound if found.encode() == stated else StoredCase.damaged
+    return StoredCase.sound if digest.encode() == stated else StoredCase.damaged
 
 
 def read_code(results: Path, case_id: str) -> str | None:

@@ -31,7 +31,7 @@ def common_settings(
     # Converted to JSON, so that they can be compared with those of a cube.
     common: dict[str, Any] = reduce(shared, json.loads(json.dumps(list(records))))
     kept = {
-        key: {name: its for name, its in value.items() if name not in swept}
+        key: {name: inner for name, inner in value.items() if name not in swept}
         if isinstance(value, dict)
         else value
         for key, value in common.items()
@@ -61,11 +61,11 @@ def differences(
     one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
 ) -> tuple[SettingDifference, ...]:
     """Where records, within tables of some keys, differ under the same key, sorted as sentences."""
-    found: list[SettingDifference] = []
+    changed: list[SettingDifference] = []
     for key in one.keys() & other.keys():
         before, after = one[key], other[key]
         if isinstance(before, dict) and isinstance(after, dict):
-            found += differences(before, after, (*within, key))
+            changed += differences(before, after, (*within, key))
         elif before != after:
-            found.append(SettingDifference((*within, key), before, after))
-    return tuple(sorted(found, key=str))
+            changed.append(SettingDifference((*within, key), before, after))
+    return tuple(sorted(changed, key=str))

@@ -55,13 +55,9 @@ def difference(
 def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.DataFrame:
     """One row for each curve of a design that a simulation and an experiment both have.
 
-    The simulation is interpolated linearly to the measured strains, and its force is scaled to the
-    number of unit cells across the measured sample. Capacitances, which depend on the length of the
-    electrodes, are normalised at the first common strain.
-
-    Raises:
-        BadInput: if the cubes are not one simulation and experiments, have swept settings, or have
-            no curve of a design in common.
+    The simulation is interpolated linearly to the measured strains, its force scaled to the unit
+    cells across the sample, and capacitances to the first common strain. BadInput if the cubes are
+    not one simulation and experiments, have swept settings, or no curve in common.
     """
     if is_measured(simulation):
         name = source_of(simulation)
@@ -99,13 +95,13 @@ def _rows(simulation: xr.Dataset, experiment: xr.Dataset) -> Iterator[dict[str, 
                 cells = simulated["strain_yy"].notnull().any(["applied_strain", "cell_y"])
                 curve = curve * (across / int(cells.sum()))
             at, values, errors = _at_measured_strains(name, curve, measured)
-            found = difference(at, values, errors)
-            if found is not None:
+            differing = difference(at, values, errors)
+            if differing is not None:
                 yield {
                     "source": source_of(experiment),
                     **labels,
                     "variable": name,
-                    **found._asdict(),
+                    **differing._asdict(),
                     "largest_measured": float(np.nanmax(np.abs(values))),
                     "units": VARIABLES[name].units,
                 }

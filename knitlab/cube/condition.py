@@ -98,9 +98,9 @@ class _Evaluation:
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return ~self._condition(operand)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATIONS:
-                found = OPERATIONS[type(op)](self.value(left), self.value(right))
+                value = OPERATIONS[type(op)](self.value(left), self.value(right))
                 # Missing where infinite.
-                return found.where((found - found) == 0) if isinstance(found, pd.Series) else found
+                return value.where((value - value) == 0) if isinstance(value, pd.Series) else value
             case ast.BoolOp(op=op, values=operands):
                 return reduce(OPERATIONS[type(op)], map(self._condition, operands))
             case ast.Call(func=ast.Name(id="abs"), args=[operand], keywords=[]):

@@ -18,8 +18,7 @@ from knitlab.io.errors import fault
 
 CUBE = "cube.nc"
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
-WITHOUT_RESULTS = {Status.excluded: 0, Status.pending: 1, Status.failed: 2}
-"""Of several cubes, a design is taken from the one with the highest, at 3 one with results."""
+WITHOUT_RESULTS = {Status.excluded: 0, Status.pending: 1, Status.failed: 2}  # rank; with results 3
 
 
 def cube_path(path: str | Path) -> Path:

@@ -55,8 +55,7 @@ def _variable(dims: tuple[str, ...], text: str, of: str = "all", in_cube: bool =
     return Variable(dims, units or "1", long_name, description, in_cube, of)
 
 
-DESIGN_DIMS = ("n_stripe", "n_subunit")
-"""Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
+DESIGN_DIMS = ("n_stripe", "n_subunit")  # dimensions of a cube of checkerboards
 STRIPE_DIMS = ("knit", "n", "boundary")
 CYCLE = "cycle"  # dimension of an experiment with several cycles
 SOURCE = "source"  # coordinate that states the source of a cube
@@ -332,9 +331,9 @@ def described(dataset: xr.Dataset) -> xr.Dataset:
 def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
     """NetCDF encoding of a case or cube: integers stored as such, arrays compressed."""
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
-    for name, its in chosen.items():
+    for name, settings in chosen.items():
         if compressed and dataset[name].ndim and dataset[name].dtype.kind in "fi":
-            its |= {"zlib": True, "complevel": 4}
+            settings |= {"zlib": True, "complevel": 4}
         if name in INTEGERS:
-            its |= {"dtype": "int32", "_FillValue": MISSING}
+            settings |= {"dtype": "int32", "_FillValue": MISSING}
     return chosen

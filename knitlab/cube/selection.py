@@ -14,7 +14,7 @@ MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """Keep the selected values of coordinates and all dimensions; BadInput if one is not there."""
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
-    return cube.isel(chosen_places(coordinates, selections))
+    return cube.isel(chosen_indices(coordinates, selections))
 
 
 def selections_along(selections: Mapping[str, Any], names: Iterable[Hashable]) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
     return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)
 
 
-def chosen_places(
+def chosen_indices(
     coordinates: Mapping[str, np.ndarray], selections: Mapping[str, Any]
 ) -> dict[str, list[int]]:
     """Indices of the selected values along coordinates; BadInput with every one not there."""
@@ -49,7 +49,7 @@ def chosen_places(
     faults = ErrorCollector()
     for name, value in selections.items():
         with faults:
-            chosen[name] = _places(coordinates, name, value)
+            chosen[name] = _indices(coordinates, name, value)
     if faults.all:
         raise BadInput(faults.all)
     return chosen
@@ -59,13 +59,13 @@ def _values(value: Any) -> list[Any]:
     return np.asarray(value, dtype=object).ravel().tolist()
 
 
-def _places(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> list[int]:
+def _indices(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> list[int]:
     path = f"selections {as_given({name: value})[0]}"
     if name not in coordinates:
         raise fault(path, unknown(name, coordinates))
     present = coordinates[name]
     words = present.dtype.kind not in "biuf"
-    places = []
+    indices = []
     for one in _values(value):
         try:
             matches = present == str(one) if words else np.isclose(present, float(one), 0, 1e-9)
@@ -76,7 +76,7 @@ def _places(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> lis
             more = ", …" if len(shown) > MOST_CHOICES else ""
             listed = ", ".join(shown[:MOST_CHOICES]) + more
             raise fault(path, f"the cube has no {name} = {one}; choose from {listed}")
-        places.append(int(matches.argmax()))
-    if not places:
+        indices.append(int(matches.argmax()))
+    if not indices:
         raise fault(path, "has no value; give one")
-    return list(dict.fromkeys(places))
+    return list(dict.fromkeys(indices))

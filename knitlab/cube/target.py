@@ -145,28 +145,28 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
     match = _CURVE.fullmatch(text) or _ONE_SIDED.fullmatch(text) or _TWO_SIDED.fullmatch(text)
     if match is None:
         raise fault(where, f"cannot be read; write one of {FORMS}")
-    found: dict[str, Any] = match.groupdict()
-    tolerance = float(found["tolerance"]) if found.get("tolerance") else None
+    groups: dict[str, Any] = match.groupdict()
+    tolerance = float(groups["tolerance"]) if groups.get("tolerance") else None
     if tolerance is not None and not tolerance > 0:
         raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
-    if "path" in found:
-        target = _curve_of_file(found["name"], folder / found["path"])
+    if "path" in groups:
+        target = _curve_of_file(groups["name"], folder / groups["path"])
         return replace(target, text=text.strip(), tolerance=tolerance)
-    reduction = found["reduction"]
+    reduction = groups["reduction"]
     if reduction is not None and reduction not in REDUCTIONS:
         known = ", ".join(REDUCTIONS)
         raise fault(where, f"there is no reduction {reduction!r}; choose from {known}")
-    window = None if found["window"] is None else StrainWindow.of(found["window"], where)
+    window = None if groups["window"] is None else StrainWindow.of(groups["window"], where)
     if reduction in ("slope", "linearity") and (window is None or window.single):
         raise fault(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
-    if "relation" in found:
-        low = -np.inf if found["relation"].startswith("<") else float(found["wanted"])
-        high = np.inf if found["relation"].startswith(">") else float(found["wanted"])
+    if "relation" in groups:
+        low = -np.inf if groups["relation"].startswith("<") else float(groups["wanted"])
+        high = np.inf if groups["relation"].startswith(">") else float(groups["wanted"])
     else:
-        low, high = float(found["low"]), float(found["high"])
+        low, high = float(groups["low"]), float(groups["high"])
         if low > high:
             raise fault(where, f"no value is above {low:g} and below {high:g}; exchange them")
-    name = found["reduced"] or found["name"]
+    name = groups["reduced"] or groups["name"]
     return Target(text, name, low, high, tolerance, window, reduction)
 
 

@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 
 @dataclass(frozen=True)
 class Fault:
-    """One error in the input: its place, and the problem with its remedy."""
+    """One error in the input: where it is, and the problem with its remedy."""
 
     path: str
     problem: str
@@ -62,13 +62,13 @@ def fault(path: str, problem: str) -> BadInput:
 def faults_of(
     error: ValidationError, source: str, known: Mapping[str, str] | None = None
 ) -> list[Fault]:
-    """The faults that pydantic found in input; for a misspelt key with a known one like it."""
-    found = error.errors()
+    """Faults that pydantic reports, with the nearest known key, of a table, for a misspelt one."""
+    entries = error.errors()
     # Without those that only follow from others: lists that these left empty.
-    inner = {entry["loc"][:-1] for entry in found}
+    inner = {entry["loc"][:-1] for entry in entries}
     return [
         Fault(": ".join(filter(None, (source, ".".join(map(str, entry["loc"]))))), problem)
-        for entry, problem in ((entry, _problem(entry, known or {})) for entry in found)
+        for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries)
         if entry["type"] != "too_short" or entry["loc"] not in inner
     ]
 

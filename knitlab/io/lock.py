@@ -28,11 +28,7 @@ GATE_SECONDS = 900.0  # longest time to wait for the gate; its holder writes a c
 def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
     """Lock a results folder for a run, or for a shard (number, count) beside the others.
 
-    The lock ends with the process, however it ends.
-
-    Raises:
-        BadInput: if another run, the same shard or a shard of another split runs in the folder.
-        CannotWrite: if the folder cannot be written.
+    The lock ends with the process. BadInput if another run, the same shard or another split runs.
     """
     with gate(folder):
         if shard is not None:
@@ -55,7 +51,7 @@ def gate(folder: Path) -> Iterator[None]:
 
 def running_shards(folder: Path) -> list[tuple[int, int]]:
     """The shards (number, count) that run in a folder."""
-    found = []
+    running = []
     for path in sorted(folder.glob(".lock-shard-*")):
         if not (name := SHARD_LOCK.fullmatch(path.name)):
             continue
@@ -63,8 +59,8 @@ def running_shards(folder: Path) -> list[tuple[int, int]]:
             with FileLock(path, blocking=False):
                 pass
         except Timeout:
-            found.append((int(name[1]), int(name[2])))
-    return found
+            running.append((int(name[1]), int(name[2])))
+    return running
 
 
 def _shard_lock(number: int, count: int) -> str:

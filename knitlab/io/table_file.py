@@ -80,7 +80,7 @@ def read_columns(
     return columns
 
 
-def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
+def factor_of(where: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
     """Factor from one unit to another, and faults of the first; ``remedy`` names accepted units."""
     try:
         once, twice = (_in_unit(value, unit, target) for value in (1.0, 2.0))
@@ -88,9 +88,9 @@ def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, l
             raise pint.DimensionalityError(unit, target)
         return once, []
     except pint.DimensionalityError:
-        return np.nan, [Fault(place, f"is in {unit}; give it in a unit {remedy}")]
+        return np.nan, [Fault(where, f"is in {unit}; give it in a unit {remedy}")]
     except Exception:  # pint raises many types for a text that is not a unit
-        return np.nan, [Fault(place, f"has the unknown unit {unit!r}; give one {remedy}")]
+        return np.nan, [Fault(where, f"has the unknown unit {unit!r}; give one {remedy}")]
 
 
 def _in_unit(value: float, unit: str, target: str) -> float:

@@ -10,7 +10,13 @@ import xarray as xr
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.cube.selection import choices, chosen_places, refuse_others, selected, selections_along
+from knitlab.cube.selection import (
+    choices,
+    chosen_indices,
+    refuse_others,
+    selected,
+    selections_along,
+)
 from knitlab.io.errors import fault
 
 STRAIN = "applied_strain"
@@ -74,7 +80,7 @@ def chosen_strains(
         title = str(case_file.attrs.get("title", "test"))
         raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
     everything = np.flatnonzero(reached).tolist() if several else [0]
-    chosen = chosen_places({STRAIN: strains}, along)[STRAIN] if along else everything
+    chosen = chosen_indices({STRAIN: strains}, along)[STRAIN] if along else everything
     if missing := [index for index in chosen if not reached[index]]:
         problem = f"has no shape: {reason}; select up to {strains[reached].max():g}"
         raise fault(f"{STRAIN} {strains[missing[0]]:g}", problem)

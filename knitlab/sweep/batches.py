@@ -22,19 +22,14 @@ from knitlab.simulation.case import Case, Method, by_test
 BATCH_UNKNOWNS = 8_000  # unknowns that one vmapped batch may hold: about 1 GiB of element Hessians
 RELAXATION_STEPS = 10  # about the number of steps of a tensile test that its relaxation costs
 COST_POWER = 1.3  # about the power of the number of unknowns with which the cost of a step grows
-SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.018, "dynamics": 1.2e-7}
-"""Seconds for a unit of work on one core, by method."""
+SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.018, "dynamics": 1.2e-7}  # on one core
 TIME_TO_REST = 60.0  # usual duration of a motion until a fabric is at rest [ms]
 STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over the largest k_s
-CONTACT = 4.0
-"""How much longer a fabric with contact takes; more where its plies are pressed together."""
+CONTACT = 4.0  # how much longer a fabric with contact takes
 PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
-BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}
-"""Memory for each unknown of a batch, to some 30 %."""
-PARTS_OF_SHARE = 8
-"""Parts, at least, that batches are cut into for each shard if their cases are small enough."""
-DIGITS = 6
-"""Digits of the estimated times that balance shards: the last ones may differ between machines."""
+BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}  # to 30 %
+PARTS_OF_SHARE = 8  # batches of each shard, at least, if their cases are small enough
+DIGITS = 6  # of the estimated times that balance shards, whatever the machine
 
 
 @dataclass(frozen=True)
@@ -167,7 +162,7 @@ def split(
         load, number = loads[0]
         heapq.heapreplace(loads, (load + costs[part], number))
         shards[number].append(part)
-    return [tuple(its) for its in shards]
+    return [tuple(shard) for shard in shards]
 
 
 def _parts(batch: Batch, cases: Mapping[str, Case], longest: float) -> list[Batch]:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import BadLayout
-from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern
+from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern, SingleFold
 from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
@@ -51,7 +51,6 @@ Table = TypeVar("Table")
 Design = tuple[Label, ...]
 Pair = tuple[int, int]
 Source = Callable[[str], str]  # names where a `section.key` comes from, for a fault
-DEFAULT_SET = "paper"
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class DesignSpace:
 
 def design_space(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
     """The designs of ``[design]``; BadInput if a set or a member is unknown, or none is left."""
-    name, sets = section.set or DEFAULT_SET, parameters.designs.root
+    name, sets = section.set or "paper", parameters.designs.root
     if name not in sets:
         raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
     if section.n_stripe is None or section.n_subunit is None:
@@ -230,6 +229,7 @@ def cases(
     if workflow.design is not None:
         entry, folder = _pattern(workflow.design, parameters, source)
         rows = entry.patches(folder)
+        height, width = len(rows), len(rows[0])
         if "P" in "".join(rows):
             common["plain"] = _plain(parameters, changes, source)
         for n_stripe, n_subunit in space.designs:
@@ -244,12 +244,15 @@ def cases(
                     periods=periods_per_patch(n, m),
                     unit_cells=sample_size(workflow.design, entry.stitches(rows, n, m)),
                     grading=entry.grading(rows, n, m, stripe),
-                    folds=entry.single_folds,
+                    folds=tuple(SingleFold(**fold.model_dump()) for fold in entry.folds),
                     cell_patches=entry.cell,
                     **common,
                 )
                 case.sample.grid_folds()
-                _check_cells(rows, entry.cell)
+                if entry.cell and (height % entry.cell[0] or width % entry.cell[1]):
+                    problem = f"cell = {list(entry.cell)} does not fill the pattern of {height} by"
+                    problem += f" {width} patches; give numbers that divide them"
+                    raise BadPattern([problem])
                 _check_thickness(case, source)
             except BadPattern as error:
                 where = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
@@ -281,13 +284,6 @@ def _plain(parameters: Parameters, changes: dict[str, float], source: Source) ->
         problem = f"the material {parameters.material!r} has no plain knit; give {missing}"
         raise fault(source("design.pattern"), f"{problem}, or choose a pattern without P")
     return changed_table(PlainKnit(**{name: changes[name] for name in names}), changes)
-
-
-def _check_cells(rows: tuple[str, ...], cell: tuple[int, int] | None) -> None:
-    height, width = len(rows), len(rows[0])
-    if cell and (height % cell[0] or width % cell[1]):
-        problem = f"cell = {list(cell)} does not fill the pattern of {height} by {width} patches"
-        raise BadPattern([f"{problem}; give numbers that divide them"])
 
 
 def _pattern(

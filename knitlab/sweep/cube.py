@@ -27,8 +27,7 @@ MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unload
 """Parameters in which designs of one cube may differ."""
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
-GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}
-"""The cube's attributes that state its gauge [mm]."""
+GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}  # in mm
 
 
 @dataclass(frozen=True)
@@ -73,10 +72,9 @@ def build_cube(
 ) -> xr.Dataset:
     """Cube of a plan, from its case files and the previous cube, which has the same dimensions.
 
-    A planned case has the results of its file, else those that the old cube has for its design,
-    else it is ``failed`` or ``pending``. Cells of the old cube that are not in the plan are kept;
-    combinations that were never requested are ``excluded``. Files of cases that are done already in
-    the old cube, or damaged, are not read.
+    A planned case has the results of its file, unless that is damaged or done already in the old
+    cube, else those of its design in the old cube, else it is ``failed`` or ``pending``. Other
+    cells of the old cube are kept; combinations never requested are ``excluded``.
     """
     known = cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)

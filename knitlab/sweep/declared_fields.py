@@ -12,8 +12,7 @@ from knitlab.io.errors import BadInput, faults_of
 from knitlab.io.toml import StrictModel
 
 Types = dict[str, Any]  # declared types of settings, with range and unit, by name
-Fields = dict[str, tuple[Any, Any]]
-"""Types and defaults of a schema's fields, by name; without a default a field is required."""
+Fields = dict[str, tuple[Any, Any]]  # types and defaults of a schema, by name; ... where required
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 
@@ -46,7 +45,7 @@ def factors(quantities: Types) -> Types:
 
 def parts(kind: Any) -> tuple[Any, ...]:
     """A declared type and all its parts, including markers such as its unit."""
-    return kind, *(part for its in get_args(kind) for part in parts(its))
+    return kind, *(inner for argument in get_args(kind) for inner in parts(argument))
 
 
 def unit_of(kind: Any) -> str:
@@ -67,14 +66,16 @@ def optional(types: Types) -> Fields:
 def with_defaults(table: type) -> Fields:
     """Fields with the defaults of a dataclass."""
     defaults = {field.name: field.default for field in dataclasses.fields(table)}
-    defaults = {name: its for name, its in defaults.items() if its is not dataclasses.MISSING}
+    defaults = {name: one for name, one in defaults.items() if one is not dataclasses.MISSING}
     types = required(declared(table))
     return {name: (kind, defaults.get(name, ...)) for name, (kind, _) in types.items()}
 
 
 def entries(types: Types) -> Fields:
     """Tables ``{value, unit, source}`` of a parameter file."""
-    stated = {name: required({"value": its}) | units({"unit": its}) for name, its in types.items()}
+    stated = {
+        name: required({"value": kind}) | units({"unit": kind}) for name, kind in types.items()
+    }
     return {name: (with_fields(fields)(ParameterValue), ...) for name, fields in stated.items()}
 
 

@@ -121,13 +121,9 @@ class FolderContents:
 
 
 def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = False) -> Merge:
-    """Join the case files, cubes, plans and failures of several folders, see :func:`knitlab.merge`.
+    """Join the files of several folders, see :func:`knitlab.merge`; all is compared before.
 
-    Everything is compared before anything is written, each file atomically.
-
-    Raises:
-        BadInput: if the folders contradict each other or hold several workflows.
-        CannotWrite: if the merged folder cannot be written.
+    BadInput if they contradict each other or hold several workflows.
     """
     paths = dict.fromkeys(path.resolve() for each in folders for path in _results_folders(each))
     sources = [FolderContents.of(path) for path in paths]

@@ -70,14 +70,12 @@ class DesignSets(RootModel[dict[str, DesignSet]]):
 class Parameters:
     """Everything under ``params/``, and the source of each value by the name of its setting.
 
-    The capacitor has the layout where none is named. Paths of a pattern are relative to the folder
-    beside it. ``material`` is the name of a material in place of the paper's yarn, ``scaled`` are
-    the lengths that its periods scaled, and ``plain`` is None if it has no plain knit.
+    ``material`` names one in place of the paper's yarn, ``scaled`` are lengths that it scaled.
     """
 
     stripes: StripeTables
     sheet: Sheet
-    plain: PlainKnit | None
+    plain: PlainKnit | None  # None if the material has none
     model: ModelOptions
     solver: Solver
     dynamics: Dynamics
@@ -85,7 +83,7 @@ class Parameters:
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
     designs: DesignSets
-    patterns: dict[str, tuple[Pattern, Path]]
+    patterns: dict[str, tuple[Pattern, Path]]  # with the folder that its paths are relative to
     sources: dict[str, str]
     material: str | None = None
     scaled: Mapping[str, float] = field(default_factory=dict)
@@ -117,8 +115,6 @@ TABLES: dict[str, type[Any]] = {
     "gauge": Gauge,
 }
 """Tables of settings, by the attribute of the parameters that holds each."""
-
-
 FILES: dict[str, type[Any]] = {
     "stripes": StripeTables,
     **{
@@ -150,13 +146,13 @@ def read_parameters(folder: Path) -> Parameters:
         ]
     if faults.all:
         raise BadInput(faults.all)
-    entries_of_files = [entry for file in read.values() for entry in file]
-    found = {name: its for name, its in entries_of_files if isinstance(its, ParameterValue)}
+    items = [item for file in read.values() for item in file]
+    stated = {name: entry for name, entry in items if isinstance(entry, ParameterValue)}
     layouts = {
         name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
         for name, row in read["electrodes"].layouts.items()
     }
-    values = {name: entry.value for name, entry in found.items()} | {"layout": ElectrodeLayout()}
+    values = {name: entry.value for name, entry in stated.items()} | {"layout": ElectrodeLayout()}
     tables = {
         name: table(**{field: values[field] for field in declared(table)})
         for name, table in TABLES.items()
@@ -166,7 +162,7 @@ def read_parameters(folder: Path) -> Parameters:
         layouts=layouts,
         designs=read["designs"],
         patterns={name: (entry, folder) for name, entry in read["patterns"].root.items()},
-        sources={name: entry.source for name, entry in found.items()},
+        sources={name: entry.source for name, entry in stated.items()},
         **tables,
     )
 

@@ -80,8 +80,8 @@ class Pattern(StrictModel):
     def _says_each_once(self) -> "Pattern":
         given = [name for name in ("rows", "map", "image") if getattr(self, name) is not None]
         if len(given) != 1:
-            found = f"has {' and '.join(given)}" if given else "has no patches"
-            raise ValueError(f"{found}; give one of rows, map and image")
+            patches = f"has {' and '.join(given)}" if given else "has no patches"
+            raise ValueError(f"{patches}; give one of rows, map and image")
         if (self.image is None) != (not self.colours):
             raise ValueError("an image needs colours, and colours an image; give both or none")
         for one, other in SIZES_OF_LINES:
@@ -90,17 +90,6 @@ class Pattern(StrictModel):
         if self.rows is not None:
             letters_of(self.rows)
         return self
-
-    @property
-    def is_graded(self) -> bool:
-        """Whether rows or columns have sizes or stripes of their own."""
-        names = ("column_n_stripe", "row_n_stripe", *SIZES_OF_LINES[0], *SIZES_OF_LINES[1])
-        return any(getattr(self, name) is not None for name in names)
-
-    @property
-    def single_folds(self) -> tuple[SingleFold, ...]:
-        """The single folds."""
-        return tuple(SingleFold(**fold.model_dump()) for fold in self.folds)
 
     def files(self, folder: Path) -> list[Path]:
         """Files that the pattern reads, relative to a folder."""
@@ -131,7 +120,8 @@ class Pattern(StrictModel):
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
         """Sizes and stripes of rows and columns, None if all are alike; BadPattern has faults."""
-        if not self.is_graded:
+        names = ("column_n_stripe", "row_n_stripe", *SIZES_OF_LINES[0], *SIZES_OF_LINES[1])
+        if all(getattr(self, name) is None for name in names):
             return None
         problems: list[str] = []
         made = []
@@ -165,7 +155,7 @@ class Pattern(StrictModel):
         def total(lines: _Lines, count: int) -> int:
             if periods := getattr(self, f"{lines.name}_periods"):
                 n = getattr(self, f"{lines.name}_n_stripe") or (n_stripe,) * count
-                return sum(lines.of_period(its) * p for its, p in zip(n, periods, strict=False))
+                return sum(lines.of_period(size) * p for size, p in zip(n, periods, strict=False))
             sizes = getattr(self, f"{lines.name}_{lines.unit}")
             return sum(sizes or (lines.stitches * n_subunit,) * count)
 
@@ -177,7 +167,7 @@ class _Lines:
     """The rows or the columns of a pattern; a rib stitch counts as ``stitches`` of theirs."""
 
     name: str
-    place: str
+    title: str
     unit: str
     knit: Knit
     stitches: int
@@ -198,7 +188,7 @@ class _Lines:
                 stripes = f"{2 * size / period:g} stripes of n_stripe {n}"
                 rule = f"a patch holds an even number of them; take {' or '.join(map(str, near))}"
                 problems.append(
-                    f"{self.place} {number}: {size} {self.unit} are {stripes}, and {rule}"
+                    f"{self.title} {number}: {size} {self.unit} are {stripes}, and {rule}"
                 )
             yield max(1, whole)
 
@@ -212,7 +202,7 @@ class _Lines:
             except KeyError:
                 missing = f"no {self.knit} stripe of {self.stitches * n} {self.unit}"
                 remedy = "choose another n_stripe, or give a material that has it"
-                problems.append(f"{self.place} {number}: there is {missing}; {remedy}")
+                problems.append(f"{self.title} {number}: there is {missing}; {remedy}")
 
 
 COLUMNS = _Lines("column", "column", "stitches", "rib", 1)

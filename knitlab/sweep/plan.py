@@ -40,32 +40,21 @@ from knitlab.sweep.workflow_text import SweepAxis, WorkflowText
 
 @dataclass(frozen=True)
 class Plan:
-    """A workflow, resolved into cases by their identifiers, and these into batches.
-
-    Attributes:
-        excluded: impossible designs of the grid, with the reason.
-        coordinates: of the settings that are given as lists.
-        overrides: values that replace the workflow's, by the name of their setting.
-        inputs: SHA-256 of every file that the plan was made from, by path.
-        stripes: fingerprint of the stripe tables, with the changes that all cases share.
-        gauge: size of a stitch, for the cube's sizes in cloth; no case depends on it.
-        material: name of a material in place of the paper's yarn, or None.
-        warnings: values that may be mistakes.
-    """
+    """A workflow, resolved into cases by their identifiers, and these into batches."""
 
     workflow: str
     title: str
     figures: tuple[str, ...]
     cases: dict[str, Case]
     batches: tuple[Batch, ...]
-    excluded: dict[Design, str]
-    coordinates: dict[str, Variable]
-    overrides: dict[str, Any]
-    inputs: dict[str, str]
-    stripes: str
-    gauge: Gauge
-    material: str | None = None
-    warnings: tuple[str, ...] = ()
+    excluded: dict[Design, str]  # impossible designs of the grid, with the reason
+    coordinates: dict[str, Variable]  # of the settings that are given as lists
+    overrides: dict[str, Any]  # values that replace the workflow's, by the name of their setting
+    inputs: dict[str, str]  # SHA-256 of every file that the plan was made from, by path
+    stripes: str  # fingerprint of the stripe tables, with the changes that all cases share
+    gauge: Gauge  # size of a stitch, for the cube's sizes in cloth; no case depends on it
+    material: str | None = None  # name of a material in place of the paper's yarn
+    warnings: tuple[str, ...] = ()  # values that may be mistakes
 
     def __repr__(self) -> str:
         counts = f"{len(self.cases)} cases in {len(self.batches)} batches"
@@ -194,8 +183,8 @@ def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fau
     given = text.table.get("electrodes", {})
     source = text.source(f"electrodes.{'mask' if 'mask' in given else 'layout'}")
     return [
-        Fault(source, f"{problem} (in {found[0]}{' and others' if len(found) > 1 else ''})")
-        for problem, found in designs.items()
+        Fault(source, f"{problem} (in {labels[0]}{' and others' if len(labels) > 1 else ''})")
+        for problem, labels in designs.items()
     ]
 
 

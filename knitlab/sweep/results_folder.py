@@ -136,20 +136,13 @@ def write_failures(folder: Path, failures: Iterable[Failure]) -> None:
 
 @dataclass(frozen=True)
 class FolderStatus:
-    """The progress of the plan of a results folder; cases are named by their identifiers.
+    """The progress of the plan of a results folder; cases are named by their identifiers."""
 
-    Attributes:
-        designs: labels of the planned cases along the dimensions.
-        statuses: status of every planned case, or why it is not done.
-        failures: reason of every failed case.
-        changed: files that have changed since the plan was made.
-    """
-
-    designs: dict[str, Design]
+    designs: dict[str, Design]  # labels of the planned cases along the dimensions
     dims: tuple[str, ...]
-    statuses: dict[str, str]
-    failures: dict[str, str]
-    changed: tuple[str, ...]
+    statuses: dict[str, str]  # status of every planned case, or why it is not done
+    failures: dict[str, str]  # reason of every failed case
+    changed: tuple[str, ...]  # files that have changed since the plan was made
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())

@@ -71,25 +71,19 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class Run:
-    """The result of a run; cases are named by their identifiers.
+    """The result of a run; cases are named by their identifiers."""
 
-    Attributes:
-        cube: the cube, as written; of a shard, the designs of its part alone.
-        changed: differences to the parameters of the cube before the run.
-        joined: whether ``cube.nc`` was written; it is left to other shards that still run.
-    """
-
-    cube: xr.Dataset
+    cube: xr.Dataset  # as written; of a shard, the designs of its part alone
     simulated: tuple[str, ...]
     states_before: dict[str, CaseState]
     failures: tuple[Failure, ...]
     stopped: bool
-    changed: tuple[str, ...]
-    joined: bool
+    changed: tuple[str, ...]  # differences to the parameters of the cube before the run
+    joined: bool  # whether ``cube.nc`` was written; it is left to other shards that still run
 
     def in_state(self, *states: CaseState) -> tuple[str, ...]:
         """The cases that were in one of some states before the run."""
-        return tuple(case_id for case_id, its in self.states_before.items() if its in states)
+        return tuple(case_id for case_id, state in self.states_before.items() if state in states)
 
     def left_in(self, *states: CaseState) -> tuple[str, ...]:
         """The cases that were in one of some states, and that the run did not simulate."""
@@ -139,15 +133,10 @@ class Run:
 def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     """Simulate the cases of a plan that have no undamaged file, then write ``cube.nc``.
 
-    Results of other code or parameters are kept unless ``options.refresh``. A batch that raises or
-    whose worker dies is tried again, then each of its cases on its own; a case that still has no
-    result is ``failed``. Ctrl-C and SIGTERM keep finished cases. The last of several shards to end
-    writes ``cube.nc`` with the cases of all.
-
-    Raises:
-        BadInput: if another run holds the folder, its cube has other dimensions, shards of another
-            plan run there, or a batch needs more memory than the machine has.
-        CannotWrite: if the folder cannot be written, or is full; finished cases are kept.
+    A batch that raises or whose worker dies is tried again, then each of its cases on its own; a
+    case that still has no result is ``failed``. The last of several shards to end writes the cube.
+    BadInput if another run or plan holds the folder, its cube has other dimensions, or a batch
+    needs more memory than there is; CannotWrite if the folder is full, finished cases are kept.
     """
     if options.scheduler is not None:
         workers.connected(options.scheduler).close()  # before anything is written
@@ -183,14 +172,14 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             failures = _failures(part, results, cube, simulated, failed)
             with gate(results):
                 of_others = earlier_failures(results)
-                others = [its for name, its in of_others.items() if name not in part.cases]
+                others = [entry for name, entry in of_others.items() if name not in part.cases]
                 results_folder.write_failures(results, [*others, *failures])
                 if joined := not _others_run(results, shard):
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
                     stored = results_folder.cells(now)
-                    found = results_folder.survey(plan.designs, results, stored, check=True)
-                    _join(plan, results, now, found, simulated, failed)
+                    states_now = results_folder.survey(plan.designs, results, stored, check=True)
+                    _join(plan, results, now, states_now, simulated, failed)
     changed = () if old is None else differences(parameters_of(old), plan.common)
     listed = tuple(map(str, changed))
     return Run(cube, simulated, states, failures, done.stopped, listed, joined)
@@ -307,15 +296,15 @@ def _failures(
     """For every design of the cube that is not ok the reason, and the record to run it alone."""
     earlier = earlier_failures(results)
     bad = cube["status"].isin([Status.not_converged, Status.failed])
-    found = []
+    entries = []
     # A case that failed when it was refreshed keeps its old results in the cube.
     for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
         if case_id in earlier and case_id not in simulated and case_id not in failed:
-            found.append(earlier[case_id])
+            entries.append(earlier[case_id])
         elif case := plan.cases.get(case_id):
             error = failed.get(case_id)
             reason = error.reason if error else read_case(results, case_id).attrs["reason"]
-            found.append(
+            entries.append(
                 {
                     "case_id": case_id,
                     **case.design,
@@ -325,4 +314,4 @@ def _failures(
                     "case": case.record,
                 }
             )
-    return tuple(found)
+    return tuple(entries)

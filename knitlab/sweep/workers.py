@@ -35,8 +35,7 @@ WORKER_ENVIRONMENT = ONE_THREAD | {
     "MALLOC_TRIM_THRESHOLD_": str(2**34),
 }
 PROGRESS_TOPIC = "knitlab-progress"
-TIMED_OUT = ".timed-out-"
-"""Prefix of the marker files that workers leave in a results folder on a timeout."""
+TIMED_OUT = ".timed-out-"  # prefix of the marker files that workers leave on a timeout
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
@@ -46,12 +45,10 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 logging.getLogger("distributed").setLevel(logging.CRITICAL)
 """
 """Run by dask's workers at their start: they ignore Ctrl-C and log nothing."""
-ENDED = ("finished", "error")
-"""States of a dask task that has ended; it is in another one if its scheduler is gone."""
+ENDED = ("finished", "error")  # states of a dask task, in which none is if its scheduler is gone
 
 Batch = Sequence[Case]
-Simulate = Callable[[Path, Batch, Progress], None]
-"""Simulates a batch and writes its case files; an importable function."""
+Simulate = Callable[[Path, Batch, Progress], None]  # an importable function that writes case files
 
 
 class SchedulerLost(Exception):
@@ -71,9 +68,9 @@ class BatchError:
     def of(cls, error: BaseException) -> "BatchError":
         """Describe an exception by its type, message and innermost frame."""
         frames = traceback.extract_tb(error.__traceback__)
-        place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+        line = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
         return cls(
-            f"{type(error).__name__}: {error}{place}",
+            f"{type(error).__name__}: {error}{line}",
             "".join(traceback.format_exception(error)),
             cannot_write=error if isinstance(error, CannotWrite) else None,
         )

@@ -308,12 +308,10 @@ SECTIONS: dict[str, type[StrictModel]] = {
     "gauge": GaugeSection,
 }
 """The tables of a workflow file."""
-SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
-"""Sections of which any single setting may be a list, and is then a dimension of the cube."""
+SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")  # single settings may be lists
 SAMPLE_SIZE = "unit_cells"  # the setting of `[design]` that may be a list too, of pairs
 PATTERN = "pattern"  # the setting of `[design]` that may be a list of names
-OF_ALL_CASES = ("material", "interpolate_stripes")
-"""Settings of a swept section that may not be a list."""
+OF_ALL_CASES = ("material", "interpolate_stripes")  # but these may not
 
 
 @dataclass(frozen=True)
@@ -327,14 +325,13 @@ class Setting:
 
     @property
     def unit(self) -> str:
-        """Its unit [UDUNITS]."""
+        """Unit [UDUNITS]."""
         return unit_of(self.kind)
 
     @property
     def factor_on(self) -> str | None:
         """The quantity that it multiplies, if it is a factor."""
-        marks = (its.quantity for its in parts(self.kind) if isinstance(its, FactorOn))
-        return next(marks, None)
+        return next((on.quantity for on in parts(self.kind) if isinstance(on, FactorOn)), None)
 
     @property
     def takes_list(self) -> bool:

@@ -73,23 +73,17 @@ def combinations(
 
 @dataclass(frozen=True)
 class WorkflowText:
-    """A workflow with its overrides, before validation.
-
-    Attributes:
-        table: its tables, overrides included, with the first value of every axis.
-        sources: what each overridden ``section.key`` was given by, for messages.
-        faults: overrides that cannot be applied.
-    """
+    """A workflow with its overrides, before validation."""
 
     path: Path
-    table: dict[str, Any]
+    table: dict[str, Any]  # with overrides, and the first value of every axis
     axes: tuple[SweepAxis, ...]
     overrides: dict[str, Any]
-    sources: dict[str, str]
-    faults: tuple[Fault, ...]
+    sources: dict[str, str]  # what each overridden ``section.key`` was given by, for messages
+    faults: tuple[Fault, ...]  # overrides that cannot be applied
 
     def source(self, key: str) -> str:
-        """Origin of a ``section.key``: its override, or its place in the file."""
+        """Origin of a ``section.key``: its override, or where it is in the file."""
         return self.sources.get(key, f"{self.path}: {key}")
 
     def checked(self) -> tuple[Workflow, tuple[SweepAxis, ...]]:
@@ -98,8 +92,8 @@ class WorkflowText:
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
-            found = faults_of(error, "", KEYS)
-            faults += [Fault(self._place(entry.path), entry.problem) for entry in found]
+            read_faults = faults_of(error, "", KEYS)
+            faults += [Fault(self._origin(entry.path), entry.problem) for entry in read_faults]
         for axis in self.axes:
             section, values = axis.setting.section, []
             source = self.source(f"{section}.{axis.name}")
@@ -129,7 +123,7 @@ class WorkflowText:
         """Folder to which a path of ``section.key`` is relative."""
         return Path() if key in self.sources else self.path.parent
 
-    def _place(self, path: str) -> str:
+    def _origin(self, path: str) -> str:
         """Origin of a fault, from its path in the tables."""
         section, _, key = path.partition(".")
         name, _, item = key.partition(".")
@@ -158,15 +152,15 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
             problem = unknown(override.name, SETTINGS, "setting")
             faults.append(Fault(override.source, problem))
             continue
-        place = f"{setting.section}.{setting.name}"
-        if override.key not in (setting.name, place):
-            problem = f"is in [{setting.section}]; give {place}"
+        key = f"{setting.section}.{setting.name}"
+        if override.key not in (setting.name, key):
+            problem = f"is in [{setting.section}]; give {key}"
             faults.append(Fault(override.source, problem))
             continue
         section = table.setdefault(setting.section, {})
         if isinstance(section, dict):
             section[setting.name] = _listed(setting.section, setting.name, override.value)
-        applied[setting.name], sources[place] = override.value, override.source
+        applied[setting.name], sources[key] = override.value, override.source
     axes = []
     for setting in SETTINGS.values():
         section = table.get(setting.section)
