@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,7 +16,7 @@ from knitlab.cube.selection import chosen_indices, selected
 from knitlab.fabric.settings import ModelOptions
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.fingerprint import git_commit
 from knitlab.knitting.chart import Face
 from knitlab.knitting.knitout import knitout
@@ -29,13 +29,14 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.cube import gauge_of
+from knitlab.sweep.declared_fields import checked, declared
 from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
 from knitlab.sweep.parameters import defaults
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import Protocol
-from knitlab.sweep.workflow_file import Overrides
+from knitlab.sweep.workflow_file import Overrides, read_overrides
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,7 +161,7 @@ def knit(
         capacitor: of a design, its electrodes.
         gauge: of a design, the size of a stitch.
         settings: of a workflow, settings that replace its own, as for :func:`knitlab.run`; of a
-            cube, values of coordinates that select one design.
+            cube, values of coordinates that select one design, and a size of a stitch.
 
     Raises:
         BadInput: if it is not one design, if it cannot be knitted, or if a setting is at fault.
@@ -184,7 +185,8 @@ def knit(
     elif given := [name for name, table in tables.items() if table is not None]:
         raise fault(", ".join(given), "is of a Design; leave it out of a workflow or a cube")
     elif is_cube(design):
-        single = single_design(design, (), settings)
+        sizes = {name: settings.pop(name) for name in declared(Gauge) if name in settings}
+        single = single_design(design, sizes, settings)
     else:
         single = single_design(design, settings, {})
     return knitted(single, repeats, needles, face, machine)
@@ -251,9 +253,15 @@ def single_design(
     """
     if not is_cube(source):
         return _of_workflow(str(source), settings, selections)
-    if settings:
-        raise fault("settings", "belong to workflows; select a design of a cube instead")
-    return _of_cube(source if isinstance(source, xr.Dataset) else open_cube(source), selections)
+    cube = source if isinstance(source, xr.Dataset) else open_cube(source)
+    single, (given, faults) = _of_cube(cube, selections), read_overrides(settings)
+    values = {override.name: override.value for override in given}
+    known = declared(Gauge)
+    problem = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"
+    faults += [Fault(f"settings {name}", problem) for name in values if name not in known]
+    if faults:
+        raise BadInput(faults)
+    return single._replace(gauge=checked("settings", replace(single.gauge, **values), Gauge))
 
 
 def is_cube(source: str | Path | xr.Dataset) -> bool:

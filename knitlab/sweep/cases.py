@@ -16,20 +16,17 @@ from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe, 
 from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, Label
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES, changed_stripe, changed_table
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.material import SCALED, MaterialFile, with_material
+from knitlab.sweep.material import scaled_lengths
 from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import (
     PATTERN,
-    SETTINGS,
     DesignSection,
     ElectrodesSection,
-    ModelSection,
     StripesSection,
     Workflow,
     pattern_name,
@@ -38,7 +35,6 @@ from knitlab.sweep.workflow_text import WorkflowText
 
 # A pure stripe has its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
-MATERIAL = "model.material"
 PATTERN_FILES = "design.pattern_files"
 USUAL_STRAIN = 2.0  # largest usual applied strain: that of pure stripes, which unfold furthest
 FAR = 10.0  # factor beyond the values of the tables from which a value is unusual
@@ -130,45 +126,6 @@ def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int,
     along_x = max(1, int(section.needles * section.scale // wales))
     length = section.aspect * along_x * wales
     return max(1, round(length * GARTER_STITCHES_PER_RIB_STITCH / courses)), along_x
-
-
-def with_material_file(
-    section: ModelSection, parameters: Parameters, text: WorkflowText
-) -> tuple[Parameters, WorkflowText, list[Path]]:
-    """The parameters with the stripes that a workflow names, the workflow, and their file.
-
-    Lengths of a workflow's file that another material replaces are those of the paper's yarn, and
-    scaled like the parameters; lengths of overrides, or beside the material in the file, are not.
-    """
-    if section.interpolate_stripes is not None:
-        update = {"interpolate": section.interpolate_stripes}
-        parameters = replace(parameters, stripes=parameters.stripes.model_copy(update=update))
-    if section.material is None:
-        return parameters, text, []
-    path = text.folder(MATERIAL) / section.material
-    material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
-    if section.interpolate_stripes is not None:
-        material = replace(material, interpolate=section.interpolate_stripes)
-    changed = with_material(parameters, material)
-    scaled = dict(changed.scaled)
-    tables = {table: dict(given) for table, given in text.table.items() if isinstance(given, dict)}
-    axes = {axis.name: axis for axis in text.axes}
-    for name, attribute in SCALED.items():
-        key = f"{SETTINGS[name].section}.{name}"
-        given = tables.get(SETTINGS[name].section, {})
-        if name not in given:
-            continue
-        scaled.pop(name, None)
-        if MATERIAL not in text.sources or key in text.sources:
-            continue
-        new, old = (getattr(getattr(each, attribute), name) for each in (changed, parameters))
-        ratio = new / old
-        given[name] = scaled[name] = ratio * given[name]
-        if name in axes:
-            values = tuple(ratio * value for value in axes[name].values)
-            axes[name] = replace(axes[name], values=values)
-    text = replace(text, table=text.table | tables, axes=tuple(axes.values()))
-    return replace(changed, scaled=scaled), text, [path]
 
 
 def with_pattern_files(
@@ -361,28 +318,13 @@ def _check_thickness(case: Case, source: Source) -> None:
         raise fault(source("model.thickness"), f"{case.sheet.thickness:g} mm {problem}")
 
 
-def _scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -> list[str]:
-    """A sentence on the lengths that were scaled to a material, and that matter in a workflow."""
-    without_effect = set() if contact else {"thickness"}
-    if workflow.stripes is not None:
-        without_effect |= set(declared(Gauge))
-    if workflow.electrodes is None:
-        without_effect |= {"clearance", "ground_distance"}
-    scaled = {name: parameters.scaled[name] for name in parameters.scaled.keys() - without_effect}
-    if not scaled:
-        return []
-    lengths = ", ".join(f"{name} = {value:.3g} mm" for name, value in sorted(scaled.items()))
-    origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
-    return [f"{lengths}: {origin}; give others in its file or as settings"]
-
-
 def unusual_values(
     workflow: Workflow, cases: Iterable[Case], parameters: Parameters
 ) -> tuple[str, ...]:
     """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
     cases = tuple(cases)
     contact = any(case.options.contact != "none" for case in cases)
-    sentences = _scaled_lengths(workflow, parameters, contact)
+    sentences = scaled_lengths(workflow, parameters, contact)
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
             usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"

@@ -16,9 +16,12 @@ from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.toml import StrictModel, read_checked, read_toml
+from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
 from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.stripe_tables import QUANTITIES, UNITS, StripeRow, StripeTable, StripeTables
+from knitlab.sweep.workflow import SETTINGS, ModelSection, Workflow
+from knitlab.sweep.workflow_text import WorkflowText
 
 SCALED = {
     "z_max": "sheet",
@@ -29,6 +32,7 @@ SCALED = {
     "ground_distance": "capacitor",
 }
 """Lengths that go with a yarn, by the attribute of the parameters that holds each."""
+MATERIAL = "model.material"
 DIGITS = 6
 """Digits of the numbers of a calibrated stripe in a file."""
 
@@ -241,3 +245,59 @@ def with_material(parameters: Parameters, material: Material) -> Parameters:
         scaled=scaled,
         **{name: replace(getattr(parameters, name), **given) for name, given in changes.items()},
     )
+
+
+def with_material_file(
+    section: ModelSection, parameters: Parameters, text: WorkflowText
+) -> tuple[Parameters, WorkflowText, list[Path]]:
+    """The parameters with the stripes that a workflow names, the workflow, and their file.
+
+    Lengths of a workflow's file that another material replaces are those of the paper's yarn, and
+    scaled like the parameters; lengths of overrides, or beside the material in the file, are not.
+    """
+    if section.interpolate_stripes is not None:
+        update = {"interpolate": section.interpolate_stripes}
+        parameters = replace(parameters, stripes=parameters.stripes.model_copy(update=update))
+    if section.material is None:
+        return parameters, text, []
+    path = text.folder(MATERIAL) / section.material
+    material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
+    if section.interpolate_stripes is not None:
+        material = replace(material, interpolate=section.interpolate_stripes)
+    changed = with_material(parameters, material)
+    scaled = dict(changed.scaled)
+    tables = {table: dict(given) for table, given in text.table.items() if isinstance(given, dict)}
+    axes = {axis.name: axis for axis in text.axes}
+    for name, attribute in SCALED.items():
+        key = f"{SETTINGS[name].section}.{name}"
+        given = tables.get(SETTINGS[name].section, {})
+        if name not in given:
+            continue
+        scaled.pop(name, None)
+        of_the_paper = MATERIAL in text.sources and key not in text.sources
+        # Others are faults, which the workflow's check reports.
+        values = axes[name].values if name in axes else (given[name],)
+        if not of_the_paper or not all(isinstance(value, int | float) for value in values):
+            continue
+        new, old = (getattr(getattr(each, attribute), name) for each in (changed, parameters))
+        ratio = new / old
+        given[name] = scaled[name] = ratio * given[name]
+        if name in axes:
+            axes[name] = replace(axes[name], values=tuple(ratio * value for value in values))
+    text = replace(text, table=text.table | tables, axes=tuple(axes.values()))
+    return replace(changed, scaled=scaled), text, [path]
+
+
+def scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -> list[str]:
+    """A sentence on the lengths that were scaled to a material, and that matter in a workflow."""
+    without_effect = set() if contact else {"thickness"}
+    if workflow.stripes is not None:
+        without_effect |= set(declared(Gauge))
+    if workflow.electrodes is None:
+        without_effect |= {"clearance", "ground_distance"}
+    scaled = {name: parameters.scaled[name] for name in parameters.scaled.keys() - without_effect}
+    if not scaled:
+        return []
+    lengths = ", ".join(f"{name} = {value:.3g} mm" for name, value in sorted(scaled.items()))
+    origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
+    return [f"{lengths}: {origin}; give others in its file or as settings"]

@@ -29,9 +29,9 @@ from knitlab.sweep.cases import (
     overridden,
     stripe_space,
     unusual_values,
-    with_material_file,
     with_pattern_files,
 )
+from knitlab.sweep.material import with_material_file
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file

@@ -86,7 +86,7 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
             "--select: periodic has 10 designs; select one of n_stripe 2 n_subunit 16,",
         ),
         ((PREVIEW, "--select", "n_stripe=4"), "--select: the cube has 3 designs; select one of"),
-        ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "--set: belong to workflows"),
+        ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "--set n_stripe: belongs to workflows"),
         ((*SMALL, "--repeats", "4"), "--repeats: is '4'; give two counts such as 4x2"),
         ((*SMALL, "--repeats", "0x1"), "--repeats: are two counts from 1 up, (y, x), but are"),
         ((*SMALL, "--repeats", "1x1", "--needles", "90"), "--repeats: and needles both set"),
@@ -135,3 +135,30 @@ def test_the_relaxed_size_is_that_of_the_cube():
     width, length = kl.knit(cube, repeats=(3, 2)).relaxed_size
     assert width == pytest.approx(2 * float(cube["knit_cell_x"].squeeze()))
     assert length == pytest.approx(3 * float(cube["knit_cell_y"].squeeze()))
+
+
+def test_a_kept_cube_is_knitted_at_another_size_of_a_stitch(tmp_path):
+    sizes = {}
+    for width in ("0.5", "1.0"):
+        words = ("knit", PREVIEW, *DESIGN, "--set", f"stitch_width={width}")
+        done = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "sample.k")])
+        assert done.exit_code == 0, done.output
+        (line,) = (line for line in done.output.splitlines() if line.startswith("size flat"))
+        sizes[width] = [int(word) for word in line.split() if word.isdigit()]
+    assert sizes["1.0"][0] == 2 * sizes["0.5"][0]
+    assert sizes["1.0"][1] == sizes["0.5"][1]
+
+
+def test_what_leaves_for_the_machine_says_which_yarn_it_needs(tmp_path):
+    words = ("knit", "periodic", "--set", "n_stripe=4", "--set", "n_subunit=16")
+    needed = (
+        CliRunner()
+        .invoke(main, [*words, "--set", "rib_k_t_factor=2", "-o", str(tmp_path / "a.k")])
+        .output
+    )
+    assert "rib 4 needs k_t × 2.00 of the paper's yarn" in needed
+    assert "garter 8 needs" not in needed
+    usual = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "b.k")]).output
+    assert "needs" not in usual
+    assert "yarn          that of the paper" in usual
+    assert "case          4-16-" in usual

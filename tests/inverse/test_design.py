@@ -207,7 +207,7 @@ def test_the_search_continues_without_gradients_after_a_missing_derivative(tmp_p
     def snapping(self, trial):
         raise NoDerivative("a branch ends here")
 
-    monkeypatch.setattr(Objective, "jacobian", snapping)
+    monkeypatch.setattr(Objective, "slopes", snapping)
     result = designed(tmp_path, targets="poisson_ratio = -0.15 ± 0.01 @ 0.05:0.15", budget=25)
     (search,) = result.searches
     assert search.methods == ["least squares", "CMA-ES"]

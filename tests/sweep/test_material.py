@@ -231,3 +231,11 @@ def test_the_command_line_takes_a_material_wherever_settings_are_taken(tmp_path,
         )
     assert done.exit_code == 0, done.output
     assert "1 cases" in done.output
+
+
+def test_a_wrong_length_of_a_workflow_is_named_and_not_scaled(tmp_path):
+    path = written(tmp_path / "a.toml", RIB, GARTER)
+    workflow = tmp_path / "mine.toml"
+    workflow.write_text('title = "mine"\n[design]\nn_stripe = [4]\n[gauge]\nstitch_width = "x"\n')
+    with pytest.raises(BadInput, match=r"gauge\.stitch_width"):
+        make_plan(str(workflow), {"material": path})

@@ -32,6 +32,7 @@ CROSSES = "†"
 CROSSES_NOTE = f"{CROSSES} the simulated fabric passes through itself there, which no real one can"
 LAST = "‡"
 LAST_NOTE = f"{LAST} lowest at the last strain of the test: ν may fall further"
+ENDS_NOTE = f"{LAST} the test ends within the working range: it may be wider"
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
 
@@ -92,6 +93,14 @@ def _last(design: xr.Dataset) -> str:
     return LAST if float(design["applied_strain_at_min"]) >= last > 0 else ""
 
 
+def _ends(design: xr.Dataset) -> str:
+    """A mark, if the working range reaches the last strain of the test."""
+    if "working_start" not in design:
+        return ""
+    end = float(design["working_start"] + design["working_range"])
+    return LAST if end >= float(design["applied_strain"].max()) - 1e-9 else ""
+
+
 def _spread(cube: xr.Dataset) -> float:
     """Largest spread of ν over siblings, at any strain of any design; NaN without siblings."""
     if "poisson_ratio_low" not in cube:
@@ -110,9 +119,12 @@ class Merit(NamedTuple):
     label: str
     form: str
 
-    def text(self, value: float, *_: object) -> str:
-        """A value as text."""
-        return format(value, self.form)
+    def text(self, value: float, design: xr.Dataset | None = None) -> str:
+        """A value as text, marked if the test of a design ended before its working range."""
+        mark = ""
+        if design is not None and self.name == "working_range":
+            mark = _ends(design)
+        return f"{format(value, self.form)}{mark}"
 
 
 Merits = tuple[Merit, Merit]
@@ -144,6 +156,8 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
         marked |= more
     maps[1].set_xlabel(PERIODS_LABEL)
     notes = ["in each cell: (n_stripe, n_subunit), value", *([EMPTY] if gaps else [])]
+    if window is None and any(_ends(each) for cube in cubes for each in designs_of(cube)):
+        notes.append(ENDS_NOTE)
     marks_legend(figure, marked, NO_VALUE, notes, cubes)
     _draw_trade_off(below, cubes, merits)
     return figure
