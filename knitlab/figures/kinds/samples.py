@@ -118,8 +118,9 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         colours = by_strain.colours(by_strain.norm(_by_face(state)))
         draw_faces(axes, faces, shaded(faces, colours))
         axes.set_title(f"{_name(state)}\n{state_text(float(state['applied_strain']))}")
-        axes.set(xlabel="x [mm of network]", ylabel="")
+        axes.set(xlabel="", ylabel="")
     grid[0].set_ylabel("y, warp [mm of network]")
+    figure.supxlabel("x, weft [mm of network]", fontsize="medium")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
     by_strain.bar(figure, list(grid), label=label, shrink=0.8, aspect=30)
     return figure
