@@ -58,13 +58,31 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     a word with a number.
     """
     where = f"where {expression!r}"
+    truth = _evaluated(expression, table, where)
+    if not _is_condition(truth):
+        raise fault(where, "is not a condition on the designs; compare a column with something")
+    return truth.fillna(False).astype(bool)
+
+
+def computed(expression: str, table: pd.DataFrame, source: str) -> pd.Series:
+    """A column that an expression over others gives, missing where it is infinite.
+
+    BadInput, which begins with the source, as for :func:`holds`.
+    """
+    values = _evaluated(expression, table, source)
+    if not isinstance(values, pd.Series):
+        raise fault(source, "is one value for all designs; name a column")
+    return values if _is_condition(values) else values.astype(float)
+
+
+def _evaluated(expression: str, table: pd.DataFrame, where: str) -> Any:
     plain = expression.strip()
     for number, column in enumerate(reduced_columns(plain)):
         # Under a name that Python can parse.
         plain = plain.replace(column, f"reduced_column_{number}")
         table = table.assign(**{f"reduced_column_{number}": table[column]})
     try:
-        truth = _Evaluation(table, where).value(ast.parse(plain, mode="eval").body)
+        return _Evaluation(table, where).value(ast.parse(plain, mode="eval").body)
     except SyntaxError as error:
         raise fault(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
     except ZeroDivisionError as error:
@@ -72,10 +90,7 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     except TypeError as error:
         raise fault(where, f"cannot be computed ({error}); compare like with like") from error
     except RecursionError as error:
-        raise fault("where", "is too long; make it shorter") from error
-    if not _is_condition(truth):
-        raise fault(where, "is not a condition on the designs; compare a column with something")
-    return truth.fillna(False).astype(bool)
+        raise fault(where.partition(" ")[0], "is too long; make it shorter") from error
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.condition import holds, no_column
+from knitlab.cube.condition import computed, holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path
 from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
@@ -72,7 +72,8 @@ class KnitlabAccessor:
         Args:
             where: expression over the columns that the rows must meet.
             sort: column to sort by, or several; a leading minus sorts descending.
-            columns: columns to keep, by default all but the stripe parameters.
+            columns: columns to keep, or expressions over them; by default all but the stripe
+                parameters.
             selections: a value or a list of values for each coordinate.
 
         Returns:
@@ -196,6 +197,10 @@ def queried(
     names = [key.removeprefix("-") for key in sort]
     asked = [(f"columns {name}", name) for name in columns or ()]
     asked += [(f"sort {key}", name) for key, name in zip(sort, names, strict=True)]
+    for source, name in asked:
+        # An expression such as reaction_force / knit_cell_x.
+        if name not in table.columns and not name.isidentifier():
+            table = table.assign(**{name: computed(name, table, source)})
     if missing := [each for each in asked if each[1] not in table.columns]:
         raise BadInput(Fault(source, no_column(name, table)) for source, name in missing)
     if where:

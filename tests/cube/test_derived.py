@@ -100,6 +100,18 @@ def test_a_default_table_has_at_most_eight_columns_and_those_of_its_condition():
     assert names == ["cube", "n_stripe", "poisson_ratio_min"]
 
 
+def test_columns_and_sorting_take_expressions():
+    cube = open_cube(REFERENCE / "periodic")
+    asked = ["n_stripe", "10*force_per_width", "mean(poisson_ratio, 0.05:0.25) - poisson_ratio"]
+    table = cube.knitlab.query(sort="-10*force_per_width", columns=asked, applied_strain=0.15)
+    plain = cube.knitlab.query(sort="-force_per_width", applied_strain=0.15)
+    np.testing.assert_allclose(table["10*force_per_width"], 10 * plain["force_per_width"])
+    assert list(table.columns) == asked
+    for wrong, problem in (("2*3", "one value for all"), ("foo/2", "no column 'foo'")):
+        with pytest.raises(kl.BadInput, match=problem):
+            cube.knitlab.query(columns=[wrong])
+
+
 def test_every_variable_is_listed_with_unit_and_meaning():
     done = CliRunner().invoke(main, ["query", str(REFERENCE / "periodic"), "--list"])
     assert "knit_cell_x" in done.output
