@@ -36,7 +36,7 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
         panels = row.subplots(1, count, squeeze=False, sharex=True, sharey=True)[0]
         for number, panel in enumerate(panels):
             if not curved:
-                _draw_bars(panel, reached, names, banded)
+                _draw_marks(panel, reached, names, banded)
             elif banded:
                 _draw_band(panel, reached, number, count)
                 panel.set_title(names[number])
@@ -66,10 +66,12 @@ def _draw_band(panel: Axes, reached: Reached, number: int, shown: int) -> None:
     panel.plot(reached.at, reached.values[number], color=OWN, label="this design")
 
 
-def _draw_bars(panel: Axes, reached: Reached, names: list[str], banded: bool) -> None:
+def _draw_marks(panel: Axes, reached: Reached, names: list[str], banded: bool) -> None:
     shown = len(names)
     middle = reached.obtained[:shown]
-    panel.bar(range(shown), middle, color=COLOURS[:shown], width=0.5, zorder=2)
+    # Marks, as bars from 0 would hide how near to each other designs are.
+    panel.scatter(range(shown), middle, color=COLOURS[:shown], s=30, zorder=5)
+    panel.set_xlim(-0.5, shown - 0.5)
     panel.set_xticks(range(shown), names)
     if banded and reached.target.reduction is None:
         edges = [np.abs(edge[:shown, 0] - middle) for edge in reached.band]
@@ -80,7 +82,8 @@ def _draw_bars(panel: Axes, reached: Reached, names: list[str], banded: bool) ->
 def _label(target: Target) -> str:
     variable = VARIABLES.get(target.name)
     name = variable.long_name if variable and target.reduction is None else target.label
-    return f"{name}\n[{variable.units if variable else 1}]"
+    unit = "1" if variable is None or target.reduction == "linearity" else variable.units
+    return f"{name}\n[{unit}]"
 
 
 def _name(found: Found, number: int) -> str:
