@@ -153,4 +153,6 @@ def test_a_figure_shows_targets_and_designs():
     found = kl.find(cube(), targets=[CURVE, "knit_cell_x < 10"], most=3)
     curves, sizes = found_figure(found).axes
     assert len(curves.get_lines()) == 3 + 1
-    assert [bar.get_height() for bar in sizes.patches[:3]] == found.table["value_2"].tolist()
+    assert sizes.collections[0].get_offsets()[:, 1].tolist() == found.table["value_2"].tolist()
+    straight = kl.find(cube(), targets="linearity(reaction_force) > 0 @ 0:0.3")
+    assert found_figure(straight).axes[0].get_ylabel().endswith("[1]")
