@@ -7,6 +7,7 @@ import xarray as xr
 import knitlab as kl
 from knitlab.cube.schema import Status
 from knitlab.cube.target import read_target
+from knitlab.io.shipped import shipped
 
 STRAIN = np.array([0.0, 0.1, 0.2, 0.3])
 LEVELS = {(4, 16): -0.1, (4, 24): -0.25, (8, 32): -0.32, (8, 48): -0.6}
@@ -154,5 +155,6 @@ def test_a_figure_shows_targets_and_designs():
     curves, sizes = found_figure(found).axes
     assert len(curves.get_lines()) == 3 + 1
     assert sizes.collections[0].get_offsets()[:, 1].tolist() == found.table["value_2"].tolist()
-    straight = kl.find(cube(), targets="linearity(reaction_force) > 0 @ 0:0.3")
+    sensor = shipped("params").parent / "results" / "reference" / "sensor"
+    straight = kl.find(sensor, targets="linearity(capacitance) > 0.9 @ 0.05:0.25")
     assert found_figure(straight).axes[0].get_ylabel().endswith("[1]")
