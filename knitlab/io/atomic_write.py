@@ -2,13 +2,14 @@
 
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 from tempfile import mkdtemp
 
 from knitlab.io.errors import CannotWrite, Fault
 
-UNFINISHED = ".writing-"  # prefix of the folders of unfinished files
+UNFINISHED = ".writing-"  # prefix of unfinished files, or of their folders
 PROBE_BYTES = 1 << 20
 
 
@@ -22,23 +23,40 @@ def atomic_write(path: Path) -> Iterator[Path]:
         temporary = folder / path.name
         yield temporary
         temporary.replace(path)
-    except (OSError, RuntimeError) as error:
-        # On a full disk netCDF and HDF5 report something else; a plain file gives the reason.
+    except OSError as error:
+        # On a full disk netCDF may report a missing permission; a plain file gives the reason.
         reason = _refusal(folder) if folder is not None else None
-        if reason is None and isinstance(error, OSError):
-            reason = error
-        if reason is None:
-            raise
-        raise _cannot_write(path, reason) from error
+        raise _cannot_write(path, reason or error) from error
+    except RuntimeError as error:
+        # HDF5 does not report why it could not write; a plain file does.
+        if folder is not None and (reason := _refusal(folder)):
+            raise _cannot_write(path, reason) from error
+        raise
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def write_atomically(path: Path, contents: bytes) -> None:
+    """Replace a small file by known contents, faster than by a folder; CannotWrite as above."""
+    temporary = path.parent / f"{UNFINISHED}{token_hex(8)}"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(contents)
+        temporary.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise _cannot_write(path, error) from error
+
+
 def clear_unfinished(folder: Path) -> None:
-    """Remove the unfinished files of killed processes from a folder and its subfolders."""
+    """Remove unfinished files of killed processes from a folder and its subfolders."""
     for unfinished in (*folder.glob(f"{UNFINISHED}*"), *folder.glob(f"*/{UNFINISHED}*")):
-        shutil.rmtree(unfinished, ignore_errors=True)
+        if unfinished.is_dir():
+            shutil.rmtree(unfinished, ignore_errors=True)
+        else:
+            unfinished.unlink(missing_ok=True)
 
 
 def _refusal(folder: Path) -> OSError | None:
