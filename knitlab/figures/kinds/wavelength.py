@@ -46,8 +46,9 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
 
 def to_cloth(design: xr.Dataset, direction: str) -> float:
     """Factor from a relaxed length of the network to that of the cloth, by the gauge."""
-    knit, relaxed = (design[f"{name}_cell_{direction}"] for name in ("knit", "relaxed"))
-    return float(knit / relaxed)
+    relaxed = design[f"relaxed_cell_{direction}"]
+    # A cube without sizes in cloth shows those of its network.
+    return float(design.get(f"knit_cell_{direction}", relaxed) / relaxed)
 
 
 def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
@@ -80,7 +81,8 @@ def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
 
 
 def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
-    wavelengths = cube[f"knit_wavelength_{direction}"].where(cube["status"] == Status.ok)
+    lengths = cube.get(f"knit_wavelength_{direction}", cube[f"wavelength_{direction}"])
+    wavelengths = lengths.where(cube["status"] == Status.ok)
     for n_stripe, colour, marker in zip(
         cube["n_stripe"].values, CATEGORY_COLOURS, MARKERS, strict=False
     ):
