@@ -17,7 +17,7 @@ from knitlab.fabric.settings import ModelOptions
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.fingerprint import git_commit
+from knitlab.io.fingerprint import provenance
 from knitlab.knitting.chart import Face
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
@@ -232,7 +232,7 @@ def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tup
             its = f"{stripe.knit} {stripe.n} needs {', '.join(other)} of the paper's yarn"
             differences.append(f"{its}: find a yarn or a stitch size that has it, and calibrate it")
     rows.append(("gauge", f"a stitch of {width:.3g} × {height:.3g} mm before the fabric folds"))
-    rows.append(("case", f"{case.case_id}, code {git_commit()[:12]}"))
+    rows.append(("case", f"{case.case_id}, code {provenance()['git_commit'][:12]}"))
     return tuple(rows), tuple(differences)
 
 

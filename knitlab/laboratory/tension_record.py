@@ -92,12 +92,12 @@ def read_tension_record(
     faults += wrong
     if faults:
         raise BadInput(faults)
-    labels = columns["repeat"][0] if "repeat" in columns else pd.Series("1", index=range(0))
-    repeats = list(dict.fromkeys(labels)) or ["1"]
     strain, force = to_strain * numbers[strain_name], to_load * numbers[load]
+    labels = columns["repeat"][0] if "repeat" in columns else np.full(len(strain), "1")
+    repeats = list(dict.fromkeys(labels)) or ["1"]
     branches, left_out = [], 0
     for repeat in repeats:
-        own = np.asarray(labels == repeat) if len(labels) else np.full(len(strain), True)
+        own = np.asarray(labels == repeat)
         branch, below = _loading(path, repeat, strain[own], force[own], cycle)
         branches.append(branch)
         left_out += below

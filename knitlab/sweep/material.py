@@ -196,16 +196,12 @@ def _add_row(
     covariance: Mapping[str, Any] | None = None,
 ) -> None:
     """Add the row of a stripe to the table of a material file."""
-    row: dict[str, Any] = {name: getattr(stripe, name) for name in QUANTITIES}
+    row = StripeRow.of(stripe).model_dump(exclude_none=True)
     own = table.setdefault(stripe.knit, {"source": source, "unit": dict(UNITS), "n": {}})
     if own["source"] != source:
         row["source"] = source
     if stripe.stiffening_strain is not None:
-        row["stiffening_strain"] = stripe.stiffening_strain
         own["unit"]["stiffening_strain"] = "1"
-    if stripe.spring_curve is not None:
-        curve = stripe.spring_curve
-        row["spring_curve"] = {"strain": list(curve.strain), "force": list(curve.force)}
     if covariance:
         row["covariance"] = dict(covariance)
     own["n"][str(stripe.n)] = row
@@ -255,15 +251,20 @@ def with_material_file(
     Lengths of a workflow's file that another material replaces are those of the paper's yarn, and
     scaled like the parameters; lengths of overrides, or beside the material in the file, are not.
     """
+    files: list[Path] = []
+    if section.material is not None:
+        parameters, text, files = _with_file(section.material, parameters, text)
     if section.interpolate_stripes is not None:
         update = {"interpolate": section.interpolate_stripes}
         parameters = replace(parameters, stripes=parameters.stripes.model_copy(update=update))
-    if section.material is None:
-        return parameters, text, []
-    path = text.folder(MATERIAL) / section.material
+    return parameters, text, files
+
+
+def _with_file(
+    name: str, parameters: Parameters, text: WorkflowText
+) -> tuple[Parameters, WorkflowText, list[Path]]:
+    path = text.folder(MATERIAL) / name
     material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
-    if section.interpolate_stripes is not None:
-        material = replace(material, interpolate=section.interpolate_stripes)
     changed = with_material(parameters, material)
     scaled = dict(changed.scaled)
     tables = {table: dict(given) for table, given in text.table.items() if isinstance(given, dict)}
