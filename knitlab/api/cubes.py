@@ -12,10 +12,11 @@ from knitlab.cube.comparison import compared
 from knitlab.cube.cube_file import cube_path, is_case, open_cube
 from knitlab.cube.find import Found, find_designs
 from knitlab.cube.query import query_cubes
+from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.target import Target, read_target
 from knitlab.io.errors import BadInput, ErrorCollector, fault
-from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
+from knitlab.meshes.chosen_case import chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
 from knitlab.meshes.formats import FORMATS, SERIES, TRIANGLES, write_mesh, write_series
 from knitlab.meshes.surface import SurfaceMesh, solid_of

@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from knitlab.cube.cube_file import design_dims
 from knitlab.cube.query import designs_of_all
-from knitlab.cube.schema import Status
-from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow, root_mean_square
+from knitlab.cube.schema import STRAIN, Status
+from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, root_mean_square
 from knitlab.cube.target import Target, check_window
 from knitlab.io.errors import fault, unknown
 
@@ -109,7 +109,7 @@ def find_designs(
     table = designs[labels].iloc[order].reset_index(drop=True)
     table["distance"] = distance[order]
     if CROSSINGS in designs and (crossings := designs[CROSSINGS].iloc[order]).fillna(0).any():
-        # States of which no real fabric has any.
+        # No real fabric passes through itself.
         table[CROSSINGS] = crossings.to_numpy()
     ordered = tuple(each.in_order(order) for each in reached)
     for number, each in enumerate(ordered, start=1):

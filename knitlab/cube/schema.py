@@ -57,6 +57,7 @@ def _variable(dims: tuple[str, ...], text: str, of: str = "all", in_cube: bool =
 
 DESIGN_DIMS = ("n_stripe", "n_subunit")  # dimensions of a cube of checkerboards
 STRIPE_DIMS = ("knit", "n", "boundary")
+STRAIN = "applied_strain"  # dimension of curves
 CYCLE = "cycle"  # dimension of an experiment with several cycles
 SOURCE = "source"  # coordinate that states the source of a cube
 SIMULATION = "simulation"  # source of a simulated cube; that of an experiment is its name

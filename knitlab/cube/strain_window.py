@@ -9,9 +9,9 @@ import xarray as xr
 from jaxtyping import Float
 
 from knitlab.cube.cube_file import design_dims
+from knitlab.cube.schema import STRAIN
 from knitlab.io.errors import fault, unknown
 
-STRAIN = "applied_strain"  # dimension of windows
 IN_PERCENT = 10  # times the last strain: a window beyond is one in percent
 PARTS = 64  # equal intervals of a window at whose ends a curve is interpolated
 

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
-from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
+from knitlab.cube.schema import STRAIN
+from knitlab.cube.strain_window import REDUCTIONS, StrainWindow
 from knitlab.io.errors import BadInput, fault, faults_of
 from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel

@@ -10,12 +10,11 @@ import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_of
-from knitlab.cube.schema import FLAGS, INTEGERS, Status
+from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
 from knitlab.sweep.results_folder import earlier_failures
 
-STRAIN = "applied_strain"
 EXPANDED = ("stripe_parameter",)  # dimensions along which a variable becomes one for each label
 DIGITS = 6  # significant digits of the numbers on the page
 NEGLIGIBLE = 1e-7  # fraction of the largest value, below which one is zero but for round-off

@@ -11,8 +11,7 @@ import tomli_w
 import xarray as xr
 
 from knitlab.cube.find import Found, find_designs
-from knitlab.cube.schema import described
-from knitlab.cube.strain_window import STRAIN
+from knitlab.cube.schema import STRAIN, described
 from knitlab.inverse.objective import distance_of, violation_of
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import TRIALS, SearchResult

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.cube.schema import VARIABLES
-from knitlab.cube.strain_window import REDUCTIONS, STRAIN, gradient
+from knitlab.cube.schema import STRAIN, VARIABLES
+from knitlab.cube.strain_window import REDUCTIONS, gradient
 from knitlab.cube.target import Target, check_window
 from knitlab.inverse.targets import scale_of
 from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, ShapeFunctions, Slopes, Trial

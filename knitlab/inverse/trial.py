@@ -12,8 +12,8 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from knitlab.cube import case_file
-from knitlab.cube.schema import Status
-from knitlab.cube.strain_window import STRAIN, without_gap_at_zero
+from knitlab.cube.schema import STRAIN, Status
+from knitlab.cube.strain_window import without_gap_at_zero
 from knitlab.equilibrium.adjoint import Adjoint, Measure
 from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape

@@ -9,7 +9,7 @@ import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
-from knitlab.cube.schema import Status
+from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.selection import (
     choices,
     chosen_indices,
@@ -19,7 +19,6 @@ from knitlab.cube.selection import (
 )
 from knitlab.io.errors import fault
 
-STRAIN = "applied_strain"
 NO_CASE_FILE = {
     Status.failed: "failed and has no shape; knitlab status says why",
     Status.pending: "is planned but has not run; run it first",
