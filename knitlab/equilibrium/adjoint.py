@@ -33,8 +33,7 @@ from knitlab.fabric.layout import FabricLayout
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
 
-Unknowns = Float[Array, " unknown"]
-"""A configuration, flattened [mm]."""
+Unknowns = Float[Array, " unknown"]  # A configuration, flattened [mm]
 Rows = Float[Array, "quantity unknown"]
 Moved = Float[np.ndarray, "row unknown"]
 """Forces on all unknowns, or their displacements, row by row."""

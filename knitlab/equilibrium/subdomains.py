@@ -17,12 +17,9 @@ from knitlab.fabric.network import MeshShape, network
 CELLS = 24
 """Grid cells along each side of a subdomain, without its overlap: with fewer, most of the work is
 in the overlap; with more, a snap in one place takes longer."""
-OVERLAP = 4
-"""Grid cells by which neighbouring subdomains overlap."""
-REACH = 2
-"""Extent of an element in grid cells, and so the width of the held boundary."""
-FEWEST = 6
-"""Number of subdomains from which domain decomposition pays off."""
+OVERLAP = 4  # grid cells by which neighbouring subdomains overlap
+REACH = 2  # extent of an element in grid cells, and so the width of the held boundary
+FEWEST = 6  # number of subdomains from which domain decomposition pays off
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,10 +31,8 @@ HEIGHTS = 512
 """Nodes in a chunk. It also holds the springs and hinges of that many nodes of periodic fabric,
 which has the most of them."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
-VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
-"""Parameters of the energy of a chunk."""
-WORTH_SHARING = 8
-"""Number of chunks from which a second thread pays off."""
+VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS  # parameters of the energy of a chunk
+WORTH_SHARING = 8  # number of chunks from which a second thread pays off
 
 Places = Int[np.ndarray, " place"]
 Unknowns = Float[np.ndarray, " unknown"]

@@ -24,8 +24,7 @@ SENSE_BY_LINE = {
 }
 """Sense of the fold at a line of the paper's grid, by its place in the period of four cells."""
 
-Like = Bool[np.ndarray, "line cell"]
-"""Which cells are of one knit; axis 1 runs across its folds."""
+Like = Bool[np.ndarray, "line cell"]  # which cells are of one knit; axis 1 runs across its folds
 ByEdge = Float[np.ndarray, "line cell"]
 """Values of edges; at index k of axis 1, that of the edge between cells k − 1 and k."""
 

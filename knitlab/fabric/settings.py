@@ -19,8 +19,7 @@ class Unit:
     symbol: str
 
 
-Fraction = Annotated[float, Field(gt=0, le=1)]
-"""A fraction, above 0 and at most 1."""
+Fraction = Annotated[float, Field(gt=0, le=1)]  # A fraction, above 0 and at most 1
 Position = Annotated[float, Field(ge=0, le=1)]
 """A position along a length, from 0 at its start to 1 at its end."""
 RestAngle = Annotated[float, Field(gt=0, lt=math.pi), Unit("rad")]

@@ -20,8 +20,7 @@ from knitlab.fabric.stripe import Stripe, cell_length
 
 AS_CALIBRATED = ModelOptions(cell_size="relaxed")
 """The model options with which a measured curve is fitted."""
-LARGEST_LOG_TILT = 40.0
-"""Largest −log(tilt / relaxed tilt) in the search for the root."""
+LARGEST_LOG_TILT = 40.0  # largest −log(tilt / relaxed tilt) in the search for the root
 
 
 class Zigzag(eqx.Module):

@@ -15,10 +15,8 @@ FEWEST_POINTS = {2: 8, 1: 4, 0: 3}
 """Number of points needed for a polynomial, by its degree; the first with enough is used."""
 LEAST_CURVATURE = 1e-6
 """Smallest over largest eigenvalue of the normal equations, below which points are too close."""
-AT_REST = 1e-9
-"""Range of the strains of records at rest, over the width of a window."""
-DRAWN_OUT = 0.1
-"""Largest extrapolation of a polynomial beyond its last point, over its length."""
+AT_REST = 1e-9  # range of the strains of records at rest, over the width of a window
+DRAWN_OUT = 0.1  # largest extrapolation of a polynomial beyond its last point, over its length
 
 Record = Float[np.ndarray, " record"]
 

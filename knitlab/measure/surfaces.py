@@ -17,8 +17,7 @@ TRIANGLES = np.array([[0, 1, 2], [2, 3, 0]])
 TOUCHING = 1e-9
 """Depth by which surfaces must pass through each other, over the size of a quadrilateral."""
 EDGES = ((0, 1), (1, 2), (2, 0))
-FLAT = 1e-12
-"""Determinant relative to its largest possible value, below which it counts as zero."""
+FLAT = 1e-12  # determinant relative to its largest possible value, below which it counts as zero
 
 Quads = Float[np.ndarray, "_ 4 3"]
 Triangles = Float[np.ndarray, "_ 3 3"]

@@ -17,19 +17,14 @@ from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.unit_cells import CellGrid
 
-POINTS = 512
-"""Number of points of a resampled line; more than any line of nodes or pixels resolves."""
-PADDING = 16
-"""Length of the padded line over its own."""
+POINTS = 512  # number of points of a resampled line; more than any line of nodes or pixels resolves
+PADDING = 16  # length of the padded line over its own
 TREND_WINDOW = 1.7343
 """Window of the filter in wavelengths: the lowest at which a quadratic Savitzky–Golay filter
 passes nothing of the wave, so that removing the trend does not change the wave."""
-ROUNDS = 3
-"""Number of iterations of window and wavelength."""
-FEWEST_WAVES = 2
-"""Waves along a line below which a trend cannot be distinguished from a wave."""
-PERIODIC_CELLS = 8
-"""Number of unit cells over which the boundary of periodic fabric is traced."""
+ROUNDS = 3  # number of iterations of window and wavelength
+FEWEST_WAVES = 2  # waves along a line below which a trend cannot be distinguished from a wave
+PERIODIC_CELLS = 8  # number of unit cells over which the boundary of periodic fabric is traced
 
 Direction = Literal["x", "y"]
 

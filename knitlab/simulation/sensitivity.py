@@ -19,8 +19,7 @@ from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, p
 from knitlab.measure.unit_cells import CellGrid, unit_cell_corners
 from knitlab.simulation.case import Case
 
-QUANTITIES = ("poisson_ratio", "reaction_force")
-"""Quantities whose sensitivities a cube has."""
+QUANTITIES = ("poisson_ratio", "reaction_force")  # quantities whose sensitivities a cube has
 STRIPE_PARAMETERS = {
     f"{knit}_{name}": (side, name)
     for knit, side in (("rib", "weft"), ("garter", "warp"))

@@ -15,10 +15,8 @@ from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 
 STRIPE_TOLERANCE = 0.02
 """Largest fraction by which a stripe number of a sibling is larger or smaller."""
-SAME_BRANCH = 1e-6
-"""Relative difference up to which two relaxed energies are of one branch."""
-SPREAD = ("poisson_ratio", "reaction_force")
-"""Results whose spread is taken."""
+SAME_BRANCH = 1e-6  # relative difference up to which two relaxed energies are of one branch
+SPREAD = ("poisson_ratio", "reaction_force")  # results whose spread is taken
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ Call = tuple[Callable[..., None], list[int], tuple[object, ...]]
 
 Matrix = Float[np.ndarray, "_ _"]
 Vector = Float[np.ndarray, " _"]
-Status = Int[np.ndarray, "1"]
-"""Status of a LAPACK call, a 32-bit integer; 0 if it succeeded."""
+Status = Int[np.ndarray, "1"]  # status of a LAPACK call, a 32-bit integer; 0 if it succeeded
 
 _INTEGERS = np.arange(2**16, dtype=np.int32)
 _LETTERS = np.frombuffer(b"LNTR", dtype=np.uint8)

@@ -18,16 +18,13 @@ from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.measure.folds import fold_angles
 from knitlab.measure.surfaces import crossings, gap_between
 
-STATES_AT_ONCE = 4
-"""States that are computed together."""
-ORDER = 2
-"""Order of convergence of the capacitance with the size of graded panels."""
+STATES_AT_ONCE = 4  # states that are computed together
+ORDER = 2  # order of convergence of the capacitance with the size of graded panels
 CAUTION = 0.7
 """Estimated error over the change by extrapolation; on folds of 0.15 to 2 rad and at levels 1 to 3
 the true error was never larger."""
 LEVELS = (1, 2, 3, 4)
-MOST_PANELS = 2400
-"""Largest number of panels of a finer level."""
+MOST_PANELS = 2400  # largest number of panels of a finer level
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,8 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Bool, Float
 
-CENTRAL_PART = 0.2
-"""Central fraction of the strain range over which the paper averages the slope."""
-RESOLUTION = 200
-"""Number of intervals of a strain range in the search for a window."""
+CENTRAL_PART = 0.2  # central fraction of the strain range over which the paper averages the slope
+RESOLUTION = 200  # number of intervals of a strain range in the search for a window
 FEWEST_POINTS = 3
 HUMIDITY = 0.05
 """Relative change of the permittivity by humidity that ``humidity_strain`` refers to."""
