@@ -81,8 +81,8 @@ class SubdomainSolver:
         accepted = max(settings.tolerance, 1e-6, force_part * float(forces.max()))
         settings = replace(settings, tolerance=accepted, max_iterations=300)
 
-        def solved(place: int) -> State:
-            problem = problems[place]
+        def solved(number: int) -> State:
+            problem = problems[number]
             start = Point(unknowns[problem.subdomain.places], at.stage)
             free, state, process = problem.subdomain.free, None, self._processes.get()
             try:
@@ -94,8 +94,8 @@ class SubdomainSolver:
                 self._processes.put(process)
 
         for group in independent_groups(forces, coupled):
-            for place, state in zip(group, self._threads.each(solved, group), strict=True):
-                subdomain = problems[place].subdomain
+            for number, state in zip(group, self._threads.each(solved, group), strict=True):
+                subdomain = problems[number].subdomain
                 # A subdomain that stalls, or ends with a larger residual than any had before, may
                 # have collapsed a cell, where fold angles are undefined.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
@@ -108,13 +108,13 @@ class SubdomainSolver:
         self, free: FreeStiffness
     ) -> tuple[Sequence[_LocalProblem], Bool[np.ndarray, "subdomain subdomain"]]:
         if free not in self._decompositions:
-            found = list(subdomains_of(free))
+            subdomains = list(subdomains_of(free))
             problems = []
-            for number, subdomain in zip(self._numbers, found, strict=False):
+            for number, subdomain in zip(self._numbers, subdomains, strict=False):
                 fabric = subdomain.fabric(self._fabric)
                 system = System(subdomain.free.shape, fabric, kept=self._kept)
                 problems.append(_LocalProblem(number, subdomain, fabric, system))
-            self._decompositions[free] = problems, couplings(found, free.shape.unknowns)
+            self._decompositions[free] = problems, couplings(subdomains, free.shape.unknowns)
         return self._decompositions[free]
 
     @cached_property

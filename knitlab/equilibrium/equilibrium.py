@@ -31,8 +31,7 @@ from knitlab.fabric.threads import Threads, allowed_threads
 
 LARGEST_CONCURRENT = 4096  # number of nodes up to which fabrics run concurrently
 ROUNDS = 8  # rounds before extrapolation may begin; most samples converge within a few more
-LONGEST_EXTRAPOLATION = 2.5
-"""Largest length of an extrapolated step, over the step limit of a search."""
+LONGEST_EXTRAPOLATION = 2.5  # largest extrapolated step, over the step limit of a search
 
 Result = TypeVar("Result")
 

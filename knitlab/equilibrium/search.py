@@ -30,10 +30,8 @@ if TYPE_CHECKING:
 
 NEARLY = 1e3  # force of a search that has nearly ended, over the tolerance
 LEAST_RAISED_SHIFT, LARGEST_SHIFT = 1e-6, 1e6
-ENERGY_ROUND_OFF = 1e-13
-"""Relative change of the energy below which it is round-off, and the force decides instead."""
-MOST_CHANGES = 50
-"""Nodes that come to a wall, or leave it, above which their update would cost too much."""
+ENERGY_ROUND_OFF = 1e-13  # relative change of energy below which the force decides instead
+MOST_CHANGES = 50  # nodes that come to a wall or leave it, above which an update costs too much
 MOST_ACTIVE_SETS = 10
 
 Vector = Float[np.ndarray, " free"]

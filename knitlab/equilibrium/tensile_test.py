@@ -28,8 +28,7 @@ EASY, SMOOTH, HARD = 4, 10, 16
 extrapolated quadratically from it, and above which the next one is half as long."""
 LONGEST = 4  # largest step along a path that is easy to follow, over ``path_step``
 ROUGH = 50  # iterations of a strain step above which the path counts as rough
-FRACTIONS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Fractions of the way from an affine stretch of the last state to the extrapolation."""
+FRACTIONS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the way to the extrapolation
 
 
 def stretch(

@@ -38,8 +38,7 @@ Places = Int[np.ndarray, " place"]
 Unknowns = Float[np.ndarray, " unknown"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
 """Vectors of the springs of a chunk, vectors of its hinges, and heights of its nodes [mm]."""
-Acting = Float[np.ndarray, "3"]
-"""Fraction of the rest angles, z_max [mm] and stiffness of the walls [N/mm]."""
+Acting = Float[np.ndarray, "3"]  # fraction of rest angles, z_max [mm], wall stiffness [N/mm]
 Parameters = tuple[
     tuple[Float[Array, " spring"], Float[Array, " spring"], SpringLaw],
     tuple[Float[Array, " hinge"], Float[Array, " hinge"]],
@@ -89,18 +88,18 @@ def _terms(
     elements: Elements, chunks: int, per_chunk: int, offset: int
 ) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""
-    place = np.arange(chunks * per_chunk)
+    slot = np.arange(chunks * per_chunk)
     # Padding may repeat any element, as it has no stiffness.
-    element = np.minimum(place, len(elements.nodes) - 1)
-    chunk, lane = np.divmod(place, per_chunk)
-    first, ones = chunk * VECTORS + offset + lane, np.ones(len(place))
+    element = np.minimum(slot, len(elements.nodes) - 1)
+    chunk, lane = np.divmod(slot, per_chunk)
+    first, ones = chunk * VECTORS + offset + lane, np.ones(len(slot))
     for vector, (start, end) in enumerate(elements.ends):
         for component in range(3):
             row = first + (3 * vector + component) * per_chunk
             yield row, 3 * elements.nodes[element, end] + component, ones
             yield row, 3 * elements.nodes[element, start] + component, -ones
             if component < 2:
-                period = np.full(len(place), elements.shape.unknowns - 2 + component)
+                period = np.full(len(slot), elements.shape.unknowns - 2 + component)
                 yield row, period, elements.periods[vector, component, element]
 
 

@@ -133,17 +133,17 @@ def _followed(points: Points, steps: Steps) -> dict[int, Step]:
     places: dict[int, Step] = {}
     queue = [(0.0, start, (0, 0))]
     while queue:
-        _, point, place = heapq.heappop(queue)
-        if point in places or place in places.values():
+        _, point, position = heapq.heappop(queue)
+        if point in places or position in places.values():
             continue
-        places[point] = place
+        places[point] = position
         for (rows, columns), distance, neighbour in zip(
             STEPS, distances[point], neighbours[point], strict=True
         ):
             if np.isfinite(distance) and neighbour != point:
                 # Steps over a missing marker come after all others, whose distance is in reach.
                 late = reach * (abs(rows) + abs(columns) - 1)
-                step_to = place[0] + rows, place[1] + columns
+                step_to = position[0] + rows, position[1] + columns
                 heapq.heappush(queue, (distance + late, int(neighbour), step_to))
     return places
 

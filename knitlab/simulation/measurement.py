@@ -186,11 +186,7 @@ def _relaxed_patches(case: Case, relaxed: Configuration) -> dict[str, Any]:
 def _capacitor_values(
     case: Case, reached: Sequence[State], unloaded: Sequence[State]
 ) -> dict[str, Any]:
-    """Capacitance along the test of a case, by the names of the schema.
-
-    Converged states are those of loading, the relaxed one first, and of unloading from the last
-    strain but one.
-    """
+    """Capacitance along loading, and unloading from the last strain but one, by schema names."""
     capacitor, electrodes = case.capacitor_given, case.electrodes
     configurations = Configuration.stacked([state.configuration for state in reached])
     capacitances = partial(

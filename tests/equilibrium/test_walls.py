@@ -113,7 +113,7 @@ def test_searches_reach_the_same_states_with_fewer_factorisations(squeezed, monk
         return [find_equilibrium(equations(net, fabric), Point(at), rules) for at in starts]
 
     predicted = states()
-    monkeypatch.setattr(walls, "MOST_CHANGES", 0)
+    monkeypatch.setattr("knitlab.equilibrium.search.MOST_CHANGES", 0)
     unpredicted = states()
     assert all(state.converged for state in (*predicted, *unpredicted))
     for one, other in zip(predicted, unpredicted, strict=True):

@@ -18,8 +18,7 @@ from jaxtyping import Float, Int
 from scipy import LowLevelCallable
 from scipy.linalg import cython_blas, cython_lapack
 
-Call = tuple[Callable[..., None], list[int], tuple[object, ...]]
-"""A routine, the addresses of its arguments, and these, to keep them alive."""
+Call = tuple[Callable[..., None], list[int], tuple[object, ...]]  # routine, addresses, arguments
 
 Matrix = Float[np.ndarray, "_ _"]
 Vector = Float[np.ndarray, " _"]

@@ -28,8 +28,7 @@ PAIRS_AT_ONCE = 512  # near pairs that are computed together
 PAIRS_RATIO = 1.25  # ratio of successive numbers of pairs for which a program is compiled
 TIE = 1e-9  # relative difference in size above which one panel counts as larger
 FEWEST_IMAGES = 2
-IMAGES_AN_EXTENT = 3
-"""Distance from which images are summed as multipoles, over the width of the conductors."""
+IMAGES_AN_EXTENT = 3  # distance of multipole images, over the width of conductors
 SMALLEST = 1e-300  # keeps quotients finite where their factor is zero
 
 Matrix = Float[Array, "panel panel"]
@@ -86,11 +85,11 @@ def near_pairs(
         extent = np.maximum(extent, size)
         tree = cKDTree(centre)
         for image in (-1, 0, 1) if turn.any() else (0,):
-            found = tree.sparse_distance_matrix(
+            distances = tree.sparse_distance_matrix(
                 cKDTree(centre + image * turn), NEAR * size.max(), output_type="coo_matrix"
             )
-            close = found.data <= NEAR * np.maximum(size[found.row], size[found.col])
-            near[found.row[close], found.col[close]] = True
+            close = distances.data <= NEAR * np.maximum(size[distances.row], size[distances.col])
+            near[distances.row[close], distances.col[close]] = True
     pairs = np.argwhere(np.triu(near | near.T))
     first, second = extent[pairs].T
     # Gauss points of a large panel would not resolve the potential of a small one close to it.

@@ -202,7 +202,7 @@ def _hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge
     """Hinges on the electrodes or between them, also across the border of periodic fabric."""
     extents = np.array([strip.extents for strips in electrodes.strips for strip in strips])
     first, last = np.floor(extents[..., 0].min(axis=0)), np.ceil(extents[..., 1].max(axis=0))
-    place, cells = net.hinge_cells[:, ::-1], (net.shape.cells_x, net.shape.cells_y)
-    within = (place >= first) & (place < last)
-    within |= (place + cells < last) & net.shape.periodic
+    edge, cells = net.hinge_cells[:, ::-1], (net.shape.cells_x, net.shape.cells_y)
+    within = (edge >= first) & (edge < last)
+    within |= (edge + cells < last) & net.shape.periodic
     return within.all(axis=1)
