@@ -25,8 +25,7 @@ from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.inertia import Inertia
 from knitlab.fabric.network import MeshShape, network
 
-Progress = Callable[[int, float], None]
-"""Function of the index in a batch and of the number of finished states, with a fraction."""
+Progress = Callable[[int, float], None]  # of the index in a batch, and of finished states
 Record = tuple[float, float, float, float, Configuration]
 """Time, kinetic and potential energy, dissipated work, as in a :class:`History`, and the shape."""
 
@@ -116,24 +115,24 @@ def stretch_by_dynamics(
 ) -> list[TensileTest]:
     """Relax flat sheets, then pull them (paper, Sec. "Kinematics under tension").
 
-    The pull begins from rest, as when the test is a simulation of its own. With ``settings.ending``
+    The pull begins from rest, as when the test is a simulation by itself. With ``settings.ending``
     ``"rest"`` the fabric comes to rest at every strain; with ``"time"`` it is pulled without pause,
     and its states are not equilibria. Strains ascend from 0, as many for every fabric.
     """
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)
-    loadings = [tensile(shape, its.configuration) for its in relaxed]
-    starts = [on_grid(its.configuration) for its in relaxed]
+    loadings = [tensile(shape, end.configuration) for end in relaxed]
+    starts = [on_grid(end.configuration) for end in relaxed]
     moving = Moving.from_rest(fabrics.bodies(clamped=True), starts)
-    failed = np.array([its.outcome is not Outcome.converged for its in relaxed])
+    failed = np.array([end.outcome is not Outcome.converged for end in relaxed])
     moving = replace(moving, diverged=failed)
     to_rest, still = settings.ending == "rest", np.zeros(len(relaxed))
     states = []
-    for case, its in enumerate(relaxed):
-        state = _state(shape, moving, case, all_free(shape), its.outcome)
-        peak = float(its.history.kinetic.max())
-        states.append([replace(state, iterations=its.steps, kinetic_peak=peak)])
-    strains, rate = np.array(applied_strain), np.array([its.strain_rate for its in relaxed])
+    for case, end in enumerate(relaxed):
+        state = _state(shape, moving, case, all_free(shape), end.outcome)
+        peak = float(end.history.kinetic.max())
+        states.append([replace(state, iterations=end.steps, kinetic_peak=peak)])
+    strains, rate = np.array(applied_strain), np.array([end.strain_rate for end in relaxed])
     waited = still
     for number in range(1, strains.shape[1]):
         steps, began = moving.steps, moving.time
@@ -155,8 +154,8 @@ def stretch_by_dynamics(
         ended = [not own[-1].converged for own in states]
         moving = replace(moving, diverged=moving.diverged | ended)
     return [
-        TensileTest(loading if own[0].converged else None, own, history=its.history)
-        for loading, own, its in zip(loadings, states, relaxed, strict=True)
+        TensileTest(loading if own[0].converged else None, own, history=end.history)
+        for loading, own, end in zip(loadings, states, relaxed, strict=True)
     ]
 
 

@@ -46,10 +46,8 @@ DENOMINATOR = (
 """Rational approximation of (atan t − t)/t³ in t², for t up to tan(π/8), from Cephes."""
 
 Component = Float[Array, "*grid"]
-Vector = tuple[Component, Component, Component]
-"""The x, y and z components of a vector at every place of a grid."""
-Lines = Float[Array, "_ _"]
-"""A component on some lines of the grid, whose number differs within a function."""
+Vector = tuple[Component, Component, Component]  # x, y and z everywhere on a grid
+Lines = Float[Array, "_ _"]  # on some lines of the grid, whose number differs
 OnLines = tuple[Lines, Lines, Lines]
 
 

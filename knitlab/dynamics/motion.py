@@ -19,8 +19,7 @@ from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import Dynamics
 from knitlab.fabric.energy import Energy
 
-FIRST_ITERATIONS = 40
-"""Iterations for the highest frequency of a fabric, the first time."""
+FIRST_ITERATIONS = 40  # iterations for the highest frequency of a fabric, the first time
 HALVINGS = 12
 """Times that an unstable step is halved before the motion counts as diverged. Where a cell is
 crushed to a line its hinges are stiff for a moment, which a step of 1/300 was seen to pass."""

@@ -33,11 +33,9 @@ from knitlab.fabric.layout import FabricLayout
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
 
-Unknowns = Float[Array, " unknown"]
-"""A configuration, flattened [mm]."""
+Unknowns = Float[Array, " unknown"]  # A configuration, flattened [mm]
 Rows = Float[Array, "quantity unknown"]
-Moved = Float[np.ndarray, "row unknown"]
-"""Forces on all unknowns, or their displacements, row by row."""
+Moved = Float[np.ndarray, "row unknown"]  # forces on all unknowns, or displacements
 Measure = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
 """A function of the relaxed configuration, of the strained one and of the fabric, in pure JAX, that
 returns a number or several."""

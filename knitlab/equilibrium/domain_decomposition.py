@@ -1,23 +1,41 @@
-"""Solution of the subdomains of a large sample, one by one, in several processes."""
+"""Solution of the subdomains of a large sample, one by one, in several processes.
 
+A subdomain is solved by many small calls, between which threads of one process wait for the global
+interpreter lock. A second process is a separate program, not a worker of ``concurrent.futures`` or
+loky: spawned pools run an unguarded script again, and the workers of both outlive a parent that is
+killed. This program ends when its standard input is closed.
+"""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import weakref
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
 from queue import SimpleQueue
+from typing import IO
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 
 from knitlab.equilibrium.search import Search, SearchRules, minimise
-from knitlab.equilibrium.second_process import SecondProcess
 from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome, State
-from knitlab.equilibrium.stiffness import FreeStiffness
+from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.equilibrium.subdomains import Subdomain, couplings, independent_groups, subdomains_of
-from knitlab.equilibrium.system import KeptFactors, System
+from knitlab.equilibrium.system import KeptFactors, System, one_thread_of_blas
 from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape
+from knitlab.fabric.threads import ONE_THREAD
+
+SentSubdomain = tuple[MeshShape, Int[np.ndarray, " free"], Fabric]
+"""Mesh shape of a subdomain, indices of its free unknowns, and its springs, folds and walls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +81,8 @@ class SubdomainSolver:
         accepted = max(settings.tolerance, 1e-6, force_part * float(forces.max()))
         settings = replace(settings, tolerance=accepted, max_iterations=300)
 
-        def solved(place: int) -> State:
-            problem = problems[place]
+        def solved(number: int) -> State:
+            problem = problems[number]
             start = Point(unknowns[problem.subdomain.places], at.stage)
             free, state, process = problem.subdomain.free, None, self._processes.get()
             try:
@@ -76,8 +94,8 @@ class SubdomainSolver:
                 self._processes.put(process)
 
         for group in independent_groups(forces, coupled):
-            for place, state in zip(group, self._threads.each(solved, group), strict=True):
-                subdomain = problems[place].subdomain
+            for number, state in zip(group, self._threads.each(solved, group), strict=True):
+                subdomain = problems[number].subdomain
                 # A subdomain that stalls, or ends with a larger residual than any had before, may
                 # have collapsed a cell, where fold angles are undefined.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
@@ -90,13 +108,13 @@ class SubdomainSolver:
         self, free: FreeStiffness
     ) -> tuple[Sequence[_LocalProblem], Bool[np.ndarray, "subdomain subdomain"]]:
         if free not in self._decompositions:
-            found = list(subdomains_of(free))
+            subdomains = list(subdomains_of(free))
             problems = []
-            for number, subdomain in zip(self._numbers, found, strict=False):
+            for number, subdomain in zip(self._numbers, subdomains, strict=False):
                 fabric = subdomain.fabric(self._fabric)
                 system = System(subdomain.free.shape, fabric, kept=self._kept)
                 problems.append(_LocalProblem(number, subdomain, fabric, system))
-            self._decompositions[free] = problems, couplings(found, free.shape.unknowns)
+            self._decompositions[free] = problems, couplings(subdomains, free.shape.unknowns)
         return self._decompositions[free]
 
     @cached_property
@@ -113,3 +131,67 @@ def solve_subdomain(system: System, free: FreeStiffness, start: Point, settings:
     """The equilibrium of a subdomain with its boundary held."""
     search = Search(system, start, SearchRules(free, settings, convexified=False))
     return search.state(minimise(search))
+
+
+class SecondProcess:
+    """Another process that solves subdomains one after another; ``pid`` is its identifier."""
+
+    def __init__(self) -> None:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "knitlab.equilibrium.domain_decomposition"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | ONE_THREAD,
+        )
+        if process.stdin is None or process.stdout is None:
+            raise RuntimeError("the process has no pipes")
+        self.pid, self._requests, self._replies = process.pid, process.stdin, process.stdout
+        self._known: set[int] = set()
+        weakref.finalize(self, _end, process, self._requests, self._replies)
+
+    def solve(
+        self, number: int, subdomain: SentSubdomain, start: Point, settings: Solver
+    ) -> State | None:
+        """Equilibrium of a subdomain, known to the process by its number; ``None`` if it died."""
+        try:
+            sent = None if number in self._known else subdomain
+            pickle.dump((number, sent, start, settings), self._requests)
+            self._requests.flush()
+            self._known.add(number)
+            return pickle.load(self._replies)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            return None
+
+
+def _end(process: subprocess.Popen[bytes], requests: IO[bytes], replies: IO[bytes]) -> None:
+    # A dead process cannot receive buffered data.
+    with suppress(OSError):
+        requests.close()
+    replies.close()
+    process.wait()
+
+
+def _serve(requests: IO[bytes], replies: IO[bytes]) -> None:
+    """Solve the requested subdomains until the other end closes the requests."""
+    kept: KeptFactors = {}
+    known: dict[int, tuple[System, FreeStiffness]] = {}
+    while True:
+        try:
+            number, subdomain, start, settings = pickle.load(requests)
+        except EOFError:
+            return
+        if subdomain is not None:
+            shape, places, fabric = subdomain
+            known[number] = System(shape, fabric, kept=kept), free_stiffness(shape, places)
+        pickle.dump(solve_subdomain(*known[number], start, settings), replies)
+        replies.flush()
+
+
+if __name__ == "__main__":
+    # The parent handles interrupts, and this process ends with it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Printed text must not mix with the replies.
+    with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as answers:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+        with one_thread_of_blas():
+            _serve(sys.stdin.buffer, answers)

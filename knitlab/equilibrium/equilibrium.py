@@ -29,12 +29,9 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.threads import Threads, allowed_threads
 
-LARGEST_CONCURRENT = 4096
-"""Number of nodes up to which fabrics run concurrently."""
-ROUNDS = 8
-"""Rounds before extrapolation may begin; most samples converge within a few more."""
-LONGEST_EXTRAPOLATION = 2.5
-"""Largest length of an extrapolated step, over the step limit of a search."""
+LARGEST_CONCURRENT = 4096  # number of nodes up to which fabrics run concurrently
+ROUNDS = 8  # rounds before extrapolation may begin; most samples converge within a few more
+LONGEST_EXTRAPOLATION = 2.5  # largest extrapolated step, over the step limit of a search
 
 Result = TypeVar("Result")
 

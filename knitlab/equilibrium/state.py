@@ -1,4 +1,4 @@
-"""What a solver found: states, how far they are from equilibrium, and tests made of them."""
+"""Results of a solver: states, how far they are from equilibrium, and tests made of them."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum

@@ -201,9 +201,9 @@ def _terms(
         for x, y in product(range(len(by_row)), range(len(by_column))):
             source, sign = entry(3 * i + x, 3 * j + y)
             factor = sign * by_row[x, kept] * by_column[y, kept]
-            place = indptr[3 * column + y] - y + offset + x
+            index = indptr[3 * column + y] - y + offset + x
             used = (factor != 0) & ((column != row) | (x >= y))
-            yield (place[used].astype(np.int32), source[kept][used].astype(np.int32), factor[used])
+            yield (index[used].astype(np.int32), source[kept][used].astype(np.int32), factor[used])
 
 
 def _places_in_triangle(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row column"]:

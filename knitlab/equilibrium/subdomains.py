@@ -17,12 +17,9 @@ from knitlab.fabric.network import MeshShape, network
 CELLS = 24
 """Grid cells along each side of a subdomain, without its overlap: with fewer, most of the work is
 in the overlap; with more, a snap in one place takes longer."""
-OVERLAP = 4
-"""Grid cells by which neighbouring subdomains overlap."""
-REACH = 2
-"""Extent of an element in grid cells, and so the width of the held boundary."""
-FEWEST = 6
-"""Number of subdomains from which domain decomposition pays off."""
+OVERLAP = 4  # grid cells by which neighbouring subdomains overlap
+REACH = 2  # extent of an element in grid cells, and so the width of the held boundary
+FEWEST = 6  # number of subdomains from which domain decomposition pays off
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +84,9 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             )
 
 
-def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "subdomain subdomain"]:
+def couplings(
+    subdomains: Sequence[Subdomain], unknowns: int
+) -> Bool[np.ndarray, "subdomain subdomain"]:
     """Which pairs of subdomains are coupled: free unknowns of one affect the other."""
 
     def membership(places: Sequence[Int[np.ndarray, " _"]]) -> sp.csr_array:
@@ -96,10 +95,10 @@ def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "su
             (np.ones(ends[-1]), np.concatenate(places), ends), shape=(len(places), unknowns)
         )
 
-    touched = membership([subdomain.places for subdomain in found])
-    free = membership([subdomain.places[subdomain.free.places] for subdomain in found])
+    touched = membership([subdomain.places for subdomain in subdomains])
+    free = membership([subdomain.places[subdomain.free.places] for subdomain in subdomains])
     coupled = (touched @ free.T).toarray() > 0
-    return coupled | coupled.T | np.eye(len(found), dtype=bool)
+    return coupled | coupled.T | np.eye(len(subdomains), dtype=bool)
 
 
 def independent_groups(

@@ -26,12 +26,9 @@ if TYPE_CHECKING:
 EASY, SMOOTH, HARD = 4, 10, 16
 """Iterations of a step up to which the next one is twice as long, up to which the path is
 extrapolated quadratically from it, and above which the next one is half as long."""
-LONGEST = 4
-"""Largest step along a path that is easy to follow, over ``path_step``."""
-ROUGH = 50
-"""Iterations of a strain step above which the path counts as rough."""
-FRACTIONS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Fractions of the way from an affine stretch of the last state to the extrapolation."""
+LONGEST = 4  # largest step along a path that is easy to follow, over ``path_step``
+ROUGH = 50  # iterations of a strain step above which the path counts as rough
+FRACTIONS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the way to the extrapolation
 
 
 def stretch(

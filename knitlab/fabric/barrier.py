@@ -31,12 +31,9 @@ ipctk.set_num_threads(1)
 NEAR_RANGE = 0.1
 """Distance over which the barrier acts between parts that are near on the grid, in thicknesses: it
 keeps them from passing through each other, and leaves the calibrated folds alone."""
-WIDE, NARROW = 0.3, 0.06
-"""Margins: distance that vertices may move before a search, over the shortest side of a cell."""
-KEPT_PART = 0.5
-"""Part of the collision-free step that is taken, so that the barrier is finite after it."""
-LEAST_FREE = 1e-12
-"""Distance over the least allowed one, less 1, below which a configuration counts as touching."""
+WIDE, NARROW = 0.3, 0.06  # margins before a new search, over the shortest side of a cell
+KEPT_PART = 0.5  # fraction of a collision-free step that is taken: the barrier is finite after it
+LEAST_FREE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
 
 Unknowns = Float[np.ndarray, " unknown"]
 Vertices = Float[np.ndarray, "vertex 3"]

@@ -27,12 +27,9 @@ from knitlab.fabric.pattern import Along, PatchGrid
 from knitlab.fabric.settings import ModelOptions, Position
 
 NAMES = ("A", "B")
-BARE = "."
-"""Letter of a mask where no electrode is plated."""
-SENSES = {"front": (1,), "back": (-1,), "both": (1, -1)}
-"""Sense of the folds that are ridges of a face."""
-SHARP = 1e-9
-"""Width of a ridge, relative to a stripe, where only its middle line is needed."""
+BARE = "."  # letter of a mask where no electrode is plated
+SENSES = {"front": (1,), "back": (-1,), "both": (1, -1)}  # folds that are ridges of a face
+SHARP = 1e-9  # width of a ridge, relative to a stripe, where only its middle line is needed
 
 StitchCounts = tuple[Float[np.ndarray, " grid_y"], Float[np.ndarray, " grid_x"]]
 """Courses in every row of grid cells, and wales in every column."""
@@ -94,7 +91,7 @@ class Electrodes:
         return 0 if self.along == "course" else 1
 
     def faults(self, shape: MeshShape) -> list[str]:
-        """All faults of the electrodes on a mesh, each with its place."""
+        """All faults of the electrodes on a mesh, each with its position."""
         faults = []
         for name, strips in zip(NAMES, self.strips, strict=True):
             faults += [

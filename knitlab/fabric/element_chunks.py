@@ -31,17 +31,14 @@ HEIGHTS = 512
 """Nodes in a chunk. It also holds the springs and hinges of that many nodes of periodic fabric,
 which has the most of them."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
-VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
-"""Parameters of the energy of a chunk."""
-WORTH_SHARING = 8
-"""Number of chunks from which a second thread pays off."""
+VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS  # parameters of the energy of a chunk
+WORTH_SHARING = 8  # number of chunks from which a second thread pays off
 
 Places = Int[np.ndarray, " place"]
 Unknowns = Float[np.ndarray, " unknown"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
 """Vectors of the springs of a chunk, vectors of its hinges, and heights of its nodes [mm]."""
-Acting = Float[np.ndarray, "3"]
-"""Fraction of the rest angles, z_max [mm] and stiffness of the walls [N/mm]."""
+Acting = Float[np.ndarray, "3"]  # fraction of rest angles, z_max [mm], wall stiffness [N/mm]
 Parameters = tuple[
     tuple[Float[Array, " spring"], Float[Array, " spring"], SpringLaw],
     tuple[Float[Array, " hinge"], Float[Array, " hinge"]],
@@ -91,18 +88,18 @@ def _terms(
     elements: Elements, chunks: int, per_chunk: int, offset: int
 ) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""
-    place = np.arange(chunks * per_chunk)
+    slot = np.arange(chunks * per_chunk)
     # Padding may repeat any element, as it has no stiffness.
-    element = np.minimum(place, len(elements.nodes) - 1)
-    chunk, lane = np.divmod(place, per_chunk)
-    first, ones = chunk * VECTORS + offset + lane, np.ones(len(place))
+    element = np.minimum(slot, len(elements.nodes) - 1)
+    chunk, lane = np.divmod(slot, per_chunk)
+    first, ones = chunk * VECTORS + offset + lane, np.ones(len(slot))
     for vector, (start, end) in enumerate(elements.ends):
         for component in range(3):
             row = first + (3 * vector + component) * per_chunk
             yield row, 3 * elements.nodes[element, end] + component, ones
             yield row, 3 * elements.nodes[element, start] + component, -ones
             if component < 2:
-                period = np.full(len(place), elements.shape.unknowns - 2 + component)
+                period = np.full(len(slot), elements.shape.unknowns - 2 + component)
                 yield row, period, elements.periods[vector, component, element]
 
 

@@ -22,15 +22,11 @@ from knitlab.fabric.network import HINGE_VECTORS, Elements, Network
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
 
-SPRING_ENTRIES = np.tril_indices(3)
-"""Rows and columns of the entries of a spring's stiffness that are kept."""
-HINGE_ENTRIES = np.tril_indices(3 * 6)
-"""Rows and columns (3 × node + component) of the entries of a hinge's stiffness that are kept."""
-LANES = 64
-"""Number of hinges in a block, so that their intermediate values stay in the fastest cache."""
+SPRING_ENTRIES = np.tril_indices(3)  # rows and columns kept of a spring's stiffness
+HINGE_ENTRIES = np.tril_indices(3 * 6)  # rows and columns (3 × node + component) kept of a hinge's
+LANES = 64  # hinges in a block: their intermediate values stay in the fastest cache
 
-OneOrEach = Float[Array | np.ndarray, "*#element"]
-"""A value of every element, or one of all."""
+OneOrEach = Float[Array | np.ndarray, "*#element"]  # of every element, or one of all
 
 
 @jax.tree_util.register_dataclass

@@ -40,7 +40,9 @@ class Configuration(eqx.Module):
     @classmethod
     def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":
         """Configurations of one mesh shape as the states of one configuration, in NumPy."""
-        positions, lengths = zip(*((its.positions, its.lengths) for its in states), strict=True)
+        positions, lengths = zip(
+            *((state.positions, state.lengths) for state in states), strict=True
+        )
         return cls(np.stack(positions), np.stack(lengths))
 
     def flattened(self) -> Float[Array | np.ndarray, "*state unknown"]:

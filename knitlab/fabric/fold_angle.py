@@ -15,8 +15,7 @@ from jaxtyping import Array, Float
 from knitlab.fabric.array_library import array_library
 from knitlab.fabric.settings import FoldAngle
 
-Each = Float[Array | np.ndarray, " *element"]
-"""A value of every element."""
+Each = Float[Array | np.ndarray, " *element"]  # A value of every element
 HingeVectors = Float[Array | np.ndarray, "5 3 *element"]
 """The edge of every hinge and its diagonals, see :data:`~knitlab.fabric.network.HINGE_VECTORS`."""
 Vector = Float[Array | np.ndarray, "3 *element"]

@@ -24,10 +24,8 @@ SENSE_BY_LINE = {
 }
 """Sense of the fold at a line of the paper's grid, by its place in the period of four cells."""
 
-Like = Bool[np.ndarray, "line cell"]
-"""Which cells are of one knit; axis 1 runs across its folds."""
-ByEdge = Float[np.ndarray, "line cell"]
-"""Values of edges; at index k of axis 1, that of the edge between cells k − 1 and k."""
+Like = Bool[np.ndarray, "line cell"]  # which cells are of one knit; axis 1 runs across its folds
+ByEdge = Float[np.ndarray, "line cell"]  # at k of axis 1: edge between cells k − 1 and k
 
 
 class Ridge:
@@ -43,9 +41,9 @@ class Ridge:
         self._flank_parts = _parts(self.refinement, 1 - fraction)
 
     def stiffness_by_place(self, fold_phase: FoldPhase) -> Float[np.ndarray, " cell"]:
-        """Factor on k_t of a hinge, by its place in the period; all 1 on the paper's grid.
+        """Factor on k_t of a hinge, by its position in the period; all 1 on the paper's grid.
 
-        A hinge with the part s of a fold's compliance is 1/s times as stiff, and its edge is
+        A hinge with the share s of a fold's compliance is 1/s times as stiff, and its edge is
         shorter than on the paper's grid by the factor ``refinement``.
         """
         shares = np.zeros(CELLS_PER_PERIOD * self.refinement)
@@ -75,7 +73,7 @@ class Ridge:
         def excess(fold: Array, contraction: Array) -> Array:
             return jnp.mean(jnp.cos(fold[..., None] * tilts), axis=-1) - contraction
 
-        found: optx.Solution = optx.root_find(
+        solution: optx.Solution = optx.root_find(
             excess,
             optx.Newton(rtol=1e-14, atol=1e-14),
             jnp.asarray(sharp),
@@ -83,7 +81,7 @@ class Ridge:
             max_steps=50,
             throw=False,
         )
-        return array_library(theta_0).asarray(found.value)
+        return array_library(theta_0).asarray(solution.value)
 
 
 def _parts(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:

@@ -15,10 +15,8 @@ from jaxtyping import Bool, Float, Int
 from knitlab.fabric.pattern import PatchGrid
 from knitlab.fabric.settings import Boundary
 
-LARGE = 2048
-"""Number of nodes above which a mesh shape is large; no subdomain is."""
-LARGE_KEPT, SMALL_KEPT = 2, 32
-"""Results kept by a cache. A large sample needs two: of its relaxation and of its tensile test."""
+LARGE = 2048  # number of nodes above which a mesh shape is large; no subdomain is
+LARGE_KEPT, SMALL_KEPT = 2, 32  # results kept; a large sample needs two, relaxed and under tension
 
 Others = ParamSpec("Others")
 Result = TypeVar("Result")

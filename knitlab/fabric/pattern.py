@@ -12,15 +12,12 @@ from pydantic import Field
 from knitlab.fabric.settings import RestAngle
 from knitlab.fabric.stripe import Stripe
 
-CELLS_PER_PERIOD = 4
-"""Grid cells along one period in the paper: two per stripe (Fig. 1F: grid of size w/4)."""
+CELLS_PER_PERIOD = 4  # grid cells along one period in the paper: two per stripe (Fig. 1F)
 Knit = Literal["rib", "garter", "plain"]
 KNIT_OF_LETTER: dict[str, Knit] = {"R": "rib", "G": "garter", "P": "plain"}
 
-Along = Literal["wale", "course"]
-"""Direction of a line of the fabric: along a wale, up the warp, or along a course, in the weft."""
-Patches = Annotated[float, Field(ge=0)]
-"""A position or a length in patches of the pattern: 1.5 is the middle of the second patch."""
+Along = Literal["wale", "course"]  # of a line: up the warp, or in the weft
+Patches = Annotated[float, Field(ge=0)]  # 1.5 is the middle of the second patch
 
 
 class BadPattern(ValueError):

@@ -19,12 +19,9 @@ class Unit:
     symbol: str
 
 
-Fraction = Annotated[float, Field(gt=0, le=1)]
-"""A fraction, above 0 and at most 1."""
-Position = Annotated[float, Field(ge=0, le=1)]
-"""A position along a length, from 0 at its start to 1 at its end."""
-RestAngle = Annotated[float, Field(gt=0, lt=math.pi), Unit("rad")]
-"""Interior angle of a fold, below π, which is flat [rad]."""
+Fraction = Annotated[float, Field(gt=0, le=1)]  # A fraction, above 0 and at most 1
+Position = Annotated[float, Field(ge=0, le=1)]  # from 0 at the start of a length to 1 at its end
+RestAngle = Annotated[float, Field(gt=0, lt=math.pi), Unit("rad")]  # π is flat
 
 CellSize = Literal["flat", "relaxed"]
 FoldPhase = Literal["stripe_centre", "stripe_border"]
@@ -119,8 +116,7 @@ class PlainKnit:
     plain_bend_warp: Annotated[PositiveFloat, Unit("N mm")]
 
 
-CONTACT_RANGE = 0.25
-"""Distance beyond one thickness over which the contact barrier acts, in thicknesses."""
+CONTACT_RANGE = 0.25  # reach of the contact barrier beyond one thickness, in thicknesses
 
 
 def largest_thickness(cell: float, theta_0: float) -> float:

@@ -18,8 +18,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
 from knitlab.fabric.array_library import array_library
 
-Each = Float[Array | np.ndarray, "*#spring"]
-"""A value of every spring, or one of all springs."""
+Each = Float[Array | np.ndarray, "*#spring"]  # of every spring, or one of all
 
 
 @dataclass(frozen=True)

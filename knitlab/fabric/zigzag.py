@@ -18,10 +18,8 @@ from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.spring_law import LINEAR, SpringCurve, SpringLaw, spring_law
 from knitlab.fabric.stripe import Stripe, cell_length
 
-AS_CALIBRATED = ModelOptions(cell_size="relaxed")
-"""The model options with which a measured curve is fitted."""
-LARGEST_LOG_TILT = 40.0
-"""Largest −log(tilt / relaxed tilt) in the search for the root."""
+AS_CALIBRATED = ModelOptions(cell_size="relaxed")  # with which a measured curve is fitted
+LARGEST_LOG_TILT = 40.0  # largest −log(tilt / relaxed tilt) in the search for the root
 
 
 class Zigzag(eqx.Module):
@@ -112,7 +110,7 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
         return jnp.pi - 2 * tilt - of.theta_0 - pull * stretched * jnp.tan(tilt) / of.k_t
 
     def force(strain: Array) -> Array:
-        found: optx.Solution = optx.root_find(
+        solution: optx.Solution = optx.root_find(
             imbalance,
             optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
             jnp.asarray(1.0),
@@ -121,7 +119,7 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
             max_steps=200,
             throw=False,
         )
-        tilt = tilt_at(chain, found.value)
+        tilt = tilt_at(chain, solution.value)
         moment = chain.k_t * (jnp.pi - 2 * tilt - chain.theta_0)
         return moment / (length(chain, tilt, strain) * jnp.sin(tilt))
 

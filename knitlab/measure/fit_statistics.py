@@ -9,8 +9,7 @@ from jaxtyping import Float
 from scipy import stats
 
 CONFIDENCE = 0.95
-WORTH = 2.0
-"""Difference of AICc above which one fit is preferred: about the penalty of one parameter."""
+WORTH = 2.0  # AICc by which a fit is preferred: about the penalty of one parameter
 
 Points = Float[np.ndarray, " point"]
 
@@ -70,10 +69,7 @@ def _aicc(residuals: Points, parameters: int) -> float:
 
 @dataclass(frozen=True)
 class LinearFit:
-    """A least-squares line y = intercept + slope × x through points, with its R².
-
-    ``slope_halfwidth`` is half the 95 % confidence interval of the slope, by Student's t.
-    """
+    """A least-squares line with its R² and half the 95 % confidence interval of its slope."""
 
     slope: float
     intercept: float

@@ -15,28 +15,19 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 Points = Float[np.ndarray, "marker 2"]
-Steps = Float[np.ndarray, "direction 2"]
-"""Steps along the weft and the warp [mm]."""
-Step = tuple[int, int]
-"""Numbers of rows and of columns from one marker to another."""
+Steps = Float[np.ndarray, "direction 2"]  # steps along the weft and the warp [mm]
+Step = tuple[int, int]  # numbers of rows and of columns from one marker to another
 
 NONE = -1
-MOST_LINES = 10_000
-"""Largest number of rows or columns of a grid."""
-FEWEST = 4
-"""Number of markers of a unit cell."""
-NEIGHBOURS = 8
-"""Number of nearest markers among which steps of the grid are searched."""
-SECTOR = np.radians(25)
-"""Largest angle between a step and the direction of the grid."""
-NEAR = 0.5
-"""Largest distance of a marker from its predicted position, over the shorter step."""
+MOST_LINES = 10_000  # largest number of rows or columns of a grid
+FEWEST = 4  # number of markers of a unit cell
+NEIGHBOURS = 8  # number of nearest markers among which steps of the grid are searched
+SECTOR = np.radians(25)  # largest angle between a step and the direction of the grid
+NEAR = 0.5  # largest distance of a marker from its predicted position, over the shorter step
 STEPS = [step for step in product(range(-2, 3), repeat=2) if 1 <= sum(map(abs, step)) <= 2]
 """Steps to neighbours, and over a missing marker."""
-MOST_STRAYS = 0.25
-"""Largest fraction of markers that are not on the grid."""
-UNEVEN = 0.85
-"""Largest relative difference of a step from the typical one."""
+MOST_STRAYS = 0.25  # largest fraction of markers that are not on the grid
+UNEVEN = 0.85  # largest relative difference of a step from the typical one
 ONE_LINE = "the markers are in one line, but the corners of unit cells are in two"
 
 
@@ -142,17 +133,17 @@ def _followed(points: Points, steps: Steps) -> dict[int, Step]:
     places: dict[int, Step] = {}
     queue = [(0.0, start, (0, 0))]
     while queue:
-        _, point, place = heapq.heappop(queue)
-        if point in places or place in places.values():
+        _, point, position = heapq.heappop(queue)
+        if point in places or position in places.values():
             continue
-        places[point] = place
+        places[point] = position
         for (rows, columns), distance, neighbour in zip(
             STEPS, distances[point], neighbours[point], strict=True
         ):
             if np.isfinite(distance) and neighbour != point:
                 # Steps over a missing marker come after all others, whose distance is in reach.
                 late = reach * (abs(rows) + abs(columns) - 1)
-                step_to = place[0] + rows, place[1] + columns
+                step_to = position[0] + rows, position[1] + columns
                 heapq.heappush(queue, (distance + late, int(neighbour), step_to))
     return places
 

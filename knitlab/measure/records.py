@@ -11,14 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-FEWEST_POINTS = {2: 8, 1: 4, 0: 3}
-"""Number of points needed for a polynomial, by its degree; the first with enough is used."""
-LEAST_CURVATURE = 1e-6
-"""Smallest over largest eigenvalue of the normal equations, below which points are too close."""
-AT_REST = 1e-9
-"""Range of the strains of records at rest, over the width of a window."""
-DRAWN_OUT = 0.1
-"""Largest extrapolation of a polynomial beyond its last point, over its length."""
+FEWEST_POINTS = {2: 8, 1: 4, 0: 3}  # points needed by a polynomial of this degree
+LEAST_CURVATURE = 1e-6  # of normal equations, smallest over largest, if points are not too close
+AT_REST = 1e-9  # range of the strains of records at rest, over the width of a window
+DRAWN_OUT = 0.1  # largest extrapolation of a polynomial beyond its last point, over its length
 
 Record = Float[np.ndarray, " record"]
 
@@ -64,18 +60,18 @@ def _turns(extension: Record, least: float) -> list[int]:
     lowest = highest = 0
     turns: list[int] = []
     rising = None
-    for place, value in enumerate(extension):
+    for index, value in enumerate(extension):
         # Loading is from the last of equal minima to the first of equal maxima.
         if value <= extension[lowest]:
-            lowest = place
+            lowest = index
         if value > extension[highest]:
-            highest = place
+            highest = index
         if rising is not False and extension[highest] - value >= least:
             turns += [lowest, highest] if rising is None and lowest < highest else [highest]
-            rising, lowest = False, place
+            rising, lowest = False, index
         elif rising is not True and value - extension[lowest] >= least:
             turns.append(lowest)
-            rising, highest = True, place
+            rising, highest = True, index
     last = highest if rising else lowest
     if rising is not None and last != turns[-1]:
         turns.append(last)

@@ -11,8 +11,7 @@ from knitlab.measure.unit_cells import central
 
 CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
 ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]
-ReferenceTensor = Float[Array | np.ndarray, "... cell_y cell_x 2 2"]
-"""Of one reference state, or of one for each state."""
+ReferenceTensor = Float[Array | np.ndarray, "... cell_y cell_x 2 2"]  # of one state or of each
 CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
 CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
 Series = Float[Array | np.ndarray, "*state"]

@@ -14,17 +14,14 @@ SEGMENTS = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]])
 """Sides of a quadrilateral and the diagonal that divides it into two triangles, by corner."""
 TRIANGLES = np.array([[0, 1, 2], [2, 3, 0]])
 """Triangles of a quadrilateral by corner; the last side of each is the diagonal."""
-TOUCHING = 1e-9
-"""Depth by which surfaces must pass through each other, over the size of a quadrilateral."""
+TOUCHING = 1e-9  # least depth of a crossing, over the size of a quadrilateral
 EDGES = ((0, 1), (1, 2), (2, 0))
-FLAT = 1e-12
-"""Determinant relative to its largest possible value, below which it counts as zero."""
+FLAT = 1e-12  # determinant relative to its largest possible value, below which it counts as zero
 
 Quads = Float[np.ndarray, "_ 4 3"]
 Triangles = Float[np.ndarray, "_ 3 3"]
 Points = Float[np.ndarray, "... 3"]
-Periods = tuple[float, float]
-"""Periods along x and y of a surface with images, 0 along an axis without [mm]."""
+Periods = tuple[float, float]  # along x and y, 0 along an axis without images [mm]
 
 
 def self_intersections(shape: MeshShape, configurations: Configuration) -> list[int]:

@@ -17,19 +17,14 @@ from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.unit_cells import CellGrid
 
-POINTS = 512
-"""Number of points of a resampled line; more than any line of nodes or pixels resolves."""
-PADDING = 16
-"""Length of the padded line over its own."""
+POINTS = 512  # number of points of a resampled line; more than any line of nodes or pixels resolves
+PADDING = 16  # length of the padded line over its own
 TREND_WINDOW = 1.7343
 """Window of the filter in wavelengths: the lowest at which a quadratic Savitzky–Golay filter
 passes nothing of the wave, so that removing the trend does not change the wave."""
-ROUNDS = 3
-"""Number of iterations of window and wavelength."""
-FEWEST_WAVES = 2
-"""Waves along a line below which a trend cannot be distinguished from a wave."""
-PERIODIC_CELLS = 8
-"""Number of unit cells over which the boundary of periodic fabric is traced."""
+ROUNDS = 3  # number of iterations of window and wavelength
+FEWEST_WAVES = 2  # waves along a line below which a trend cannot be distinguished from a wave
+PERIODIC_CELLS = 8  # number of unit cells over which the boundary of periodic fabric is traced
 
 Direction = Literal["x", "y"]
 
@@ -83,10 +78,10 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
         raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")
     if not np.isfinite(line).all():
         raise ValueError("a point of the line is not finite; leave it out")
-    places, place = np.unique(line[:, 0], return_inverse=True)
+    places, group = np.unique(line[:, 0], return_inverse=True)
     if len(places) < 4 * waves:
         raise ValueError(f"{len(places)} points cannot resolve {waves:g} waves; give 4 for each")
-    offsets = np.bincount(place.ravel(), line[:, 1]) / np.bincount(place.ravel())
+    offsets = np.bincount(group.ravel(), line[:, 1]) / np.bincount(group.ravel())
     along = np.linspace(places[0], places[-1], POINTS)
     raw = np.interp(along, places, offsets)
     extent = float(along[-1] - along[0])

@@ -12,8 +12,7 @@ from scipy.optimize import minimize, root
 
 from knitlab.fabric.zigzag import Zigzag, chain_energy, relaxed_chain
 
-GRADIENT_ROUND_OFF = 1e-8
-"""Force below which round-off hides the energy change of a step [N]."""
+GRADIENT_ROUND_OFF = 1e-8  # force below which round-off hides the energy change of a step [N]
 
 
 @dataclass(frozen=True)

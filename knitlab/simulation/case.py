@@ -29,8 +29,7 @@ Label = int | float | str
 Name = TypeVar("Name")
 Given = TypeVar("Given")
 
-OF_NO_TEST = ("design", "capacitor")
-"""Fields of a case that do not change its tests, only what is measured in them."""
+OF_NO_TEST = ("design", "capacitor")  # fields that change only what is measured in tests
 OF_CONTACT = ("thickness", "contact_pressure")
 OF_STEPS = ("relax_steps", "step_strain")
 OF_TIME = ("relax_time", "strain_rate")
@@ -119,7 +118,7 @@ class Case:
     @cached_property
     def test_id(self) -> str:
         """Identifier of its tests, on which neither the design's labels nor electrodes act."""
-        return _digest({key: its for key, its in self.record.items() if key not in OF_NO_TEST})
+        return _digest({key: value for key, value in self.record.items() if key not in OF_NO_TEST})
 
     @property
     def states(self) -> int:

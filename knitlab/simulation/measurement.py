@@ -1,6 +1,7 @@
 """Measurement of a finished test: all variables of a case, as a labelled dataset."""
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,14 +10,17 @@ import xarray as xr
 from knitlab.cube.schema import VARIABLES, Status, Variable, described
 from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.fabric import Configuration
+from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure import strain
+from knitlab.measure.capacitance import capacitor as model
+from knitlab.measure.capacitance import sensor
+from knitlab.measure.capacitance.wedge import side_by_side, wedge_capacitance
 from knitlab.measure.folds import hinges_past_pi, widths_across_folds
 from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import unit_cell_corners
 from knitlab.measure.wavelength import POINTS, Direction, boundary_wave
 from knitlab.measure.zigzag_tension import ChainState
-from knitlab.simulation.capacitor_results import capacitor_values
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, sensitivities
 from knitlab.simulation.siblings import SiblingTest, spread
@@ -24,6 +28,7 @@ from knitlab.simulation.siblings import SiblingTest, spread
 LEAST_FOLLOWED = 0.2
 """Axial strain of the central cells over the applied strain below which they have no Poisson's
 ratio: a sample that is pulled before it is at rest still contracts, and both strains are near 0."""
+SAME_STATE = 1e-5  # largest difference of two states that count as equal, relative to a grid cell
 FIXED_COORDINATES: dict[str, list[Any]] = {
     "stripe_parameter": list(STRIPE_PARAMETERS),
     "boundary_point": np.linspace(0, 1, POINTS).tolist(),
@@ -88,7 +93,7 @@ def measured(
         if case.sensitivities:
             values |= sensitivities(case, reached)
         if case.capacitor is not None:
-            values |= capacitor_values(case, reached, test.unloaded)
+            values |= _capacitor_values(case, reached, test.unloaded)
         if case.robustness:
             results = [_results(sibling.case, sibling.test) for sibling in siblings]
             energies = [sibling.branch_energy for sibling in siblings]
@@ -176,6 +181,65 @@ def _relaxed_patches(case: Case, relaxed: Configuration) -> dict[str, Any]:
         extent = "width" if knit == "rib" else "height"
         values |= {f"{knit}_{extent}_centre": centre, f"{knit}_{extent}_edge": edge}
     return values
+
+
+def _capacitor_values(
+    case: Case, reached: Sequence[State], unloaded: Sequence[State]
+) -> dict[str, Any]:
+    """Capacitance along loading, and unloading from the last strain but one, by schema names."""
+    capacitor, electrodes = case.capacitor_given, case.electrodes
+    configurations = Configuration.stacked([state.configuration for state in reached])
+    capacitances = partial(
+        model.capacitances,
+        electrodes,
+        *case.assemble(),
+        capacitor=capacitor,
+        refinement=case.options.cells_per_period // CELLS_PER_PERIOD,
+    )
+    strain = np.array(case.applied_strain[: len(reached)])
+    length = model.electrode_length(electrodes, case.mesh_shape, configurations[0])
+    # For periodic fabric only one period of the electrodes is modelled, not their stated length.
+    factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
+    of_fabric = capacitances(configurations)
+    leads = capacitor.lead_capacitance
+    capacitance = factor * of_fabric.capacitance + leads
+    fold = model.mean_fold(electrodes, *case.assemble(), configurations)
+    unfolded = sensor.strain_unfolded(strain, fold, capacitor.unfolded)
+    values: dict[str, Any] = {
+        "capacitance": capacitance,
+        "mutual_capacitance": factor * of_fabric.mutual,
+        "capacitance_error": of_fabric.error,
+        "capacitor_status": of_fabric.status.astype(float),
+        "electrode_gap": of_fabric.gap,
+        "electrode_length": length * factor,
+        "fold_between": fold,
+        "applied_strain_unfolded": unfolded,
+    }
+    if side_by_side(electrodes):
+        wedge = np.asarray(wedge_capacitance(electrodes, case.mesh_shape, configurations))
+        values["capacitance_wedge"] = factor * capacitor.permittivity * wedge + leads
+    if case.unloading:
+        back = np.full(len(reached), np.nan)
+        back[-1:] = capacitance[-1:]
+        if unloaded:
+            unloading = Configuration.stacked([state.configuration for state in unloaded])
+            same = slice(-2, -2 - len(unloaded), -1)
+            moved = np.abs(unloading.flattened() - configurations[same].flattened()).max(axis=1)
+            # Where the fabric returns to its state at the same strain, so does the capacitance.
+            different = moved > SAME_STATE * case.assemble()[1].cell_sides.min()
+            values_unloading = of_fabric.capacitance[same].copy()
+            if different.any():
+                values_unloading[different] = capacitances(unloading[different]).capacitance
+            back[same] = factor * values_unloading + leads
+        values["capacitance_unloading"] = back
+        values["hysteresis"] = sensor.hysteresis(capacitance, back)
+    kept = sensor.sensing_range(strain, capacitance, unfolded)
+    if kept.any():
+        values["capacitance_ratio"] = capacitance / capacitance[kept][0]
+        values["applied_strain_opened"] = strain[kept][0]
+        values["sensing_end"] = strain[kept][-1]
+    merits = sensor.sensor_values(strain[kept], capacitance[kept], capacitor.linearity, leads)
+    return values | merits
 
 
 def _history(case: Case, history: History) -> dict[str, Any]:

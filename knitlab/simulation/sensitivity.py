@@ -19,8 +19,7 @@ from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, p
 from knitlab.measure.unit_cells import CellGrid, unit_cell_corners
 from knitlab.simulation.case import Case
 
-QUANTITIES = ("poisson_ratio", "reaction_force")
-"""Quantities whose sensitivities a cube has."""
+QUANTITIES = ("poisson_ratio", "reaction_force")  # quantities whose sensitivities a cube has
 STRIPE_PARAMETERS = {
     f"{knit}_{name}": (side, name)
     for knit, side in (("rib", "weft"), ("garter", "warp"))
@@ -87,10 +86,7 @@ def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray
 
 
 def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
-    """Derivatives along the test of a case with respect to its stripe parameters.
-
-    Raises NoDerivative if the relaxed shape is not a stable equilibrium, or the case has contact.
-    """
+    """Derivatives along a test; NoDerivative if the relaxed shape is unstable or has contact."""
     if case.options.contact != "none":
         raise NoDerivative("derivatives leave out contact")
     return Adjoint(case.layout, case.stripe_pair, relaxed)
@@ -111,13 +107,13 @@ def sensitivities(
         adjoint = adjoint_of(case, relaxed.configuration)
     except NoDerivative:
         strained = []
-    for place, state in enumerate(strained, start=1):
-        strain = case.applied_strain[place]
+    for number, state in enumerate(strained, start=1):
+        strain = case.applied_strain[number]
         try:
             derivatives = adjoint.of_strained(strain, state.configuration, measure)
         except NoDerivative:
             continue
-        values[:, place] = logarithmic(derivatives, case.stripe_pair)
+        values[:, number] = logarithmic(derivatives, case.stripe_pair)
     if case.all_corners_held:
         values[QUANTITIES.index("poisson_ratio")] = np.nan
     return {f"{name}_sensitivity": each for name, each in zip(QUANTITIES, values, strict=True)}

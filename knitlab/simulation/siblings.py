@@ -13,12 +13,9 @@ from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 
-STRIPE_TOLERANCE = 0.02
-"""Largest fraction by which a stripe number of a sibling is larger or smaller."""
-SAME_BRANCH = 1e-6
-"""Relative difference up to which two relaxed energies are of one branch."""
-SPREAD = ("poisson_ratio", "reaction_force")
-"""Results whose spread is taken."""
+STRIPE_TOLERANCE = 0.02  # largest relative change of a stripe number of a sibling
+SAME_BRANCH = 1e-6  # relative difference up to which two relaxed energies are of one branch
+SPREAD = ("poisson_ratio", "reaction_force")  # results whose spread is taken
 
 
 @dataclass(frozen=True)
@@ -67,8 +64,8 @@ def spread(
     for name in SPREAD:
         length = len(values[name])
         rows = np.full((1 + len(siblings), length), np.nan)
-        for row, its in zip(rows, [values, *siblings], strict=True):
-            reached = np.asarray(its.get(name, ()))[:length]
+        for row, results in zip(rows, [values, *siblings], strict=True):
+            reached = np.asarray(results.get(name, ()))[:length]
             row[: len(reached)] = reached
         spreads[f"{name}_low"] = np.fmin.reduce(rows)
         spreads[f"{name}_high"] = np.fmax.reduce(rows)

@@ -82,9 +82,11 @@ def _simulated(cases: Sequence[Case], progress: Progress) -> Iterator[tuple[Case
         for case in first
     ]
     wall_seconds = time.perf_counter() - began
-    for those, test, chain, its in zip(sharing.values(), tests, chains, siblings, strict=True):
+    for those, test, chain, of_siblings in zip(
+        sharing.values(), tests, chains, siblings, strict=True
+    ):
         for case in those:
-            dataset = measured(case, test, chain, its)
+            dataset = measured(case, test, chain, of_siblings)
             dataset.attrs |= provenance() | {
                 "title": f"knitlab case {case.case_id}",
                 "parameters": json.dumps(case.record),
@@ -156,10 +158,7 @@ def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
 
 
 class Reporter:
-    """Reports the number of finished states, with a fraction of the next one.
-
-    That is n / (n + 20) after n factorisations, as their number is not known beforehand.
-    """
+    """Reports finished states, plus n / (n + 20) of the next one after n factorisations."""
 
     def __init__(self, report: Callable[[float], None]) -> None:
         self._report = report
@@ -246,12 +245,12 @@ def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[Siblin
     for number in range(1, max(case.robustness for case in cases) + 1):
         originals = [case for case in cases if case.robustness >= number]
         siblings = [sibling(case, number) for case in originals]
-        names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
+        names = {varied.case_id: case for varied, case in zip(siblings, originals, strict=True)}
         report = partial(_report_of_sibling, progress, number, names)
         tested = tensile_tests(siblings, report, imperfection=number)
         energies = _branch_energies(originals, tested)
-        for case, its, test, energy in zip(originals, siblings, tested, energies, strict=True):
-            tests[case.case_id].append(SiblingTest(its, test, energy))
+        for case, varied, test, energy in zip(originals, siblings, tested, energies, strict=True):
+            tests[case.case_id].append(SiblingTest(varied, test, energy))
     return [tests[case.case_id] for case in cases]
 
 

@@ -9,8 +9,7 @@ from knitlab.fabric.settings import PlainKnit, Sheet
 from knitlab.fabric.stripe import Stripe
 from knitlab.io.errors import fault
 
-STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
-"""The parameters of a stripe, in the order in which random changes of siblings are drawn."""
+STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")  # order of siblings' random changes
 STIFFENING = "stiffening_strain"
 """Setting for one knit or both, without factors, because the tables have no value."""
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from knitlab.equilibrium import domain_decomposition
-from knitlab.equilibrium.domain_decomposition import SubdomainSolver, solve_subdomain
-from knitlab.equilibrium.second_process import SecondProcess
+from knitlab.equilibrium.domain_decomposition import SecondProcess, SubdomainSolver, solve_subdomain
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import subdomains_of
 from knitlab.equilibrium.system import System, one_thread_of_blas
@@ -94,7 +93,7 @@ def test_a_second_process_ends_when_it_is_no_longer_referenced():
 
 def test_a_second_process_ends_when_its_parent_is_killed():
     script = (
-        "from knitlab.equilibrium.second_process import SecondProcess\n"
+        "from knitlab.equilibrium.domain_decomposition import SecondProcess\n"
         "process = SecondProcess()\nprint(process.pid, flush=True)\ninput()"
     )
     with subprocess.Popen(

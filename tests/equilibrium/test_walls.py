@@ -5,14 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.equilibrium import walls
 from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import all_free, tensile
-from knitlab.equilibrium.search import Search, SearchRules
+from knitlab.equilibrium.search import Search, SearchRules, lowest_fraction, step_between_walls
 from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import relax
-from knitlab.equilibrium.walls import lowest_fraction, step_between_walls
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, Point
 from knitlab.fabric.settings import Sheet
@@ -83,7 +81,7 @@ def test_no_force_is_left_in_the_model_after_the_step(
 def test_a_step_that_does_not_settle_ignores_nodes_that_come_to_a_wall(
     squeezed, monkeypatch, limit, value
 ):
-    monkeypatch.setattr(walls, limit, value)
+    monkeypatch.setattr(f"knitlab.equilibrium.search.{limit}", value)
     unknowns = displaced(squeezed[2], 0.003, 0)
     search, (step, curvature), solved = stepped(squeezed, unknowns, 0.1)
     newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)
@@ -115,7 +113,7 @@ def test_searches_reach_the_same_states_with_fewer_factorisations(squeezed, monk
         return [find_equilibrium(equations(net, fabric), Point(at), rules) for at in starts]
 
     predicted = states()
-    monkeypatch.setattr(walls, "MOST_CHANGES", 0)
+    monkeypatch.setattr("knitlab.equilibrium.search.MOST_CHANGES", 0)
     unpredicted = states()
     assert all(state.converged for state in (*predicted, *unpredicted))
     for one, other in zip(predicted, unpredicted, strict=True):

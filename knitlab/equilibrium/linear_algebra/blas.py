@@ -18,13 +18,11 @@ from jaxtyping import Float, Int
 from scipy import LowLevelCallable
 from scipy.linalg import cython_blas, cython_lapack
 
-Call = tuple[Callable[..., None], list[int], tuple[object, ...]]
-"""A routine, the addresses of its arguments, and these, to keep them alive."""
+Call = tuple[Callable[..., None], list[int], tuple[object, ...]]  # routine, addresses, arguments
 
 Matrix = Float[np.ndarray, "_ _"]
 Vector = Float[np.ndarray, " _"]
-Status = Int[np.ndarray, "1"]
-"""Status of a LAPACK call, a 32-bit integer; 0 if it succeeded."""
+Status = Int[np.ndarray, "1"]  # status of a LAPACK call, a 32-bit integer; 0 if it succeeded
 
 _INTEGERS = np.arange(2**16, dtype=np.int32)
 _LETTERS = np.frombuffer(b"LNTR", dtype=np.uint8)

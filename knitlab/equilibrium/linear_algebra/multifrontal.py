@@ -27,10 +27,8 @@ from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
 from knitlab.equilibrium.linear_algebra.triangular_solves import TriangularSolves
 from knitlab.fabric.threads import ALONE, Threads
 
-LEAST_CURVATURE = 1e-6
-"""Lower bound of the eigenvalues of a convexified front."""
-WORTH_SHARING = 10**6
-"""Entries of a factor above which a second thread pays off in a factorisation."""
+LEAST_CURVATURE = 1e-6  # lower bound of the eigenvalues of a convexified front
+WORTH_SHARING = 10**6  # entries of a factor above which a second thread pays off in a factorisation
 
 
 class Multifrontal:

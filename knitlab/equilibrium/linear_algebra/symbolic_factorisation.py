@@ -82,12 +82,12 @@ def grid_order(
     key = np.zeros_like(front)
     whole = 0, vertical.lines, 0, horizontal.lines
     for number, rectangles in enumerate(_dissected(whole, vertical, horizontal)):
-        for place, (top, bottom, left, right) in enumerate(rectangles):
+        for rank, (top, bottom, left, right) in enumerate(rectangles):
             nodes = slice(top, bottom), slice(left, right)
             front[nodes] = number
             along = along_columns if right - left > bottom - top else along_rows
             # The two separators of a ring are numbered one after the other, not alternately.
-            key[nodes] = along[nodes] + place * front.size
+            key[nodes] = along[nodes] + rank * front.size
     node = rows[nodal] - vertical.first, columns[nodal] - horizontal.first
     fronts, keys = np.full(len(nodal), front.max()), np.full(len(nodal), 2 * front.size)
     fronts[nodal], keys[nodal] = front[node], key[node]
@@ -317,12 +317,12 @@ def _extend_adds(
 ) -> tuple[ExtendAdd, ...]:
     """Blocks of the lower triangle of a child's update that are also contiguous in its parent."""
     passed = child.boundary >= pivots.stop
-    place = np.where(
+    position = np.where(
         passed, np.searchsorted(boundary, child.boundary), child.boundary - pivots.start
     )
-    breaks = np.flatnonzero((np.diff(place) != 1) | np.diff(passed)) + 1
-    runs = [slice(*ends) for ends in pairwise([0, *breaks.tolist(), len(place)])]
-    into = [slice(int(place[run.start]), int(place[run.stop - 1]) + 1) for run in runs]
+    breaks = np.flatnonzero((np.diff(position) != 1) | np.diff(passed)) + 1
+    runs = [slice(*ends) for ends in pairwise([0, *breaks.tolist(), len(position)])]
+    into = [slice(int(position[run.start]), int(position[run.stop - 1]) + 1) for run in runs]
     part = [int(passed[run.start]) for run in runs]
     return tuple(
         ExtendAdd(part[i] + part[j], (into[i], into[j]), (runs[i], runs[j]))

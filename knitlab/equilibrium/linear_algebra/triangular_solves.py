@@ -23,10 +23,8 @@ from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
 )
 from knitlab.fabric.threads import ALONE, Threads
 
-LEAST_GROUP = 4
-"""Number of fronts from which a group pays off."""
-WORTH_SHARING = 3 * 10**7
-"""Entries of a factor above which a second thread pays off in a solve."""
+LEAST_GROUP = 4  # number of fronts from which a group pays off
+WORTH_SHARING = 3 * 10**7  # entries of a factor above which a second thread pays off in a solve
 
 Places = Int[np.ndarray, " _"]
 

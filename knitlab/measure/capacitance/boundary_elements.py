@@ -20,24 +20,16 @@ from scipy.special import zeta
 
 import knitlab.fabric  # noqa: F401  (float64)
 
-VACUUM_PERMITTIVITY = 8.8541878128e-3
-"""ε0 [pF/mm] (CODATA 2018)."""
+VACUUM_PERMITTIVITY = 8.8541878128e-3  # ε0 [pF/mm] (CODATA 2018)
 
-NEAR = 2.0
-"""Largest distance of the centres of near panels, over the size of the larger one."""
-POINTS_A_SIDE = 2
-"""Gauss points along each side of a panel."""
-PAIRS_AT_ONCE = 512
-"""Near pairs that are computed together."""
-PAIRS_RATIO = 1.25
-"""Ratio of successive numbers of pairs for which a program is compiled."""
-TIE = 1e-9
-"""Relative difference in size above which one panel counts as larger."""
+NEAR = 2.0  # largest distance of the centres of near panels, over the size of the larger one
+POINTS_A_SIDE = 2  # Gauss points along each side of a panel
+PAIRS_AT_ONCE = 512  # near pairs that are computed together
+PAIRS_RATIO = 1.25  # ratio of successive numbers of pairs for which a program is compiled
+TIE = 1e-9  # relative difference in size above which one panel counts as larger
 FEWEST_IMAGES = 2
-IMAGES_AN_EXTENT = 3
-"""Distance from which images are summed as multipoles, over the width of the conductors."""
-SMALLEST = 1e-300
-"""Keeps quotients finite where their factor is zero."""
+IMAGES_AN_EXTENT = 3  # distance of multipole images, over the width of conductors
+SMALLEST = 1e-300  # keeps quotients finite where their factor is zero
 
 Matrix = Float[Array, "panel panel"]
 Vector = list[Array]
@@ -93,11 +85,11 @@ def near_pairs(
         extent = np.maximum(extent, size)
         tree = cKDTree(centre)
         for image in (-1, 0, 1) if turn.any() else (0,):
-            found = tree.sparse_distance_matrix(
+            distances = tree.sparse_distance_matrix(
                 cKDTree(centre + image * turn), NEAR * size.max(), output_type="coo_matrix"
             )
-            close = found.data <= NEAR * np.maximum(size[found.row], size[found.col])
-            near[found.row[close], found.col[close]] = True
+            close = distances.data <= NEAR * np.maximum(size[distances.row], size[distances.col])
+            near[distances.row[close], distances.col[close]] = True
     pairs = np.argwhere(np.triu(near | near.T))
     first, second = extent[pairs].T
     # Gauss points of a large panel would not resolve the potential of a small one close to it.

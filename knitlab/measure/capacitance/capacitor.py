@@ -18,16 +18,13 @@ from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.measure.folds import fold_angles
 from knitlab.measure.surfaces import crossings, gap_between
 
-STATES_AT_ONCE = 4
-"""States that are computed together."""
-ORDER = 2
-"""Order of convergence of the capacitance with the size of graded panels."""
+STATES_AT_ONCE = 4  # states that are computed together
+ORDER = 2  # order of convergence of the capacitance with the size of graded panels
 CAUTION = 0.7
 """Estimated error over the change by extrapolation; on folds of 0.15 to 2 rad and at levels 1 to 3
 the true error was never larger."""
 LEVELS = (1, 2, 3, 4)
-MOST_PANELS = 2400
-"""Largest number of panels of a finer level."""
+MOST_PANELS = 2400  # largest number of panels of a finer level
 
 
 @dataclass(frozen=True)
@@ -205,7 +202,7 @@ def _hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge
     """Hinges on the electrodes or between them, also across the border of periodic fabric."""
     extents = np.array([strip.extents for strips in electrodes.strips for strip in strips])
     first, last = np.floor(extents[..., 0].min(axis=0)), np.ceil(extents[..., 1].max(axis=0))
-    place, cells = net.hinge_cells[:, ::-1], (net.shape.cells_x, net.shape.cells_y)
-    within = (place >= first) & (place < last)
-    within |= (place + cells < last) & net.shape.periodic
+    edge, cells = net.hinge_cells[:, ::-1], (net.shape.cells_x, net.shape.cells_y)
+    within = (edge >= first) & (edge < last)
+    within |= (edge + cells < last) & net.shape.periodic
     return within.all(axis=1)

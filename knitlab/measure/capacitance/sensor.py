@@ -9,13 +9,10 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Bool, Float
 
-CENTRAL_PART = 0.2
-"""Central fraction of the strain range over which the paper averages the slope."""
-RESOLUTION = 200
-"""Number of intervals of a strain range in the search for a window."""
+CENTRAL_PART = 0.2  # central fraction of the strain range over which the paper averages the slope
+RESOLUTION = 200  # number of intervals of a strain range in the search for a window
 FEWEST_POINTS = 3
-HUMIDITY = 0.05
-"""Relative change of the permittivity by humidity that ``humidity_strain`` refers to."""
+HUMIDITY = 0.05  # change of permittivity that ``humidity_strain`` refers to
 
 Curve = Float[np.ndarray, " point"]
 Kept = Bool[np.ndarray, " point"]
@@ -99,8 +96,8 @@ def widest_linear(
     if not usable.any():
         return float(strain[0]), float(strain[0]), 0.0
     widest = usable & np.isclose(width, width[usable].max())
-    place = np.argmax(np.where(widest, np.abs(slope), -1.0))
-    first, last = np.unravel_index(place, width.shape)
+    steepest = np.argmax(np.where(widest, np.abs(slope), -1.0))
+    first, last = np.unravel_index(steepest, width.shape)
     return float(strain[first]), float(strain[last]), float(slope[first, last])
 
 

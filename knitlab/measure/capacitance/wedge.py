@@ -25,12 +25,9 @@ from knitlab.fabric.network import MeshShape
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.measure.capacitance.panels import points_on
 
-POINTS_A_CELL = 3
-"""Gauss points in each part of a grid cell, along each direction."""
-MEAN_STEPS = 8
-"""Steps of the arithmetic-geometric mean."""
-SMALLEST, TIGHT = 1e-12, 12.0
-"""G below which a wedge is negligible, and G above which G + ln 4/π is exact."""
+POINTS_A_CELL = 3  # Gauss points in each part of a grid cell, along each direction
+MEAN_STEPS = 8  # steps of the arithmetic-geometric mean
+SMALLEST, TIGHT = 1e-12, 12.0  # G of a negligible wedge, and of one for which G + ln 4/π is exact
 
 
 def side_by_side(electrodes: Electrodes) -> bool:
