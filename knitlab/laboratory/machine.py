@@ -145,7 +145,8 @@ def _read_log(
     """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, if any."""
     stated = {name: getattr(table, name, None) for name in (*COLUMN_UNITS, "trigger")}
     columns = {name: column for name, column in stated.items() if column is not None}
-    numbers = read_columns(path, [column.column for column in columns.values()], EXAMPLE)
+    units = {column.column: getattr(column, "unit", None) for column in columns.values()}
+    numbers = read_columns(path, units, EXAMPLE)
     values = {
         name: numbers[columns[name].column] * columns[name].factor(unit)
         for name, unit in COLUMN_UNITS.items()

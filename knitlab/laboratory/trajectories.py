@@ -90,7 +90,7 @@ READERS = {".npy": _read_array, ".csv": _read_rows}
 
 def _columns(path: Path, names: tuple[str, ...]) -> dict[str, Float[np.ndarray, " row"]]:
     example = f"write it as in '{','.join(names)}'"
-    return read_columns(path, names, example, lambda header: header.strip().lower(), ("x", "y"))
+    return read_columns(path, dict.fromkeys(names), example, lower=True, with_gaps=("x", "y"))
 
 
 def _integers(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
