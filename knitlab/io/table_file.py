@@ -26,7 +26,7 @@ POINT = re.compile(r"[+-]?((\d{1,3}(,\d{3})+|\d+)(\.\d*)?|\.\d+)" + _EXPONENT, r
 COMMA = re.compile(r"[+-]?((\d{1,3}(\.\d{3})+|\d+)(,\d*)?|,\d+)" + _EXPONENT, re.IGNORECASE)
 """Numbers with a decimal point or comma, and with the other mark between thousands."""
 IN_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
-WORKBOOK = b"PK\x03\x04"
+WORKBOOKS = (".xlsx", ".xlsm")
 SEEN = 400
 """Lines that decide on separator and decimal mark."""
 
@@ -48,7 +48,7 @@ def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
     Raises:
         BadInput: if it cannot be read, or is no table; the message names the line.
     """
-    if path.is_file() and path.open("rb").read(4) == WORKBOOK:
+    if path.suffix.lower() in WORKBOOKS and path.is_file():
         lines, split, comma = _workbook_lines(path), _fields_of("\t"), False
     else:
         lines = read_text(path).split("\n")
@@ -187,7 +187,7 @@ def _workbook_lines(path: Path) -> list[str]:
         problem = "is an Excel workbook; export it as CSV, or install openpyxl"
         raise fault(str(path), problem) from error
     except (ValueError, KeyError, OSError, BadZipFile) as error:
-        problem = f"is an Excel workbook that cannot be read ({error}); export it as CSV"
+        problem = "is an Excel workbook that cannot be read; open it, and export it as CSV"
         raise fault(str(path), problem) from error
     return ["\t".join(row).rstrip("\t") for row in sheet.fillna("").astype(str).to_numpy()]
 
