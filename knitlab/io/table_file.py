@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import product, zip_longest
 from pathlib import Path
+from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -34,8 +35,19 @@ Row = tuple[int, list[str]]
 """Number of a line, from 1, and its fields."""
 
 
-def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
-    """The headers of a table, which may contain duplicates, and its rows as text.
+class Table(NamedTuple):
+    """A table of text: its headers, which may contain duplicates, and its rows.
+
+    ``above`` are all rows of texts of its width directly above it, if there are several.
+    """
+
+    headers: list[str]
+    rows: pd.DataFrame
+    above: list[list[str]]
+
+
+def read_table(path: Path, example: str) -> Table:
+    """Read a table of numbers; its entries remain text.
 
     A row of units is joined to the header: ``Load`` above ``(N)`` is ``Load (N)``, and above ``N``
     it is ``Load [N]``. Numbers have a decimal point. The first sheet of a workbook (``.xlsx``) is
@@ -78,7 +90,12 @@ def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
             problem = f"has {len(fields)} fields and the header {width} ({named}); correct the line"
             raise fault(f"{path}: line {number}", problem)
     plain = [[_plain(field, comma) for field in fields[:width]] for _, fields in body]
-    return headers, pd.DataFrame(plain)
+    above: list[list[str]] = []
+    for _, fields in reversed(rows[:first]):
+        if len(fields) != width or any(_is_number(field, comma) for field in fields):
+            break
+        above.insert(0, fields)
+    return Table(headers, pd.DataFrame(plain), above)
 
 
 def numbers_of(
@@ -118,7 +135,7 @@ def read_columns(
         BadInput: with every missing, repeated or wrong column; or if the unit of a header is not
             that of ``names``.
     """
-    headers, rows = read_table(path, example)
+    headers, rows, _ = read_table(path, example)
     present = [header.lower() if lower else header for header in headers]
     bare = [without_unit(header) for header in present]
     columns, faults = {}, list[Fault]()

@@ -18,6 +18,7 @@ from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.table_file import factor_of
 from knitlab.io.toml import StrictModel, read_toml
+from knitlab.laboratory.track_formats import YAxis
 from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
@@ -153,8 +154,9 @@ class CapacitanceTable(StrictModel):
 class MarkersTable(StrictModel):
     """``[markers]``: tracked points, in pixels.
 
-    ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
-    writes it, or a CSV table with the columns frame, marker, x and y. ``weft`` and ``warp`` are
+    ``file`` is one of :func:`knitlab.laboratory.track_formats.read_tracks`, with x to the right and
+    y as its format has it, or as ``y_axis`` states. Positions of a smaller confidence than
+    ``least_confidence``, if the format has one, are taken as lost. ``weft`` and ``warp`` are
     the directions of the fabric's x and y in the picture, to within 30°, after a rotation by
     ``turned`` degrees anticlockwise. With ``align`` = pull the fabric is then rotated so that the
     pull is along y. The grid of unit-cell corners is detected, or read from the table ``places``
@@ -167,6 +169,8 @@ class MarkersTable(StrictModel):
     file: str = Field(min_length=1)
     starts: Time | None = None
     pixel: Length
+    y_axis: YAxis | None = None
+    least_confidence: Annotated[float, Field(ge=0, le=1)] = 0.6
     weft: Towards = "right"
     warp: Towards = "up"
     turned: Annotated[float, Field(ge=-180, le=180)] = 0.0

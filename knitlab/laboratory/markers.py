@@ -10,7 +10,9 @@ from jaxtyping import Float
 from knitlab.io.errors import fault
 from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
-from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
+from knitlab.laboratory.track_checks import Dropped, without_implausible
+from knitlab.laboratory.track_formats import read_tracks
+from knitlab.laboratory.trajectories import grid_of, in_fabric_axes
 from knitlab.measure.marker_grid import MarkerGrid
 from knitlab.measure.records import resampled
 from knitlab.measure.strain import (
@@ -43,6 +45,7 @@ class MarkedSample:
     grid: MarkerGrid
     relaxed_frames: int
     unit_cells: tuple[int, int]  # of the sample along (y, x)
+    remarks: Sequence[str] = ()  # on how the tracks were read, and on what was dropped
     turn: float = 0.0  # of the fabric in the picture from the description, anticlockwise [rad]
 
     @property
@@ -91,11 +94,12 @@ def read_markers(folder: Path, description: Description) -> Imports:
         raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", f"{problem}; {remedy}")
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
+    check_pull(path, marked, strain)
     values = [marker_values(marked, requested, strain[span], span) for span in spans]
     _check_follows(path, values[0], requested)
     if not np.isfinite(values[0]["mean_strain_yy"]).any():
         summary.append("no central unit cell keeps its markers, so there are no mean strains")
-    return values, [marked.summary, *summary]
+    return values, [marked.summary, *marked.remarks, *summary]
 
 
 def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> None:
@@ -112,7 +116,8 @@ def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> No
 def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
     """The markers of a description that lies in a folder."""
     path = folder / table.file
-    tracks = in_fabric_axes(read_trajectories(path), table)
+    read = read_tracks(path, table.y_axis, table.least_confidence, table.pixel.to("mm"))
+    tracks = in_fabric_axes(read.positions, table)
     if table.relaxed_frames > len(tracks):
         problem = f"exceeds the number of frames, {len(tracks)}; give fewer"
         raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", problem)
@@ -127,7 +132,14 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     corners = grid.corners(tracks)[(slice(None), *every)]
     marked = MarkedSample(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
     _check_fits(path, marked, sample)
-    return marked
+    corners, dropped = without_implausible(relaxed, corners)
+    markers = grid.marker[every]
+    remarks = [_remark(markers[each.row, each.column], each) for each in dropped]
+    return replace(marked, corners=corners, remarks=(*read.summary, *remarks))
+
+
+def _remark(marker: int, dropped: Dropped) -> str:
+    return f"marker {marker} {dropped.reason}: it is left out from frame {dropped.frame} on"
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
@@ -168,20 +180,12 @@ def along_pull(
     pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
     along the pull, but less exactly. So the drift is used where it agrees with the separation.
     """
-    pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
-    moved = marked.corners[pulled] - marked.relaxed
-    drifts = (moved + moved[:, ::-1, ::-1]) / 2
-    one, other = np.triu_indices(moved.shape[1], 1)
-    separations = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    if not np.nan_to_num(separations).any():
+    drift, separation = _motion(marked, strain)
+    if not separation.any():
         return marked
-    drift, separation = (
-        np.nanmedian(each.reshape(-1, 2), axis=0) for each in (drifts, separations)
-    )
     by_drift, turn = _direction(drift), _direction(separation)
     difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
-    apart = np.linalg.norm(separation) * (moved.shape[1] - 1)
-    drifting = np.linalg.norm(drift) > LEAST_DRIFT * apart
+    drifting = np.linalg.norm(drift) > LEAST_DRIFT * np.linalg.norm(separation)
     if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
         moves = f"moves {abs(np.degrees(difference)):.0f}° off the separation of its rows"
         remedy = "correct weft and warp, or if the camera moved give align = picture"
@@ -195,6 +199,40 @@ def along_pull(
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     relaxed, corners = marked.relaxed @ back.T, marked.corners @ back.T
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
+
+
+def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]) -> None:
+    """Refuse a sample whose middle moves along its weft, to which also its columns are pulled.
+
+    So it is if coordinates are in the order (row, column), and the sample about as long as wide.
+    """
+    drift, separation = _motion(marked, strain)
+    columns = replace(
+        marked, relaxed=marked.relaxed.swapaxes(0, 1), corners=marked.corners.swapaxes(1, 2)
+    )
+    _, across = _motion(columns, strain)
+    size = np.linalg.norm(separation)
+    drifts_across = np.linalg.norm(drift) > LEAST_DRIFT * size and abs(drift[0]) > abs(drift[1])
+    if drifts_across and abs(across[0]) > size:
+        problem = "shows a sample that is pulled along its weft; correct weft and warp, or the"
+        raise fault(str(path), f"{problem} order of the coordinates, which is x, y")
+
+
+def _motion(
+    marked: MarkedSample, strain: Float[np.ndarray, " frame"]
+) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
+    """Motion of the middle, and of the last row from the first, where the pull is largest."""
+    pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
+    moved = marked.corners[pulled] - marked.relaxed
+    drifts = (moved + moved[:, ::-1, ::-1]) / 2
+    one, other = np.triu_indices(moved.shape[1], 1)
+    separations = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
+    if not np.isfinite(drifts).any() or not np.isfinite(separations).any():
+        return np.zeros(2), np.zeros(2)
+    drift, separation = (
+        np.nanmedian(each.reshape(-1, 2), axis=0) for each in (drifts, separations)
+    )
+    return drift, separation * (moved.shape[1] - 1)
 
 
 def _direction(moved: Float[np.ndarray, "2"]) -> float:

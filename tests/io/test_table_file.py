@@ -39,7 +39,7 @@ tables = st.integers(2, 4).flatmap(
 def read(tmp_path, content, encoding="utf-8"):
     path = tmp_path / "table.csv"
     path.write_bytes(content.encode(encoding))
-    headers, rows = read_table(path, "write rows of numbers")
+    headers, rows, _ = read_table(path, "write rows of numbers")
     return headers, np.array([numbers_of(path, "x", rows[each])[0] for each in rows]).T
 
 
@@ -117,7 +117,7 @@ def test_what_is_no_table_is_named_with_its_line(tmp_path, content, named):
 def test_a_row_without_a_number_is_reported_as_a_point(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("a,b\n1,2\nx,y\n5,6\n")
-    _, rows = read_table(path, "")
+    _, rows, _ = read_table(path, "")
     _, faults = numbers_of(path, "a", rows[0])
     assert "point 2 is 'x'" in str(faults[0])
 
@@ -144,7 +144,7 @@ def test_a_workbook_is_read(tmp_path):
     path = tmp_path / "table.xlsx"
     sheet = pd.DataFrame([["Time", "Load"], ["s", "N"], [0, 1.5], [1, 2.5], [2, 3.25]])
     sheet.to_excel(path, header=False, index=False)
-    headers, rows = read_table(path, "")
+    headers, rows, _ = read_table(path, "")
     assert headers == ["Time [s]", "Load [N]"]
     assert numbers_of(path, "Load", rows[1])[0].tolist() == [1.5, 2.5, 3.25]
 

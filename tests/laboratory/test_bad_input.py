@@ -158,7 +158,7 @@ ROWS = "frame,marker,x,y\n" + "".join(
     [
         ("", "has no table of numbers"),
         ("frame,marker,x,y\n", "has no table of numbers"),
-        (ROWS.replace("marker,", "point,", 1), "column marker: is missing"),
+        (ROWS.replace("marker,", "point,", 1), "has no columns of markers"),
         (ROWS.replace("\n0,4,", "\n0,4.5,"), "has 4.5 at point 5"),
         (ROWS.replace("\n1,", "\n7,"), "skips 1"),
         (
