@@ -70,13 +70,12 @@ class _Program:
 
     def written(self) -> list[str]:
         """The lines from cast-on to end."""
-        machine = self.machine
-        all_front = np.ones(self.chart.wales, bool)
+        machine, wales = self.machine, self.chart.wales
         if machine.waste_courses:
             # 1 × 1 rib lies flat and gives the rollers something to hold.
-            self.on_front = np.arange(self.chart.wales) % 2 == 0
+            self.on_front = np.arange(wales) % 2 == 0
             self._band("waste", machine.waste_carrier, machine.waste_courses, casts_on=True)
-            self._move_to(all_front)
+            self._move_to(np.ones(wales, bool))
             # When this is drawn out, the sample parts from its waste.
             self._band("draw thread", machine.draw_carrier, 1)
         self.lines.append(";cast-on")
@@ -188,18 +187,14 @@ class _Program:
                     for number in numbers[::-1][::2]:
                         self._form("tuck", LEFTWARD, number, [conductor])
             for number in numbers:
-                carriers = self._carriers(electrode, self.on_front[number - 1])
+                carriers = [self.machine.body_carrier]
+                if electrode:
+                    # The face of a front loop is on the front of the fabric.
+                    front = self.chart.plated_face[electrode - 1] == "front"
+                    on_face = front == self.on_front[number - 1]
+                    first = on_face == (self.machine.plating == "face_first")
+                    carriers.insert(0 if first else 1, self.machine.carrier_of(electrode))
                 self._form("knit", self.direction, number, carriers)
-
-    def _carriers(self, electrode: int, front: bool) -> list[int]:
-        """Carriers of a stitch; the face of a front loop is on the front of the fabric."""
-        body = self.machine.body_carrier
-        if not electrode:
-            return [body]
-        conductor = self.machine.carrier_of(electrode)
-        on_face = (self.chart.plated_face[electrode - 1] == "front") == front
-        pair = [conductor, body] if on_face else [body, conductor]
-        return pair if self.machine.plating == "face_first" else pair[::-1]
 
     def _bind_off(self) -> None:
         """A chain: every loop is moved onto its neighbour, and knitted with it."""

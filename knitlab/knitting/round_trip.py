@@ -16,11 +16,11 @@ import numpy as np
 from knitlab.knitting.chart import Face, StitchChart, stitch_in_words
 from knitlab.knitting.checks import FormedStitch, check
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.program import headers, operations
+from knitlab.knitting.program import operations
 
 MOST_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
 KNOWN_MACHINE = "SWG091N2"  # the only machine of the interpreter
-KNOWN_HEADERS = ("Gauge", "Carriers", "Position")
+KNOWN_HEADERS = ("Machine", "Gauge", "Carriers", "Position")
 
 
 class NotAChart(Exception):
@@ -122,26 +122,21 @@ def _in_words(stitch: FormedStitch, machine: Machine) -> str:
         names = " and ".join(map(str, stitch.carriers))
         problem = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
         raise NotAChart(f"{problem} body and one conductor")
-    electrode = machine.electrode_carriers.index(carrier) + 1
-    named_first = stitch.carriers[0] == carrier
-    on_loop_face = named_first == (machine.plating == "face_first")
+    on_loop_face = (stitch.carriers[0] == carrier) == (machine.plating == "face_first")
     face: Face = "front" if on_loop_face == stitch.front else "back"
-    return stitch_in_words(stitch.front, electrode, face)
+    return stitch_in_words(stitch.front, machine.electrode_carriers.index(carrier) + 1, face)
 
 
 def stripped(text: str) -> str:
     """A program without what the grammar of the interpreter refuses; lines keep their numbers."""
     first, *lines = text.split("\n")
-    count = len(headers(text))
     kept = [first]
-    for line in lines[:count]:
-        name = line[2:].partition(":")[0]
-        kept.append(line if name in KNOWN_HEADERS else "")
-        if name == "Machine":
-            kept[-1] = f";;Machine: {KNOWN_MACHINE}"
-    for line in lines[count:]:
-        operation = line.partition(";")[0].strip()
-        kept.append("" if operation.startswith("x-") else operation)
+    for line in lines:
+        operation, _, comment = line.partition(";")
+        name = comment.removeprefix(";").partition(":")[0]
+        if line.startswith(";;") and name in KNOWN_HEADERS:
+            operation = f";;Machine: {KNOWN_MACHINE}" if name == "Machine" else line
+        kept.append("" if operation.startswith("x-") else operation.strip())
     return "\n".join(kept)
 
 

@@ -125,13 +125,14 @@ class Specification:
             sizes += f", plated {machine.plated_stitch_size}"
         yield "stitch size", f"{sizes} (machine units)"
         yield "end", machine.end.replace("_", "-")
-        passes = time.total
+        passes = sum(time.passes.values())
         kinds = ", ".join(f"{count} {kind}" for kind, count in time.passes.items())
         yield "passes", f"{passes}: {kinds}"
         yield "machine time", f"about {_minutes(time.seconds)}"
         if plated:
-            more, added = time.seconds - self.unplated.seconds, passes - self.unplated.total
-            fraction = more / self.unplated.seconds
+            unplated = self.unplated
+            more, added = time.seconds - unplated.seconds, passes - sum(unplated.passes.values())
+            fraction = more / unplated.seconds
             yield "plating adds", f"{_minutes(more)} ({fraction:.0%} more) and {added} passes"
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
