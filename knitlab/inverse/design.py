@@ -35,29 +35,17 @@ PAPERS_PATTERN = "checkerboard"  # pattern of a cube that names none
 
 @dataclass(frozen=True)
 class Designed:
-    """The result of a design.
-
-    Attributes:
-        request: the request.
-        folder: results folder, with the cube of the candidates, their workflows and all trials.
-        cube: the candidates, simulated again with their siblings.
-        found: the candidates by their worst distance within the spread, the best first.
-        searches: results of the searches, in the order of the candidates' numbers.
-        trials: one row for each trial of the searches: values, distances, identifiers.
-        simulations: number of simulations of the searches and the coarse sweep.
-        workflows: files that reproduce the candidates, in the order of their numbers.
-        unknown: allowed designs that no cube has results of, and that were not considered.
-    """
+    """The result of a design."""
 
     request: DesignRequest
-    folder: Path
-    cube: xr.Dataset
-    found: Found
-    searches: tuple[SearchResult, ...]
-    trials: pd.DataFrame
-    simulations: int
-    workflows: tuple[Path, ...]
-    unknown: tuple[DesignLabels, ...] = ()
+    folder: Path  # results folder, with the cube of the candidates, their workflows and all trials
+    cube: xr.Dataset  # the candidates, simulated again with their siblings
+    found: Found  # the candidates by their worst distance within the spread, the best first
+    searches: tuple[SearchResult, ...]  # in the order of the candidates' numbers
+    trials: pd.DataFrame  # a row for each trial of the searches: values, distances, identifiers
+    simulations: int  # number of simulations of the searches and the coarse sweep
+    workflows: tuple[Path, ...]  # reproduce the candidates, in the order of their numbers
+    unknown: tuple[DesignLabels, ...] = ()  # allowed designs without results, not considered
 
     def __repr__(self) -> str:
         counts = f"{len(self.table)} candidates, {self.simulations} simulations"

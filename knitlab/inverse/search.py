@@ -109,8 +109,14 @@ class DesignSearch:
             self.trial(start)
             if len(start):
                 if self.objective.has_gradient:
-                    methods.append("SLSQP" if self.objective.subject_to else "least squares")
-                    self._by_gradients(start)
+                    constrained = bool(self.objective.subject_to)
+                    methods.append("SLSQP" if constrained else "least squares")
+                    try:
+                        if self.records[0].distance is None:
+                            raise NoDerivative("the start has no distance")
+                        (self._constrained if constrained else self._unconstrained)(start)
+                    except NoDerivative:
+                        self.rough = True
                 met = any(record.met for record in self.records)
                 if not self.objective.has_gradient or (self.rough and not met):
                     methods.append("CMA-ES")
@@ -131,8 +137,20 @@ class DesignSearch:
             raise SearchEnded("the budget is spent")
         if self.records and time.time() > self.deadline:
             raise SearchEnded("the time is up")
-        trial = self._simulated(point)
-        record = self._record(trial, point)
+        trial, objective = self._simulated(point), self.objective
+        off_by = objective.off_by(trial) if trial.converged else []
+        known = trial.converged and bool(np.isfinite(off_by).all())
+        record = TrialRecord(
+            point=point.tolist(),
+            values=self.space.values(point),
+            case_id=trial.case.case_id,
+            converged=trial.converged,
+            snapped=trial.snapped,
+            off_by=[one if np.isfinite(one) else None for one in off_by],
+            distance=objective.distance(off_by) if known else None,
+            violation=objective.violation(off_by) if known else None,
+            met=known and all_met(objective.wanted, off_by),
+        )
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
         self._last = trial, record
@@ -144,34 +162,6 @@ class DesignSearch:
     def _simulated(self, point: Point) -> Trial:
         case, gauge = self.space.case(self.design, point)
         return run_trial(self.folder / TRIALS, case, gauge, self.objective.own)
-
-    def _record(self, trial: Trial, point: Point) -> TrialRecord:
-        objective = self.objective
-        off_by = objective.off_by(trial) if trial.converged else []
-        known = trial.converged and bool(np.isfinite(off_by).all())
-        return TrialRecord(
-            point=point.tolist(),
-            values=self.space.values(point),
-            case_id=trial.case.case_id,
-            converged=trial.converged,
-            snapped=trial.snapped,
-            off_by=[one if np.isfinite(one) else None for one in off_by],
-            distance=objective.distance(off_by) if known else None,
-            violation=objective.violation(off_by) if known else None,
-            met=known and all_met(objective.wanted, off_by),
-        )
-
-    def _by_gradients(self, start: Point) -> None:
-        if self.records[-1].distance is None:
-            self.rough = True
-            return
-        try:
-            if self.objective.subject_to:
-                self._constrained(start)
-            else:
-                self._unconstrained(start)
-        except NoDerivative:
-            self.rough = True
 
     def _unconstrained(self, start: Point) -> None:
         # Shifted by one, as the size of the first trust region is the norm of the start.
@@ -314,8 +304,7 @@ def run_searches(
             failed |= {key: error.reason for key, error in errors.items() if key not in pending}
     if failed:
         raise BadInput(
-            Fault(f"search from {starts[case_id].label}", reason)
-            for case_id, reason in failed.items()
+            Fault(f"search from {starts[key].label}", reason) for key, reason in failed.items()
         )
     files = [folder / SEARCHES / f"{case_id}.json" for case_id in by_start]
     return [RESULT.validate_json(file.read_bytes()) for file in files]

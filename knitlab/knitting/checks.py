@@ -5,23 +5,12 @@ What it finds, and what is left to the back end of a machine, is listed in ``doc
 
 from dataclasses import dataclass, field
 
+from knitlab.io.errors import Fault
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import Needle, Operation, operations
 
 MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
 MOST_CARRIERS = 2  # of a stitch, that every back end takes
-
-
-@dataclass(frozen=True)
-class ProgramFault:
-    """A fault of a program: its line, from 1, the operation there, and the problem and remedy."""
-
-    line: int
-    operation: str
-    problem: str
-
-    def __str__(self) -> str:
-        return f"line {self.line}: {self.operation}: {self.problem}"
 
 
 @dataclass(frozen=True)
@@ -34,20 +23,20 @@ class FormedStitch:
     through: tuple[int, ...]  # numbers of the stitches it was pulled through, none of a tuck
 
 
-def check(text: str, machine: Machine) -> tuple[list[ProgramFault], list[FormedStitch]]:
+def check(text: str, machine: Machine) -> tuple[list[Fault], list[FormedStitch]]:
     """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
     state = _State(machine)
     for operation in operations(text):
         if not operation.opcode.startswith("x-"):
             state.follow(operation)
     state.finish()
-    return sorted(state.findings, key=lambda each: each.line), state.graph
+    return state.faults, state.graph
 
 
 @dataclass
 class _State:
     machine: Machine
-    findings: list[ProgramFault] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
     graph: list[FormedStitch] = field(default_factory=list)
     held: dict[Needle, list[int]] = field(default_factory=dict)
     active: set[int] = field(default_factory=set)
@@ -78,7 +67,7 @@ class _State:
             self._report(f"ends while {left[0]}{more} hold loops; bind them off or drop them")
 
     def _report(self, problem: str) -> None:
-        self.findings.append(ProgramFault(self.now.line, str(self.now), problem))
+        self.faults.append(Fault(f"line {self.now.line}: {self.now}", problem))
 
     def _opposite(self, needle: Needle) -> Needle:
         """The needle of the other bed that a needle can transfer to."""

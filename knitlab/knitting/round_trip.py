@@ -43,8 +43,8 @@ def round_trip(
     The interpreter runs it too if ``interpret``; by default if it is installed and the program is
     short enough for that to take less than a minute.
     """
-    findings, graph = check(program, machine)
-    faults = [*map(str, findings), *_differences(graph, chart, machine)]
+    own, graph = check(program, machine)
+    faults = [*map(str, own), *_differences(graph, chart, machine)]
     count = f"{len(graph)} stitches with waste, cast-on and end"
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
