@@ -24,8 +24,9 @@ from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
-from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic, measured_by
+from knitlab.simulation.sensitivity import adjoint_of, logarithmic, measured_by
 from knitlab.simulation.simulate import tensile_tests
+from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.plan import Plan
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
@@ -59,8 +60,7 @@ class MeasuredTest:
 
     def chi_squared(self, curves: Curves) -> float:
         """χ² of curves."""
-        misfit = self.misfit(curves)
-        return float(misfit @ misfit)
+        return float(self.misfit(curves) @ self.misfit(curves))
 
     def root_mean_square(self, curves: Curves) -> dict[str, float]:
         """Root mean square difference of curves from the measured ones, in their units."""
@@ -143,15 +143,11 @@ class SimulatedTest:
 def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
     """A case with stripe parameters scaled by factors, by name of :data:`STRIPE_PARAMETERS`."""
 
-    def scaled(side: str, stripe: Stripe) -> Stripe:
-        numbers = {
-            name: getattr(stripe, name) * factors[label]
-            for label, (of, name) in STRIPE_PARAMETERS.items()
-            if of == side and label in factors
-        }
-        return replace(stripe, **numbers)
+    def scaled(stripe: Stripe) -> Stripe:
+        by = {name: factors.get(f"{stripe.knit}_{name}", 1.0) for name in STRIPE_QUANTITIES}
+        return replace(stripe, **{name: getattr(stripe, name) * by[name] for name in by})
 
-    return case.with_stripes(partial(scaled, "weft"), partial(scaled, "warp"))
+    return case.with_stripes(scaled, scaled)
 
 
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:

@@ -5,21 +5,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import CapacitanceTable, Description, TensileTable
 from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
-from knitlab.measure.records import Cycle, cycles, resampled
+from knitlab.measure.records import Cycle, Record, cycles, resampled
 from knitlab.sweep.parameters import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
-FEWEST_POINTS = 3
+FEWEST_POINTS = 3  # rows of a log
 COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}
 """Units of the columns of a log."""
 
-Record = Float[np.ndarray, " record"]
 Values = dict[str, Any]  # values by variable name
 Imports = tuple[list[Values], list[str]]  # values of every cycle, and a summary in lines of text
 
@@ -43,8 +41,7 @@ class Pulls:
     @property
     def summary(self) -> str:
         """How many cycles there are."""
-        count = len(self.cycles)
-        return f"{count} cycle{'s' if count > 1 else ''} of the machine"
+        return f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine"
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
