@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,10 +10,12 @@ import numpy as np
 import pandas as pd
 import tomli_w
 import xarray as xr
+from jaxtyping import Float
 
 from knitlab.cube.find import Found, find_designs
 from knitlab.cube.schema import STRAIN, described
-from knitlab.inverse.objective import distance_of, violation_of
+from knitlab.cube.target import Target
+from knitlab.inverse.objective import distance_of, scale_of, violation_of
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import TRIALS, SearchResult
 from knitlab.inverse.search_space import SearchSpace
@@ -27,6 +30,8 @@ from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.plan import Plan, batched
 from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
+
+NOTICED = 0.25  # trade-off between two targets, in tolerances, above which they conflict
 
 
 class Candidate(NamedTuple):
@@ -112,8 +117,7 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     nearest = find_designs([cube], request.wanted)
     reached, kept = nearest.reached[: len(targets)], nearest.reached[len(targets) :]
     worst = distance_of(targets, [each.worst for each in reached])
-    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(nearest.table))
-    violation = np.array([violation_of(constraints, row) for row in off_by.T.tolist()])
+    violation = violation_of(constraints, [each.worst for each in kept]) + np.zeros(len(worst))
     table = nearest.table
     table["distance"] = distance_of(targets, [each.off_by for each in reached])
     column = list(table.columns).index("distance") + 1
@@ -184,3 +188,39 @@ def trials_table(
         for trial in search.trials
     ]
     return pd.DataFrame(rows)
+
+
+class Conflict(NamedTuple):
+    """Two targets of which no trial meets both."""
+
+    targets: tuple[str, str]
+    distances: Float[np.ndarray, "trial 2"]  # over the tolerance of each
+    candidates: pd.Series  # number of the search of each trial
+
+
+def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | None:
+    """The two targets or constraints that conflict most in the trials of a design, if any do."""
+    trials = trials[trials["distance"].notna()]
+    scaled = [
+        trials[f"off_by_{number}"].to_numpy(float) / scale_of(target)
+        for number, target in enumerate(wanted, start=1)
+    ]
+    joint = {
+        (one, other): float(np.maximum(scaled[one], scaled[other]).min())
+        for one, other in combinations(range(len(wanted)), 2)
+        if _compete(scaled[one], scaled[other])
+    }
+    if not joint or max(joint.values()) <= 1:
+        return None
+    one, other = max(joint, key=lambda pair: joint[pair])
+    return Conflict(
+        (wanted[one].text, wanted[other].text),
+        np.stack([scaled[one], scaled[other]], axis=1),
+        trials["candidate"].reset_index(drop=True),
+    )
+
+
+def _compete(one: Float[np.ndarray, " trial"], other: Float[np.ndarray, " trial"]) -> bool:
+    """Whether the trial nearest to either target is further from the other than the best trial."""
+    lost = one[np.argmin(other)] - one.min(), other[np.argmin(one)] - other.min()
+    return min(lost) > NOTICED

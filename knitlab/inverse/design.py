@@ -18,7 +18,6 @@ from knitlab.inverse.objective import Objective, all_met, check_targets
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import SEARCHES, TRIALS, DesignSearch, SearchResult, run_searches
 from knitlab.inverse.search_space import DesignLabels, SearchSpace, search_space
-from knitlab.inverse.targets import Conflict, conflict_of
 from knitlab.inverse.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
@@ -63,9 +62,9 @@ class Designed:
         return bool(best) and all_met(self.request.wanted, best)
 
     @property
-    def conflict(self) -> Conflict | None:
+    def conflict(self) -> candidates.Conflict | None:
         """The two targets or constraints that conflict most in the trials, if any do."""
-        return conflict_of(self.request.wanted, self.trials)
+        return candidates.conflict_of(self.request.wanted, self.trials)
 
 
 def run_design(
@@ -157,11 +156,7 @@ def _starts(
     options: RunOptions,
     budget: int,
 ) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
-    """Designs to refine, the nearest to the targets first, by cubes or a coarse sweep.
-
-    Also returns the number of simulations of the sweep, and the allowed designs that no cube has,
-    which are not considered.
-    """
+    """Designs to refine, the nearest first; simulations of the sweep; designs without results."""
     cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
     if not cubes:
         if (count := len(space.designs)) <= request.starts:

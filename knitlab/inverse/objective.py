@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from jaxtyping import Float
 from knitlab.cube.schema import STRAIN, VARIABLES
 from knitlab.cube.strain_window import REDUCTIONS, gradient
 from knitlab.cube.target import Target, check_window
-from knitlab.inverse.targets import scale_of
 from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, ShapeFunctions, Slopes, Trial
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
@@ -24,6 +24,12 @@ Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
 
 
+def scale_of(target: Target) -> float:
+    """Unit of the distance from a target: its tolerance, which those of a request have."""
+    assert target.tolerance is not None
+    return target.tolerance
+
+
 def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
     """Root mean square of distances, each over the tolerance of its target; numbers or arrays."""
     scaled = [off / scale_of(target) for off, target in zip(off_by, targets, strict=True)]
@@ -35,10 +41,10 @@ def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
     return all(off <= target.allowance for off, target in zip(off_by, targets, strict=True))
 
 
-def violation_of(targets: Sequence[Target], off_by: Sequence[float]) -> float:
+def violation_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
     """Largest excess of a distance over its allowance, in tolerances; 0 if all targets are met."""
-    excess = [off - target.allowance for off, target in zip(off_by, targets, strict=True)]
-    return max([0.0, *(e / scale_of(target) for e, target in zip(excess, targets, strict=True))])
+    pairs = zip(off_by, targets, strict=True)
+    return reduce(np.fmax, ((off - each.allowance) / scale_of(each) for off, each in pairs), 0.0)
 
 
 def aimed(target: Target) -> Target:
@@ -85,7 +91,7 @@ class Objective:
 
     def violation(self, off_by: Sequence[float]) -> float:
         """Violation of the constraints alone."""
-        return violation_of(self.subject_to, off_by[len(self.targets) :])
+        return float(violation_of(self.subject_to, off_by[len(self.targets) :]))
 
     def slopes(self, trial: Trial) -> dict[str, Slopes]:
         """Derivatives of the variables that targets name; NoDerivative as at a snap."""
@@ -102,10 +108,7 @@ class Objective:
     def residuals(
         self, trial: Trial, slopes: dict[str, Slopes] | None = None
     ) -> tuple[Residuals, Jacobian]:
-        """Residuals, whose squares sum to the squared distance from the aims of the search.
-
-        Their derivatives by the variables follow from :meth:`slopes`, and are 0 without them.
-        """
+        """Residuals, whose squares sum to that of the distance from the aims, and derivatives."""
         rows, by = [], []
         for target in map(aimed, self.targets):
             at, values, by_variables = self._read(target, trial, slopes)

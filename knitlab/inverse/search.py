@@ -280,8 +280,7 @@ def run_searches(
 ) -> list[SearchResult]:
     """Run searches, each in one worker; BadInput with the reason of every one that failed.
 
-    A search that was killed repeats its trials from their files and continues; one whose worker
-    died is tried again. After each trial ``progress`` is called with its design and distance.
+    A search that was killed repeats its trials from their files and continues.
     """
     first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
     starts = {case.case_id: case for case in first}

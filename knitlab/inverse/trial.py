@@ -88,11 +88,9 @@ class Trial:
 
     @lru_cache(maxsize=1)  # noqa: B019, a constrained search needs those of a trial twice
     def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> dict[str, Slopes]:
-        """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
+        """Derivatives of variables by the logarithm of each parameter, 0 at strains not needed.
 
-        Variables are of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions; those of the
-        design have one strain. Derivatives at strains not needed are 0. Raises NoDerivative if a
-        state is not a stable equilibrium, such as at a snap.
+        Raises NoDerivative if a state is not a stable equilibrium, such as at a snap.
         """
         case, stripes = self.case, len(sensitivity.STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
@@ -136,10 +134,7 @@ def state_slopes(
 def measure_of(
     shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions = ()
 ) -> Measure:
-    """A measure of quantities and own functions, of a size in cloth its relaxed over flat cell.
-
-    It is the same function for the same arguments, for JAX to trace once.
-    """
+    """A measure of quantities and own functions, of a size in cloth its relaxed over flat cell."""
     functions, known = dict(own), sensitivity.quantities(shape, cells)
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:

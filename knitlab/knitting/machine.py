@@ -86,12 +86,7 @@ class Machine:
 
 
 def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
-    """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes.
-
-    Example:
-        >>> read_machine({"end": "drop"}).end
-        'drop'
-    """
+    """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes."""
     tables = read_toml(shipped("params") / "machine.toml").values()
     values = {key: entry["value"] for table in tables for key, entry in table.items()}
     faults = []

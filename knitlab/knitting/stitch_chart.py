@@ -37,26 +37,13 @@ def stitch_chart(
     needles: int | None = None,
     face: Face | None = None,
 ) -> StitchChart:
-    """The stitches of a case.
+    """The stitches of a case, or BadInput if it cannot be knitted.
 
     Its pattern repeats ``repeats`` times along the warp (y) and the weft (x) of the model, by
-    default as often as in the case; or it fills some needles with as many whole repeats as fit,
-    about twice as long as wide. A pure stripe has its ridges along x in the model, whatever its
-    knit; its chart has those of rib along the wales, and is about as long as wide in cloth.
-
+    default as often as in the case; or it fills some needles with as many whole repeats as fit.
+    A pure stripe has its ridges along x in the model; a chart has those of rib along the wales.
     Conductors lie on ``face`` of the fabric; by default on that to which their ridges point, and in
     a drawing on both faces A on the front and B on the back.
-
-    Raises:
-        BadInput: if the case has single folds, whose angle no stitch sets; if not one repeat fits
-            the needles; or if its electrodes cannot be plated by whole stitches.
-
-    Example:
-        >>> from knitlab.sweep.plan import make_plan
-        >>> (case,) = make_plan("periodic", {"n_stripe": 4, "n_subunit": 16}).cases.values()
-        >>> chart = stitch_chart(case)
-        >>> chart.courses, chart.wales, str(chart.stitches[0, 4])
-        (64, 32, 'a back knit')
     """
     if case.folds:
         problem = f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a"
@@ -184,10 +171,8 @@ def _plated_stitches(
 
 def _plated_faces(case: Case, face: Face | None) -> tuple[Face, Face]:
     layout = ElectrodeLayout() if case.capacitor is None else case.capacitor.layout
-    if face is not None:
-        return face, face
-    if layout.face != "both":
-        return layout.face, layout.face
+    if (chosen := face or layout.face) != "both":
+        return chosen, chosen
     if layout.mask:
         return "front", "back"
     lines = ridge_lines(layout, case.sample, case.options)

@@ -70,10 +70,9 @@ class MeasuredTest:
 
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
-    """The measured curves of an experiment, scaled to the number of unit cells across a case.
+    """The measured curves of one test, scaled to the number of unit cells across a case.
 
-    ``model_error`` is the fraction of the largest value of a curve that is added in quadrature to
-    its standard errors. BadInput if it is not a single test with markers or force.
+    ``model_error`` times the largest value of a curve is added in quadrature to its errors.
     """
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
@@ -151,10 +150,9 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 
 
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
-    """Test a case; ``None`` if a state does not converge.
+    """Test a case, from the states of a test ``near`` it or from the flat sheet, as in a sweep.
 
-    The search for each state starts from that of ``near``, a test with almost the same stripes;
-    without it the test starts from the flat sheet, as in a sweep.
+    ``None`` if a state does not converge.
     """
     _, fabric = case.assemble()
     if near is None:
