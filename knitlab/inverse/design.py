@@ -211,7 +211,16 @@ def summary(designed: Designed) -> Iterator[str]:
     dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
     searches = [(n, designed.searches[n - 1]) for n in map(int, designed.table["candidate"])]
     for number, search in searches:
-        yield from _of_candidate(number, search, dims)
+        best = search.winner.values if search.winner else {}
+        values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
+        yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
+        how = " then ".join(search.methods) or "as it is"
+        yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
+        if search.held_by:
+            yield f"  at the bound {', '.join(search.held_by)}"
+        determined = search.determined_to
+        if hardly := [f"{name} (± {100 * determined[name]:.0f} %)" for name in search.undetermined]:
+            yield f"  hardly determined by the targets: {', '.join(hardly)}"
     if not designed.met:
         others = (search for search in designed.searches if search.winner)
         yield from _unmet(designed, searches[0][1] if searches else next(others))
@@ -222,21 +231,6 @@ def summary(designed: Designed) -> Iterator[str]:
 
 def _labels(dims: Sequence[str], design: DesignLabels) -> str:
     return "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=True))
-
-
-def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Iterator[str]:
-    best = search.winner.values if search.winner else {}
-    values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
-    yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
-    how = " then ".join(search.methods) or "as it is"
-    yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
-    if search.held_by:
-        yield f"  at the bound {', '.join(search.held_by)}"
-    if search.undetermined:
-        names = ", ".join(
-            f"{name} (± {100 * search.determined_to[name]:.0f} %)" for name in search.undetermined
-        )
-        yield f"  hardly determined by the targets: {names}"
 
 
 def _unmet(designed: Designed, nearest: SearchResult) -> Iterator[str]:

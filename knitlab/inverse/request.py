@@ -140,11 +140,7 @@ def with_tolerance(target: Target) -> Target:
 
 
 def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]:
-    """Pairs of targets of one variable whose allowed values have nothing in common.
-
-    Compared are curves where both windows are, equal reductions over equal windows, and a mean,
-    minimum or maximum with the range allowed by a curve over its window.
-    """
+    """Pairs of targets of one variable whose allowed values have nothing in common."""
     for one, other in combinations(targets, 2):
         if one.name == other.name and _contradict(one, other):
             yield one, other

@@ -274,34 +274,27 @@ class _Search:
             )
 
 
-def report(fit: Fit) -> list[str]:
+def report(fit: Fit) -> Iterator[str]:
     """The fit as lines of text."""
-    lines = [f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"]
+    yield f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
     for name, factor in fit.factors.items():
         side, quantity = STRIPE_PARAMETERS[name]
         before, after = (getattr(getattr(case, side), quantity) for case in (fit.before, fit.after))
-        lines.append(
-            f"{name:15s} {before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
-            f"  {factor:6.3f}  {fit.learned[name]:4.0%}  [{ENTRY_UNITS[quantity]}]"
-        )
+        numbers = f"{before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
+        learned = f"{factor:6.3f}  {fit.learned[name]:4.0%}"
+        yield f"{name:15s} {numbers}  {learned}  [{ENTRY_UNITS[quantity]}]"
     for (row, one), (column, other) in itertools.combinations(enumerate(fit.factors), 2):
         if abs(correlation := fit.correlations[row, column]) > ALIKE:
-            lines.append(
-                f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
-            )
+            yield f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
     first, last = map(fit.target.root_mean_square, fit.curves)
     for name, measured in zip(QUANTITIES, fit.target.measured, strict=True):
         if measured.any():
-            lines.append(
-                f"{VARIABLES[name].long_name}: RMS difference {first[name]:.3g} before,"
-                f" {last[name]:.3g} after [{VARIABLES[name].units}]"
-            )
+            difference = f"{first[name]:.3g} before, {last[name]:.3g} after"
+            variable = VARIABLES[name]
+            yield f"{variable.long_name}: RMS difference {difference} [{variable.units}]"
     before, after = fit.chi_squared
     count = int(fit.target.measured.sum())
-    lines.append(
-        f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
-    )
-    return lines
+    yield f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
 
 
 def fitted_material(fit: Fit, experiment: Path) -> Material:

@@ -8,8 +8,14 @@ from hypothesis import strategies as st
 
 from knitlab.laboratory.description import MarkersTable, SampleTable
 from knitlab.laboratory.experiment import import_records
-from knitlab.laboratory.markers import MarkedSample, along_pull, marker_values, read_marked
-from knitlab.laboratory.trajectories import in_fabric_axes, read_trajectories
+from knitlab.laboratory.markers import (
+    MarkedSample,
+    along_pull,
+    in_fabric_axes,
+    marker_values,
+    read_marked,
+    read_trajectories,
+)
 from knitlab.measure.marker_grid import find_grid
 from knitlab.measure.strain import deformation_gradient, lattice_vectors
 from tests.laboratory.recorded import CAMERA, CELLS, NU, Laboratory, positions
