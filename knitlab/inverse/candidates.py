@@ -15,7 +15,7 @@ from jaxtyping import Float
 from knitlab.cube.find import Found, find_designs
 from knitlab.cube.schema import STRAIN, described
 from knitlab.cube.target import Target
-from knitlab.inverse.objective import distance_of, scale_of, violation_of
+from knitlab.inverse.objective import Objective, scale_of
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import TRIALS, SearchResult
 from knitlab.inverse.search_space import SearchSpace
@@ -111,35 +111,26 @@ def completed(
     return cube
 
 
-def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
-    """The candidates that meet the constraints, then the others; by their worst distance."""
-    targets, constraints = request.targets, request.subject_to
-    nearest = find_designs([cube], request.wanted)
-    reached, kept = nearest.reached[: len(targets)], nearest.reached[len(targets) :]
-    worst = distance_of(targets, [each.worst for each in reached])
-    violation = violation_of(constraints, [each.worst for each in kept]) + np.zeros(len(worst))
-    table = nearest.table
-    table["distance"] = distance_of(targets, [each.off_by for each in reached])
+def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
+    """Candidates that meet the constraints, then others, by worst distance; the cube with these."""
+    nearest = find_designs([cube], objective.wanted)
+    worst_of_each = [each.worst for each in nearest.reached]
+    worst, table = objective.distance(worst_of_each), nearest.table
+    violation = objective.violation(worst_of_each) + np.zeros(len(worst))
+    table["distance"] = objective.distance([each.off_by for each in nearest.reached])
     column = list(table.columns).index("distance") + 1
-    if constraints:
+    if objective.subject_to:
         table.insert(column, "violation", violation)
     table.insert(column, "distance_worst", worst)
-    order = np.lexsort((worst, violation))
-    return Found(
-        table.iloc[order].reset_index(drop=True),
-        tuple(each.in_order(order) for each in nearest.reached),
-        nearest.passed_over,
-    )
-
-
-def with_distances(cube: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
-    """The cube with the distances of the ranked candidates."""
     dims = cube["status"].dims
     for name in ("distance", "distance_worst"):
         cube[name] = (dims, np.full(cube["status"].shape, np.nan))
         for row in table.to_dict("records"):
             cube[name].loc[{dim: row[dim] for dim in dims}] = row[name]
-    return described(cube)
+    order = np.lexsort((worst, violation))
+    in_order = tuple(each.in_order(order) for each in nearest.reached)
+    table = table.iloc[order].reset_index(drop=True)
+    return Found(table, in_order, nearest.passed_over), described(cube)
 
 
 def write_workflow(

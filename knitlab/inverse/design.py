@@ -129,8 +129,7 @@ def run_design(
         if tested.stopped:
             raise KeyboardInterrupt
     cube = candidates.completed(tested.cube, space, winners, own, folder)
-    found = candidates.ranked(cube, request)
-    cube = candidates.with_distances(cube, found.table)
+    found, cube = candidates.ranked(cube, objective)
     write_cube(cube, folder / CUBE)
     trials = candidates.trials_table(request, space.dims, results)
     with atomic_write(folder / "trials.csv") as temporary:

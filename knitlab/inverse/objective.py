@@ -30,21 +30,9 @@ def scale_of(target: Target) -> float:
     return target.tolerance
 
 
-def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
-    """Root mean square of distances, each over the tolerance of its target; numbers or arrays."""
-    scaled = [off / scale_of(target) for off, target in zip(off_by, targets, strict=True)]
-    return np.sqrt(np.mean(np.square(scaled), axis=0))
-
-
 def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
     """Whether all distances from targets are within their allowances."""
     return all(off <= target.allowance for off, target in zip(off_by, targets, strict=True))
-
-
-def violation_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
-    """Largest excess of a distance over its allowance, in tolerances; 0 if all targets are met."""
-    pairs = zip(off_by, targets, strict=True)
-    return reduce(np.fmax, ((off - each.allowance) / scale_of(each) for off, each in pairs), 0.0)
 
 
 def aimed(target: Target) -> Target:
@@ -85,13 +73,16 @@ class Objective:
             distances.append(float(np.sqrt(_weights(at, len(values)) @ excess**2)))
         return distances
 
-    def distance(self, off_by: Sequence[float]) -> float:
-        """Distance from the targets alone."""
-        return float(distance_of(self.targets, off_by[: len(self.targets)]))
+    def distance(self, off_by: Sequence[Any]) -> Any:
+        """Root mean square of distances from the targets, over tolerances; numbers or arrays."""
+        pairs = zip(off_by, self.targets, strict=False)
+        return np.sqrt(np.mean(np.square([off / scale_of(each) for off, each in pairs]), axis=0))
 
-    def violation(self, off_by: Sequence[float]) -> float:
-        """Violation of the constraints alone."""
-        return float(violation_of(self.subject_to, off_by[len(self.targets) :]))
+    def violation(self, off_by: Sequence[Any]) -> Any:
+        """Largest excess over the allowance of a constraint, in tolerances; 0 if all are met."""
+        pairs = zip(off_by[len(self.targets) :], self.subject_to, strict=True)
+        excess = ((off - each.allowance) / scale_of(each) for off, each in pairs)
+        return reduce(np.fmax, excess, 0.0)
 
     def slopes(self, trial: Trial) -> dict[str, Slopes]:
         """Derivatives of the variables that targets name; NoDerivative as at a snap."""

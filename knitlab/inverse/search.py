@@ -147,8 +147,8 @@ class DesignSearch:
             converged=trial.converged,
             snapped=trial.snapped,
             off_by=[one if np.isfinite(one) else None for one in off_by],
-            distance=objective.distance(off_by) if known else None,
-            violation=objective.violation(off_by) if known else None,
+            distance=float(objective.distance(off_by)) if known else None,
+            violation=float(objective.violation(off_by)) if known else None,
             met=known and all_met(objective.wanted, off_by),
         )
         self.records.append(record)

@@ -104,21 +104,16 @@ def read_markers(folder: Path, description: Description) -> Imports:
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
     values = [marker_values(marked, requested, strain[span], span) for span in spans]
-    _check_follows(path, values[0], requested)
-    if not np.isfinite(values[0]["mean_strain_yy"]).any():
-        summary.append("no central unit cell keeps its markers, so there are no mean strains")
-    return values, [marked.summary, *summary]
-
-
-def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> None:
-    """Check that the fabric is strained if and only if the machine pulls it."""
-    mean = values["mean_strain_yy"]
-    if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
+    mean, error = values[0]["mean_strain_yy"], values[0]["mean_strain_yy_error"]
+    if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(error[0])):
         problem = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
         raise fault(str(path), f"{problem}; correct starts or relaxed_frames")
     if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * requested[-1]:
         problem = "shows markers that do not move while the sample is pulled; correct starts"
         raise fault(str(path), problem)
+    if not np.isfinite(mean).any():
+        summary.append("no central unit cell keeps its markers, so there are no mean strains")
+    return values, [marked.summary, *summary]
 
 
 def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
