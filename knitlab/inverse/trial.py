@@ -38,8 +38,7 @@ OF_CLOTH = {
 OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
 """Quantities of the relaxed fabric that have derivatives."""
 
-ShapeFunction = Callable[[Configuration], Float[Array, ""]]
-"""A user's function of a configuration that returns a number, in JAX."""
+ShapeFunction = Callable[[Configuration], Float[Array, ""]]  # a user's function, in JAX
 ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]  # by name, hashable
 Slopes = Float[np.ndarray, "strain parameter"]
 

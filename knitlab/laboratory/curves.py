@@ -29,8 +29,7 @@ from knitlab.simulation.simulate import tensile_tests
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.plan import Plan
 
-QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
-"""Quantities of a test, in this order."""
+QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")  # of a test, in this order
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0  # error of a missing value, which does not affect the misfit
 

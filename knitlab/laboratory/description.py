@@ -22,7 +22,6 @@ from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]
-UPRIGHT = ("up", "down")
 UNITS = {"mm": "length", "s": "time", "Hz": "frequency", "N": "force", "pF": "capacitance"}
 """Units that knitlab uses, and what each measures."""
 
@@ -75,15 +74,12 @@ TwoCounts = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]  # c
 
 
 class SampleTable(StrictModel):
-    """``[sample]``: the relaxed fabric between the clamps.
-
-    ``length`` is the length between the clamps, relative to which the extension is the strain.
-    """
+    """``[sample]``: the relaxed fabric between the clamps."""
 
     n_stripe: PositiveInt
     n_subunit: PositiveInt
     unit_cells: TwoCounts
-    length: Length
+    length: Length  # between the clamps, relative to which the extension is the strain
     width: Length
 
     @model_validator(mode="after")
@@ -93,25 +89,20 @@ class SampleTable(StrictModel):
 
 
 class ProtocolTable(StrictModel):
-    """``[protocol]``: the applied strains at which to evaluate the records, from 0 upwards.
-
-    A reversal of the machine by less than ``least_turn`` of the full extension does not count as a
-    cycle. The first ``skip_cycles``, in which a sample is conditioned, are ignored.
-    """
+    """``[protocol]``: the applied strains at which to evaluate the records, from 0 upwards."""
 
     strain_max: PositiveFloat
     strain_step: PositiveFloat
+    # A reversal of the machine by less than this fraction of the full extension is no cycle.
     least_turn: Annotated[float, Field(gt=0, lt=1)] = 0.1
-    skip_cycles: NonNegativeInt = 0
+    skip_cycles: NonNegativeInt = 0  # the first ones, in which a sample is conditioned
 
     @model_validator(mode="after")
     def _is_a_number_of_steps(self) -> "ProtocolTable":
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6 or steps > MOST_STEPS:
-            raise ValueError(
-                f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g} is not a"
-                f" whole number up to {MOST_STEPS}; change one"
-            )
+            given = f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g}"
+            raise ValueError(f"{given} is not a whole number up to {MOST_STEPS}; change one")
         return self
 
     @property
@@ -179,13 +170,13 @@ class MarkersTable(StrictModel):
 
     @model_validator(mode="after")
     def _has_axes_and_strains(self) -> "MarkersTable":
-        if (self.weft in UPRIGHT) == (self.warp in UPRIGHT):
+        upright = ("up", "down")
+        if (self.weft in upright) == (self.warp in upright):
             parallel = f"weft = {self.weft} and warp = {self.warp} are parallel"
             raise ValueError(f"{parallel}; give perpendicular directions")
         if (self.frame_rate is None) == (self.strain_per_frame is None):
-            raise ValueError(
-                "needs either frame_rate with starts, or strain_per_frame, to determine its strains"
-            )
+            either = "needs either frame_rate with starts, or strain_per_frame"
+            raise ValueError(f"{either}, to determine its strains")
         if self.frame_rate is None and self.starts is not None:
             raise ValueError("has starts, which strain_per_frame does not use; leave it out")
         if self.frame_rate is not None and self.starts is None:
@@ -194,15 +185,11 @@ class MarkersTable(StrictModel):
 
 
 class Description(StrictModel):
-    """A description: the sample, the applied strains to evaluate, and the records.
-
-    ``source`` is the name of the experiment in tables and figures; ``synthetic`` states that its
-    records were generated.
-    """
+    """A description: the sample, the applied strains to evaluate, and the records."""
 
     title: str = Field(min_length=1)
-    source: str = Field(default="experiment", min_length=1)
-    synthetic: bool = False
+    source: str = Field(default="experiment", min_length=1)  # its name in tables and figures
+    synthetic: bool = False  # whether its records were generated
     sample: SampleTable
     protocol: ProtocolTable
     tensile: TensileTable | None = None
@@ -212,9 +199,8 @@ class Description(StrictModel):
     @model_validator(mode="after")
     def _has_dependencies(self) -> "Description":
         if self.source == SIMULATION:
-            raise ValueError(
-                f"source = {SIMULATION} is reserved for simulations; give another name"
-            )
+            reserved = f"source = {SIMULATION} is reserved for simulations"
+            raise ValueError(f"{reserved}; give another name")
         markers, tensile, capacitance = self.markers, self.tensile, self.capacitance
         if not tensile and capacitance:
             raise ValueError("[capacitance] needs [tensile], for its strains; add it")

@@ -68,8 +68,8 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
         )
         if kept and not same:
             problem = "has another sample, length, width, source, cycles or strains than the"
-            problem += " description; remove it, and import all records again"
-            raise fault(str(cube_file), problem)
+            remedy = "remove it, and import all records again"
+            raise fault(str(cube_file), f"{problem} description; {remedy}")
         cube = cube.assign({name: old[name] for name in kept})
     cube.attrs[IMPORTS] = json.dumps(imports)
     write_cube(cube, cube_file)
@@ -87,9 +87,7 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
         "periods": periods_per_patch(sample.n_stripe, sample.n_subunit),
     }
     of_cycles = [
-        xr.Dataset(
-            {name: (VARIABLES[name].dims, value) for name, value in (common | values).items()}
-        )
+        xr.Dataset({name: (VARIABLES[name].dims, each) for name, each in (common | values).items()})
         for values in cycles
     ]
     cube = of_cycles[0]
