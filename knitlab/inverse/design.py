@@ -79,8 +79,7 @@ def run_design(
 ) -> Designed:
     """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
 
-    Raises BadInput if the request cannot be run, the folder holds another, or a search failed;
-    and KeyboardInterrupt if it is interrupted; finished simulations are kept, and reused.
+    Raises BadInput, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
     """
     began, run = time.time(), RunOptions(workers=workers)
     if own and workers:

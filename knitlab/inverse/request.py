@@ -63,8 +63,7 @@ class DesignRequest(DesignFile):
     subject_to: tuple[Target, ...] = ()
 
     def __repr__(self) -> str:
-        counts = f"{len(self.targets)} targets, {len(self.vary)} varied"
-        return f"<DesignRequest {self.name}: {counts}>"
+        return f"<DesignRequest {self.name}: {len(self.targets)} targets, {len(self.vary)} varied>"
 
     @property
     def wanted(self) -> tuple[Target, ...]:
@@ -100,10 +99,7 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request of a table; BadInput with all faults, after the prefix ``source``.
-
-    Paths of curves are relative to a folder.
-    """
+    """The request of a table, with curves of a folder; BadInput with all faults of a source."""
     try:
         file = DesignFile.model_validate(table)
     except ValidationError as error:

@@ -26,8 +26,8 @@ def knitout(chart: StitchChart, machine: Machine) -> str:
     if chart.wales > machine.needles:
         problem = f"is wider than the {machine.needles} needles of {machine.model}"
         fitting = f"{machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
-        remedy = f"take {fitting}, or another machine"
-        raise fault(f"chart of {chart.wales} wales", f"{problem}; {remedy}")
+        path = f"chart of {chart.wales} wales"
+        raise fault(path, f"{problem}; take {fitting}, or another machine")
     return "\n".join([*_header(chart, machine), *_Program(chart, machine).written()]) + "\n"
 
 
@@ -51,11 +51,7 @@ def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
 
 
 class _Program:
-    """The lines of a program, and the state of the machine after them.
-
-    No carrier may pass the inserting hook, which parks to the right of the first stitch of its
-    carrier. It is released late, so that many stitches hold the end of the yarn.
-    """
+    """The lines of a program, and the state of the machine after them."""
 
     def __init__(self, chart: StitchChart, machine: Machine) -> None:
         self.chart, self.machine = chart, machine
@@ -65,6 +61,8 @@ class _Program:
         self.direction = LEFTWARD
         self.stitch_number: int | None = None
         self.active: set[int] = set()
+        # No carrier may pass the inserting hook, which parks right of the first stitch of its own.
+        # It is released late, so that many stitches hold the end of the yarn.
         self.hooked: int | None = None
         self.hook_from: int | None = None
 

@@ -38,11 +38,7 @@ class RoundTrip:
 def round_trip(
     program: str, chart: StitchChart, machine: Machine, interpret: bool | None = None
 ) -> RoundTrip:
-    """Check a program, and compare what it knits with the chart.
-
-    The interpreter runs it too if ``interpret``; by default if it is installed and the program is
-    short enough for that to take less than a minute.
-    """
+    """Check a program, and compare what it knits with the chart; see :meth:`.KnitSample.check`."""
     own, graph = check(program, machine)
     faults = [*map(str, own), *_differences(graph, chart, machine)]
     count = f"{len(graph)} stitches with waste, cast-on and end"
@@ -73,10 +69,10 @@ def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Mac
 def stitches_of(
     graph: Sequence[FormedStitch], size: tuple[int, int], machine: Machine
 ) -> np.ndarray:
-    """Read the knit graph of a program as the stitches of a chart, in words, (course, wale).
+    """Read a knit graph as the stitches of a chart, in words, (course, wale); else NotAChart.
 
     Every wale must be one chain of stitches of the body's yarn, each pulled through the one before
-    at the same position, and every course must be finished before the next begins; else NotAChart.
+    at the same position, and every course must be finished before the next begins.
     """
     courses, wales = size
     chains: dict[int, list[int]] = defaultdict(list)

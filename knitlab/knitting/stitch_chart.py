@@ -66,27 +66,22 @@ def stitch_chart(
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
     back_first = case.options.garter_start == "mountain" and not case.pure
     garter = (rows.first != back_first)[:, None]
-    chart = StitchChart(
-        title=case.label,
-        front=np.where(knit == "G", garter, np.where(knit == "R", columns.first, True)),
-        plated=_plated_stitches(case, rows, columns),
-        plated_face=_plated_faces(case, face),
-        knit=np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit),
-        row_borders=rows.borders,
-        column_borders=columns.borders,
-        repeat=repeat,
+    front = np.where(knit == "G", garter, np.where(knit == "R", columns.first, True))
+    plated = _plated_stitches(case, rows, columns)
+    knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit)
+    borders = rows.borders, columns.borders
+    if turned:
+        front, plated, borders, repeat = front.T, plated.T, borders[::-1], repeat[::-1]
+        knit = np.full(knit.T.shape, "rib")
+    return StitchChart(
+        case.label,
+        front,
+        plated,
+        _plated_faces(case, face),
+        knit,
+        *borders,
+        repeat,
         periodic=case.options.boundary == "periodic",
-    )
-    if not turned:
-        return chart
-    return replace(
-        chart,
-        front=chart.front.T,
-        plated=chart.plated.T,
-        knit=np.full(chart.knit.T.shape, "rib"),
-        row_borders=chart.column_borders,
-        column_borders=chart.row_borders,
-        repeat=chart.repeat[::-1],
     )
 
 

@@ -122,17 +122,13 @@ class TensileTable(StrictModel):
 
 
 class CapacitanceTable(StrictModel):
-    """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine.
-
-    Either ``starts`` is the machine's time at which the clock was at 0, or both logs have a
-    ``trigger``: a column that rises past the middle of its range at the same moment.
-    """
+    """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine."""
 
     file: str = Field(min_length=1)
-    starts: Time | None = None
+    starts: Time | None = None  # the machine's time at which the clock was at 0
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]
-    trigger: PlainColumn | None = None
+    trigger: PlainColumn | None = None  # or, in both logs, a column that rises at the same moment
 
     @model_validator(mode="after")
     def _is_synchronised(self) -> "CapacitanceTable":
@@ -142,31 +138,21 @@ class CapacitanceTable(StrictModel):
 
 
 class MarkersTable(StrictModel):
-    """``[markers]``: tracked points, in pixels.
+    """``[markers]``: tracked points, in pixels, x to the right and y down."""
 
-    ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
-    writes it, or a CSV table with the columns frame, marker, x and y. ``weft`` and ``warp`` are
-    the directions of the fabric's x and y in the picture, to within 30°, after a rotation by
-    ``turned`` degrees anticlockwise. With ``align`` = pull the fabric is then rotated so that the
-    pull is along y. The grid of unit-cell corners is detected, or read from the table ``places``
-    with the columns marker, row and column; every ``markers_per_cell``-th marker along (y, x) is a
-    corner. The relaxed shape is the mean of the first ``relaxed_frames``. The applied strain of a
-    frame is that of the machine at its time, from ``frame_rate`` and ``starts``, the machine's time
-    at frame 0, or increases by ``strain_per_frame`` from the first frame on.
-    """
-
+    # An array (frame, marker, 2), as tracking-markers writes it, or CSV: frame, marker, x, y.
     file: str = Field(min_length=1)
-    starts: Time | None = None
+    starts: Time | None = None  # the machine's time at frame 0
     pixel: Length
-    weft: Towards = "right"
+    weft: Towards = "right"  # direction of the fabric's x in the picture, to within 30°
     warp: Towards = "up"
-    turned: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    align: Literal["pull", "picture"] = "pull"
-    places: str | None = None
-    markers_per_cell: TwoCounts = (1, 1)
-    relaxed_frames: PositiveInt = 1
+    turned: Annotated[float, Field(ge=-180, le=180)] = 0.0  # rotation before, anticlockwise [°]
+    align: Literal["pull", "picture"] = "pull"  # whether then to rotate the pull along y
+    places: str | None = None  # CSV: marker, row, column; by default the grid is detected
+    markers_per_cell: TwoCounts = (1, 1)  # along (y, x), if not every marker is a corner
+    relaxed_frames: PositiveInt = 1  # first frames, whose mean is the relaxed shape
     frame_rate: Annotated[MeasuredQuantity, _in("Hz", positive=True)] | None = None
-    strain_per_frame: PositiveFloat | None = None
+    strain_per_frame: PositiveFloat | None = None  # in place of the machine's strain at its time
 
     @model_validator(mode="after")
     def _has_axes_and_strains(self) -> "MarkersTable":

@@ -36,9 +36,8 @@ class Imported:
 
 
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
-    """Import the records of one kind that a description names into the experiment's cube.
+    """Import the records of one kind into the cube of an experiment, which keeps other kinds.
 
-    The cube is in a folder with the name of the description; its records of other kinds are kept.
     BadInput has every fault; nothing is written then.
     """
     description = read_description(path, kind)
@@ -98,12 +97,9 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
     indices = {dim: np.arange(size) for dim, size in cube.sizes.items() if dim not in cube.coords}
     strains = list(description.protocol.applied_strain)
     cube = cube.assign_coords(indices | {"applied_strain": strains, SOURCE: source})
-    parameters = {
-        "unit_cells": list(sample.unit_cells),
-        "length": sample.length.to("mm"),
-        "width": sample.width.to("mm"),
-        "options": {"boundary": "clamped"},
-    }
+    sizes = {"length": sample.length.to("mm"), "width": sample.width.to("mm")}
+    clamped = {"options": {"boundary": "clamped"}}
+    parameters = {"unit_cells": list(sample.unit_cells)} | sizes | clamped
     attributes: dict[str, Any] = {
         "source": source,
         "title": description.title,

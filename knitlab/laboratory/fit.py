@@ -90,11 +90,9 @@ def fit_stripes(
     step: Step = lambda tests, chi_squared: None,
     kept: Path | None = None,
 ) -> Fit:
-    """Fit the stripe parameters of a case, at the strains of a measured test, to that test.
+    """Fit the stripes of a case, at the strains of a measured test, to it; see :func:`knitlab.fit`.
 
-    The prior has the relative standard deviation ``looseness``. At most ``starts`` are tried until
-    the test is matched; the first is the tables. ``step`` is called after every test with the
-    number of tests and χ² of the last. BadInput if the test with the tables does not converge.
+    BadInput if the test with the tabulated stripes does not converge.
     """
     search = _Search(case, target, looseness, step, kept)
     tables = np.zeros(len(FITTED))

@@ -137,8 +137,8 @@ def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float]:
     """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, or NaN."""
-    stated = {name: getattr(table, name, None) for name in (*COLUMN_UNITS, "trigger")}
-    columns = {name: column for name, column in stated.items() if column is not None}
+    present = (name for name in (*COLUMN_UNITS, "trigger") if getattr(table, name, None))
+    columns = {name: getattr(table, name) for name in present}
     numbers = read_columns(path, [column.column for column in columns.values()], EXAMPLE)
     values = {
         name: numbers[columns[name].column] * columns[name].factor(unit)

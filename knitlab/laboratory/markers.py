@@ -14,7 +14,7 @@ from numpy.lib.format import MAGIC_PREFIX
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
-from knitlab.laboratory.description import Description, MarkersTable, SampleTable, Towards
+from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 from knitlab.measure.records import resampled
@@ -35,13 +35,7 @@ LEAST_DRIFT = 0.1  # of the middle, over the separation of the end rows, by whic
 LARGEST_MISALIGNMENT = 35.0  # of the fabric from its stated direction [°]
 LARGEST_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
 MOST_MISSING_LISTED = 5  # frames without a marker
-IN_PICTURE: dict[Towards, tuple[float, float]] = {
-    "right": (1.0, 0.0),
-    "left": (-1.0, 0.0),
-    "up": (0.0, -1.0),
-    "down": (0.0, 1.0),
-}
-"""Directions in pixels, x to the right and y down."""
+IN_PICTURE = {"right": (1, 0), "left": (-1, 0), "up": (0, -1), "down": (0, 1)}  # y points down
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
 
