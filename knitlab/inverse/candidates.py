@@ -166,7 +166,7 @@ def trials_table(
     """One row for each trial: design, values, distance, and how far it is from each target."""
     facts = ("converged", "snapped", "distance", "violation")
     unknown = [None] * len(request.wanted)
-    rows: list[dict[str, Any]] = [
+    return pd.DataFrame(
         {
             "candidate": number,
             **dict(zip(dims, search.design, strict=True)),
@@ -177,8 +177,7 @@ def trials_table(
         }
         for number, search in enumerate(searches, start=1)
         for trial in search.trials
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 class Conflict(NamedTuple):
@@ -192,23 +191,18 @@ class Conflict(NamedTuple):
 def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | None:
     """The two targets or constraints that conflict most in the trials of a design, if any do."""
     trials = trials[trials["distance"].notna()]
-    scaled = [
-        trials[f"off_by_{number}"].to_numpy(float) / scale_of(target)
-        for number, target in enumerate(wanted, start=1)
-    ]
+    names = [f"off_by_{number}" for number in range(1, len(wanted) + 1)]
+    scaled = trials[names].to_numpy(float) / [scale_of(target) for target in wanted]
     joint = {
-        (one, other): float(np.maximum(scaled[one], scaled[other]).min())
+        (one, other): float(scaled[:, [one, other]].max(axis=1).min())
         for one, other in combinations(range(len(wanted)), 2)
-        if _compete(scaled[one], scaled[other])
+        if _compete(scaled[:, one], scaled[:, other])
     }
     if not joint or max(joint.values()) <= 1:
         return None
     one, other = max(joint, key=lambda pair: joint[pair])
-    return Conflict(
-        (wanted[one].text, wanted[other].text),
-        np.stack([scaled[one], scaled[other]], axis=1),
-        trials["candidate"].reset_index(drop=True),
-    )
+    texts, numbers = (wanted[one].text, wanted[other].text), trials["candidate"]
+    return Conflict(texts, scaled[:, [one, other]], numbers.reset_index(drop=True))
 
 
 def _compete(one: Float[np.ndarray, " trial"], other: Float[np.ndarray, " trial"]) -> bool:

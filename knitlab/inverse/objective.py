@@ -22,6 +22,7 @@ INSIDE = 0.1  # fraction of the tolerance by which a search aims inside a range
 
 Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
+Linearised = tuple[Residuals, Jacobian]
 
 
 def scale_of(target: Target) -> float:
@@ -84,7 +85,7 @@ class Objective:
         excess = ((off - each.allowance) / scale_of(each) for off, each in pairs)
         return reduce(np.fmax, excess, 0.0)
 
-    def slopes(self, trial: Trial) -> dict[str, Slopes]:
+    def slopes(self, trial: Trial) -> Slopes:
         """Derivatives of the variables that targets name; NoDerivative as at a snap."""
         needed = np.zeros(len(trial.strains), bool)
         for target in self.wanted:
@@ -96,9 +97,7 @@ class Objective:
         names = tuple(dict.fromkeys(target.name for target in self.wanted))
         return trial.slopes(names, tuple(needed.tolist()))
 
-    def residuals(
-        self, trial: Trial, slopes: dict[str, Slopes] | None = None
-    ) -> tuple[Residuals, Jacobian]:
+    def residuals(self, trial: Trial, slopes: Slopes | None = None) -> Linearised:
         """Residuals, whose squares sum to that of the distance from the aims, and derivatives."""
         rows, by = [], []
         for target in map(aimed, self.targets):
@@ -109,9 +108,7 @@ class Objective:
             by.append(((departure != 0) * weights)[:, None] * by_variables)
         return np.concatenate(rows), np.concatenate(by)
 
-    def constraints(
-        self, trial: Trial, slopes: dict[str, Slopes] | None = None
-    ) -> tuple[Residuals, Jacobian]:
+    def constraints(self, trial: Trial, slopes: Slopes | None = None) -> Linearised:
         """Constraint functions over their tolerances, not negative if met, and derivatives."""
         rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
         for target in map(aimed, self.subject_to):
@@ -124,13 +121,12 @@ class Objective:
         return np.concatenate(rows), np.concatenate(by)
 
     def _read(
-        self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None
+        self, target: Target, trial: Trial, slopes: Slopes | None
     ) -> tuple[Float[np.ndarray, " point"], Residuals, Jacobian]:
         """Strains of a window, none for a number; values at these; derivatives, or 0."""
         values = trial.values(target.name)
-        by = np.zeros((len(values), self.acts_on.shape[1]))
-        if slopes is not None:
-            by = slopes[target.name] @ self.acts_on
+        slopes = slopes or {target.name: np.zeros((len(values), len(self.acts_on)))}
+        by = slopes[target.name] @ self.acts_on
         if target.window is None:
             return np.zeros(0), values, by
         at, curve = target.window.read(trial.strains, values[None])
@@ -145,8 +141,7 @@ def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " 
     """Weights of the trapezoidal rule over a window, which sum to one."""
     if len(at) < 2:
         return np.full(rows, 1.0 / rows)
-    steps = np.diff(at)
-    return (np.append(steps, 0.0) + np.append(0.0, steps)) / (2 * (at[-1] - at[0]))
+    return np.trapezoid(np.eye(len(at)), at) / (at[-1] - at[0])
 
 
 def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) -> None:

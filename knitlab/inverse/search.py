@@ -137,7 +137,8 @@ class DesignSearch:
             raise SearchEnded("the budget is spent")
         if self.records and time.time() > self.deadline:
             raise SearchEnded("the time is up")
-        trial, objective = self._simulated(point), self.objective
+        objective = self.objective
+        trial = run_trial(self.folder / TRIALS, *self.space.case(self.design, point), objective.own)
         off_by = objective.off_by(trial) if trial.converged else []
         known = trial.converged and bool(np.isfinite(off_by).all())
         record = TrialRecord(
@@ -158,10 +159,6 @@ class DesignSearch:
         if record.met and (record.distance or 0.0) <= SMALL_DISTANCE:
             raise SearchEnded("the targets are met")
         return self._last
-
-    def _simulated(self, point: Point) -> Trial:
-        case, gauge = self.space.case(self.design, point)
-        return run_trial(self.folder / TRIALS, case, gauge, self.objective.own)
 
     def _unconstrained(self, start: Point) -> None:
         # Shifted by one, as the size of the first trust region is the norm of the start.
@@ -246,28 +243,28 @@ class DesignSearch:
 
     def _conditions(self, best: TrialRecord) -> dict[str, Any]:
         """The active bounds of the best trial, and how well its values are determined."""
-        names, spans = self.space.names, self.space.upper - self.space.lower
-        point = np.array(best.point)
+        objective, names, point = self.objective, self.space.names, np.array(best.point)
         reached = {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
-        if not (self.objective.has_gradient and names):
+        if not (objective.has_gradient and names):
             return reached
-        trial = self._simulated(point)
+        trial = run_trial(self.folder / TRIALS, *self.space.case(self.design, point), objective.own)
         try:
-            slopes = self.objective.slopes(trial)
+            slopes = objective.slopes(trial)
         except NoDerivative:
             return reached
-        residuals, jacobian = self.objective.residuals(trial, slopes)
+        residuals, jacobian = objective.residuals(trial, slopes)
         downhill = -(residuals @ jacobian)
         if best.violation:
-            rows, rows_jacobian = self.objective.constraints(trial, slopes)
+            rows, rows_jacobian = objective.constraints(trial, slopes)
             downhill -= PENALTY * np.minimum(rows, 0) @ rows_jacobian
         # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
         hardly = deviations > HARDLY * UNIFORM
+        by = np.expm1(deviations * (self.space.upper - self.space.lower))
         return {
             "held_by": self.space.bounds_at(point, downhill) if downhill.any() else [],
-            "determined_to": dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
+            "determined_to": dict(zip(names, by.tolist(), strict=True)),
             "undetermined": list(compress(names, hardly)),
         }
 
@@ -278,10 +275,7 @@ def run_searches(
     workers: int,
     progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
-    """Run searches, each in one worker; BadInput with the reason of every one that failed.
-
-    A search that was killed repeats its trials from their files and continues.
-    """
+    """Run searches, each in one worker; BadInput with the reason of every one that failed."""
     first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
     starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))

@@ -108,8 +108,8 @@ def search_space(request: DesignRequest) -> SearchSpace:
         *np.log(bounds).T,
     )
     for design in space.designs:
-        for corner in (np.zeros(len(bounds)), np.ones(len(bounds))):
-            space.case(design, corner)
+        for fraction in (0.0, 1.0):
+            space.case(design, np.full(len(bounds), fraction))
     return space
 
 

@@ -40,7 +40,7 @@ OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
 
 ShapeFunction = Callable[[Configuration], Float[Array, ""]]  # a user's function, in JAX
 ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]  # by name, hashable
-Slopes = Float[np.ndarray, "strain parameter"]
+Slopes = dict[str, Float[np.ndarray, "strain parameter"]]  # derivatives by name of a variable
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +86,14 @@ class Trial:
         return values
 
     @lru_cache(maxsize=1)  # noqa: B019, a constrained search needs those of a trial twice
-    def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> dict[str, Slopes]:
-        """Derivatives of variables by the logarithm of each parameter, 0 at strains not needed.
-
-        Raises NoDerivative if a state is not a stable equilibrium, such as at a snap.
-        """
+    def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> Slopes:
+        """Derivatives by the logarithm of each parameter, where needed; NoDerivative at a snap."""
         case, stripes = self.case, len(sensitivity.STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
         adjoint = sensitivity.adjoint_of(case, shapes[0])
         along = tuple(name for name in names if name not in OF_DESIGN)
         of_design = tuple(name for name in names if name in OF_DESIGN)
-        slopes: dict[str, Slopes] = {
+        slopes: Slopes = {
             name: np.zeros((len(self.strains) if name in along else 1, len(PARAMETERS)))
             for name in names
         }

@@ -69,10 +69,7 @@ class MeasuredTest:
 
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
-    """The measured curves of one test, scaled to the number of unit cells across a case.
-
-    ``model_error`` times the largest value of a curve is added in quadrature to its errors.
-    """
+    """The measured curves of one test, scaled to the number of unit cells across a case."""
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
         raise fault("fit", f"takes one cycle; select {CYCLE}=1")
@@ -85,6 +82,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         scale = across if name == "reaction_force" else 1.0
         values[row] = scale * cell[name].values
         known = np.nan_to_num(scale * cell[f"{name}_error"].values)
+        # The error of the model is a fraction of the largest value of a curve.
         errors[row] = np.hypot(known, model_error * np.nanmax(np.abs(values[row])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
     if pulled.sum() < FEWEST_STRAINS:
@@ -105,8 +103,8 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     cases = [case for case in plan.cases.values() if wanted.items() <= case.design.items()]
     if len(cases) != 1:
         remedy = "one value of each setting" if cases else "n_stripe and n_subunit"
-        named = f"({wanted['n_stripe']}, {wanted['n_subunit']})"
-        problem = f"must have one case of {named}, and has {len(cases)}; set {remedy}"
+        design = tuple(wanted.values())
+        problem = f"must have one case of {design}, and has {len(cases)}; set {remedy}"
         raise fault(plan.workflow, problem)
     (case,) = cases
     if case.method != "equilibrium":
@@ -149,10 +147,7 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 
 
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
-    """Test a case, from the states of a test ``near`` it or from the flat sheet, as in a sweep.
-
-    ``None`` if a state does not converge.
-    """
+    """A test from the states of one ``near`` it, or the flat sheet; None if it does not converge."""
     _, fabric = case.assemble()
     if near is None:
         (test,) = tensile_tests([case], lambda name, states: None)

@@ -36,10 +36,7 @@ class Imported:
 
 
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
-    """Import the records of one kind into the cube of an experiment, which keeps other kinds.
-
-    BadInput has every fault; nothing is written then.
-    """
+    """Import the records of one kind into the cube of an experiment; BadInput with every fault."""
     description = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, description)
     cube_file = results / path.stem / CUBE
