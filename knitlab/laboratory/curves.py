@@ -147,7 +147,7 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 
 
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
-    """A test from the states of one ``near`` it, or the flat sheet; None if it does not converge."""
+    """A test from the states of ``near``, or from the flat sheet; None if it does not converge."""
     _, fabric = case.assemble()
     if near is None:
         (test,) = tensile_tests([case], lambda name, states: None)
