@@ -14,11 +14,11 @@ from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, Valida
 
 from knitlab.cube.strain_window import PARTS, StrainWindow
 from knitlab.cube.target import Target, read_target
+from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, unknown
 from knitlab.io.toml import StrictModel, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name
 from knitlab.sweep.workflow import PATTERN, SETTINGS

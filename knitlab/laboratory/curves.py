@@ -21,12 +21,11 @@ from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import relax
 from knitlab.fabric.energy import Point
-from knitlab.fabric.stripe import Stripe
+from knitlab.fabric.stripe import STRIPE_QUANTITIES, Stripe
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import adjoint_of, logarithmic, measured_by
 from knitlab.simulation.simulate import tensile_tests
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.plan import Plan
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")  # of a test, in this order

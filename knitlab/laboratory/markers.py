@@ -18,7 +18,7 @@ from knitlab.laboratory.description import Description, MarkersTable, SampleTabl
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 from knitlab.measure.records import resampled
-from knitlab.measure.strain import (
+from knitlab.measure.unit_cells import (
     central_mean,
     lattice_vectors,
     local_strain,

@@ -17,7 +17,7 @@ from knitlab.laboratory.markers import (
     read_trajectories,
 )
 from knitlab.measure.marker_grid import find_grid
-from knitlab.measure.strain import deformation_gradient, lattice_vectors
+from knitlab.measure.unit_cells import deformation_gradient, lattice_vectors
 from tests.laboratory.recorded import CAMERA, CELLS, NU, Laboratory, positions
 from workflows.laboratory.make_synthetic import Camera
 
