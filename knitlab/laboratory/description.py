@@ -146,8 +146,8 @@ class MarkersTable(StrictModel):
     pixel: Length
     weft: Towards = "right"  # direction of the fabric's x in the picture, to within 30°
     warp: Towards = "up"
-    turned: Annotated[float, Field(ge=-180, le=180)] = 0.0  # rotation before, anticlockwise [°]
-    align: Literal["pull", "picture"] = "pull"  # whether then to rotate the pull along y
+    turned: Annotated[float, Field(ge=-180, le=180)] = 0.0  # anticlockwise rotation before it [°]
+    align: Literal["pull", "picture"] = "pull"  # whether the pull is then turned along y
     places: str | None = None  # CSV: marker, row, column; by default the grid is detected
     markers_per_cell: TwoCounts = (1, 1)  # along (y, x), if not every marker is a corner
     relaxed_frames: PositiveInt = 1  # first frames, whose mean is the relaxed shape
