@@ -14,6 +14,7 @@ from knitlab.api.simulation import Design, case_of_design
 from knitlab.cube.cube_file import CUBE, cube_path, design_dims, is_case, open_cube
 from knitlab.cube.selection import chosen_indices, selected
 from knitlab.fabric.settings import ModelOptions
+from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, fault
@@ -27,7 +28,6 @@ from knitlab.knitting.stitch_chart import is_turned, stitch_chart
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.cube import gauge_of
 from knitlab.sweep.declared_fields import checked, declared
 from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix

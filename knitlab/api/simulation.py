@@ -23,7 +23,7 @@ from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
-from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slopes
+from knitlab.inverse.trial import ShapeFunction, measure_of, state_slopes
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
@@ -303,7 +303,7 @@ def evaluate(
         return evaluated
     case = case_of(json.loads(test.attrs["parameters"]))
     own = tuple(measures.items())
-    measure = measure_of_strained(case.mesh_shape, case.cell_grid, tuple(measures), own)
+    measure = measure_of(case.mesh_shape, case.cell_grid, tuple(measures), own)
     with suppress(NoDerivative):
         adjoint = adjoint_of(case, shapes[0])
         for k in reached:

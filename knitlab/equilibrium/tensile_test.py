@@ -204,11 +204,6 @@ class PathStep:
     length: float
     smooth: bool = False
 
-    @classmethod
-    def first(cls, settings: Solver) -> "PathStep":
-        """First step of a path, and the first on another branch."""
-        return cls(settings, settings.path_step)
-
     def towards(self, strain: float, target: float) -> float:
         """The next strain on the way to a target, which is reached in equal steps."""
         steps = _steps(abs(target - strain), self.length)
@@ -249,7 +244,7 @@ class _Path:
     contact: "Barrier | None" = None
 
     def __post_init__(self) -> None:
-        self.step = PathStep.first(self.settings)
+        self.step = PathStep(self.settings, self.settings.path_step)
         self.free = free_stiffness(self.system.shape, self.loading.free)
         self.many = worth_dividing(self.system.shape)
 
@@ -276,7 +271,7 @@ class _Path:
                 self.step = self.step.after(taken, state.iterations)
             elif state.converged and final:
                 snapped, self.last = True, [(strain, state)]
-                self.step = PathStep.first(self.settings)
+                self.step = PathStep(self.settings, self.settings.path_step)
             else:
                 self.step = self.step.after_failure(taken)
             if self.last[-1][0] == target:

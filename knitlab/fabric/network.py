@@ -149,7 +149,7 @@ def network(shape: MeshShape) -> Network:
     spring_nodes = [_at_every(origins, nodes) for origins, nodes, _ in springs]
     hinge_nodes = [_at_every(origins, nodes) for origins, nodes in hinges]
     kind = np.repeat(np.arange(len(springs)), [len(nodes) for nodes in spring_nodes])
-    beside = np.concatenate([_at_every(origins, its_cells) for origins, _, its_cells in springs])
+    beside = np.concatenate([_at_every(origins, beside_it) for origins, _, beside_it in springs])
     size = np.array([shape.cells_y, shape.cells_x])
     return Network(
         shape=shape,

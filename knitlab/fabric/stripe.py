@@ -1,9 +1,9 @@
 """Calibrated stripes: the four fitted parameters of one n × n rib or garter fabric."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any, Literal, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -11,15 +11,20 @@ from jaxtyping import Array, Float
 from pydantic import PositiveFloat
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.settings import ModelOptions, RestAngle, Unit
+from knitlab.fabric.settings import ModelOptions, PlainKnit, RestAngle, Sheet, Unit
 from knitlab.fabric.spring_law import SpringCurve
+from knitlab.io.errors import fault
 
 Knit = Literal["rib", "garter"]
+Table = TypeVar("Table", Sheet, PlainKnit)
 SpringKind = Literal["linear", "stiffening"] | SpringCurve
 """The kind of a spring law, without its parameters. Springs of one kind are computed together."""
 
 SPRING_LAWS = ("stiffening_strain", "spring_curve")
 """The fields of a stripe that define the law of its springs; linear springs have neither."""
+STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")  # order of siblings' random changes
+STIFFENING = "stiffening_strain"
+"""Setting for one knit or both, without factors, because the tables have no value."""
 GARTER_STITCHES_PER_RIB_STITCH = 2
 """A stitch is about twice as wide as it is high, so an n × n rib pairs with a 2n × 2n garter
 (paper, Sec. "Relaxation of a pattern of rib and garter patches")."""
@@ -129,3 +134,37 @@ def periods_per_patch(n_stripe: int, n_subunit: int) -> int:
             f" choose {2 * n_stripe}, {4 * n_stripe}, {6 * n_stripe}, …"
         )
     return periods
+
+
+def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
+    """A stripe with parameters replaced and multiplied.
+
+    Changes are values such as ``rib_k_s``, and factors such as ``rib_k_s_factor`` for one knit or
+    ``k_s_factor`` for both; a stiffening strain, for one knit or for both, replaces any other
+    spring law. Raises BadInput if the rest angle would reach π, which is flat.
+    """
+    numbers: dict[str, Any] = {
+        name: _changed(getattr(stripe, name), changes, f"{stripe.knit}_{name}", f"{name}_factor")
+        for name in STRIPE_QUANTITIES
+    }
+    if not numbers["theta_0"] < math.pi:
+        raise fault(
+            "model: theta_0",
+            f"the changes make theta_0 of {stripe.knit} {stripe.n}"
+            f" {numbers['theta_0']:.3g} rad; keep it below pi, which is flat",
+        )
+    for name in (f"{stripe.knit}_{STIFFENING}", STIFFENING):
+        if name in changes:
+            return replace(stripe, **numbers, stiffening_strain=changes[name], spring_curve=None)
+    return replace(stripe, **numbers)
+
+
+def changed_table(table: Table, changes: Mapping[str, float]) -> Table:
+    """Walls or plain knit with values such as ``z_max`` and factors such as ``z_max_factor``."""
+    names = [field.name for field in fields(table)]
+    return replace(table, **{name: _changed(getattr(table, name), changes, name) for name in names})
+
+
+def _changed(value: float, changes: Mapping[str, float], name: str, *more_factors: str) -> float:
+    factors = [changes[each] for each in (f"{name}_factor", *more_factors) if each in changes]
+    return math.prod([changes.get(name, value), *factors])

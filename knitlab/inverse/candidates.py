@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,10 +10,12 @@ import numpy as np
 import pandas as pd
 import tomli_w
 import xarray as xr
+from jaxtyping import Float
 
 from knitlab.cube.find import Found, find_designs
 from knitlab.cube.schema import STRAIN, described
-from knitlab.inverse.objective import distance_of, violation_of
+from knitlab.cube.target import Target
+from knitlab.inverse.objective import Objective, scale_of
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import TRIALS, SearchResult
 from knitlab.inverse.search_space import SearchSpace
@@ -27,6 +30,8 @@ from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.plan import Plan, batched
 from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
+
+NOTICED = 0.25  # trade-off between two targets, in tolerances, above which they conflict
 
 
 class Candidate(NamedTuple):
@@ -106,36 +111,26 @@ def completed(
     return cube
 
 
-def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
-    """The candidates that meet the constraints, then the others; by their worst distance."""
-    targets, constraints = request.targets, request.subject_to
-    nearest = find_designs([cube], request.wanted)
-    reached, kept = nearest.reached[: len(targets)], nearest.reached[len(targets) :]
-    worst = distance_of(targets, [each.worst for each in reached])
-    off_by = np.array([each.worst for each in kept]).reshape(len(kept), len(nearest.table))
-    violation = np.array([violation_of(constraints, row) for row in off_by.T.tolist()])
-    table = nearest.table
-    table["distance"] = distance_of(targets, [each.off_by for each in reached])
+def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
+    """Candidates that meet the constraints, then others, by worst distance; the cube with these."""
+    nearest = find_designs([cube], objective.wanted)
+    worst_of_each = [each.worst for each in nearest.reached]
+    worst, table = objective.distance(worst_of_each), nearest.table
+    violation = objective.violation(worst_of_each) + np.zeros(len(worst))
+    table["distance"] = objective.distance([each.off_by for each in nearest.reached])
     column = list(table.columns).index("distance") + 1
-    if constraints:
+    if objective.subject_to:
         table.insert(column, "violation", violation)
     table.insert(column, "distance_worst", worst)
-    order = np.lexsort((worst, violation))
-    return Found(
-        table.iloc[order].reset_index(drop=True),
-        tuple(each.in_order(order) for each in nearest.reached),
-        nearest.passed_over,
-    )
-
-
-def with_distances(cube: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
-    """The cube with the distances of the ranked candidates."""
     dims = cube["status"].dims
     for name in ("distance", "distance_worst"):
         cube[name] = (dims, np.full(cube["status"].shape, np.nan))
         for row in table.to_dict("records"):
             cube[name].loc[{dim: row[dim] for dim in dims}] = row[name]
-    return described(cube)
+    order = np.lexsort((worst, violation))
+    in_order = tuple(each.in_order(order) for each in nearest.reached)
+    table = table.iloc[order].reset_index(drop=True)
+    return Found(table, in_order, nearest.passed_over), described(cube)
 
 
 def write_workflow(
@@ -171,7 +166,7 @@ def trials_table(
     """One row for each trial: design, values, distance, and how far it is from each target."""
     facts = ("converged", "snapped", "distance", "violation")
     unknown = [None] * len(request.wanted)
-    rows: list[dict[str, Any]] = [
+    return pd.DataFrame(
         {
             "candidate": number,
             **dict(zip(dims, search.design, strict=True)),
@@ -182,5 +177,35 @@ def trials_table(
         }
         for number, search in enumerate(searches, start=1)
         for trial in search.trials
-    ]
-    return pd.DataFrame(rows)
+    )
+
+
+class Conflict(NamedTuple):
+    """Two targets of which no trial meets both."""
+
+    targets: tuple[str, str]
+    distances: Float[np.ndarray, "trial 2"]  # over the tolerance of each
+    candidates: pd.Series  # number of the search of each trial
+
+
+def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | None:
+    """The two targets or constraints that conflict most in the trials of a design, if any do."""
+    trials = trials[trials["distance"].notna()]
+    names = [f"off_by_{number}" for number in range(1, len(wanted) + 1)]
+    scaled = trials[names].to_numpy(float) / [scale_of(target) for target in wanted]
+    joint = {
+        (one, other): float(scaled[:, [one, other]].max(axis=1).min())
+        for one, other in combinations(range(len(wanted)), 2)
+        if _compete(scaled[:, one], scaled[:, other])
+    }
+    if not joint or max(joint.values()) <= 1:
+        return None
+    one, other = max(joint, key=lambda pair: joint[pair])
+    texts, numbers = (wanted[one].text, wanted[other].text), trials["candidate"]
+    return Conflict(texts, scaled[:, [one, other]], numbers.reset_index(drop=True))
+
+
+def _compete(one: Float[np.ndarray, " trial"], other: Float[np.ndarray, " trial"]) -> bool:
+    """Whether the trial nearest to either target is further from the other than the best trial."""
+    lost = one[np.argmin(other)] - one.min(), other[np.argmin(one)] - other.min()
+    return min(lost) > NOTICED

@@ -18,7 +18,6 @@ from knitlab.inverse.objective import Objective, all_met, check_targets
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import SEARCHES, TRIALS, DesignSearch, SearchResult, run_searches
 from knitlab.inverse.search_space import DesignLabels, SearchSpace, search_space
-from knitlab.inverse.targets import Conflict, conflict_of
 from knitlab.inverse.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
@@ -35,29 +34,17 @@ PAPERS_PATTERN = "checkerboard"  # pattern of a cube that names none
 
 @dataclass(frozen=True)
 class Designed:
-    """The result of a design.
-
-    Attributes:
-        request: the request.
-        folder: results folder, with the cube of the candidates, their workflows and all trials.
-        cube: the candidates, simulated again with their siblings.
-        found: the candidates by their worst distance within the spread, the best first.
-        searches: results of the searches, in the order of the candidates' numbers.
-        trials: one row for each trial of the searches: values, distances, identifiers.
-        simulations: number of simulations of the searches and the coarse sweep.
-        workflows: files that reproduce the candidates, in the order of their numbers.
-        unknown: allowed designs that no cube has results of, and that were not considered.
-    """
+    """The result of a design."""
 
     request: DesignRequest
-    folder: Path
-    cube: xr.Dataset
-    found: Found
-    searches: tuple[SearchResult, ...]
-    trials: pd.DataFrame
-    simulations: int
-    workflows: tuple[Path, ...]
-    unknown: tuple[DesignLabels, ...] = ()
+    folder: Path  # results folder, with the cube of the candidates, their workflows and all trials
+    cube: xr.Dataset  # the candidates, simulated again with their siblings
+    found: Found  # the candidates by their worst distance within the spread, the best first
+    searches: tuple[SearchResult, ...]  # in the order of the candidates' numbers
+    trials: pd.DataFrame  # a row for each trial of the searches: values, distances, identifiers
+    simulations: int  # number of simulations of the searches and the coarse sweep
+    workflows: tuple[Path, ...]  # reproduce the candidates, in the order of their numbers
+    unknown: tuple[DesignLabels, ...] = ()  # allowed designs without results, not considered
 
     def __repr__(self) -> str:
         counts = f"{len(self.table)} candidates, {self.simulations} simulations"
@@ -75,9 +62,9 @@ class Designed:
         return bool(best) and all_met(self.request.wanted, best)
 
     @property
-    def conflict(self) -> Conflict | None:
+    def conflict(self) -> candidates.Conflict | None:
         """The two targets or constraints that conflict most in the trials, if any do."""
-        return conflict_of(self.request.wanted, self.trials)
+        return candidates.conflict_of(self.request.wanted, self.trials)
 
 
 def run_design(
@@ -92,8 +79,7 @@ def run_design(
 ) -> Designed:
     """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
 
-    Raises BadInput if the request cannot be run, the folder holds another, or a search failed;
-    and KeyboardInterrupt if it is interrupted; finished simulations are kept, and reused.
+    Raises BadInput, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
     """
     began, run = time.time(), RunOptions(workers=workers)
     if own and workers:
@@ -142,8 +128,7 @@ def run_design(
         if tested.stopped:
             raise KeyboardInterrupt
     cube = candidates.completed(tested.cube, space, winners, own, folder)
-    found = candidates.ranked(cube, request)
-    cube = candidates.with_distances(cube, found.table)
+    found, cube = candidates.ranked(cube, objective)
     write_cube(cube, folder / CUBE)
     trials = candidates.trials_table(request, space.dims, results)
     with atomic_write(folder / "trials.csv") as temporary:
@@ -169,11 +154,7 @@ def _starts(
     options: RunOptions,
     budget: int,
 ) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
-    """Designs to refine, the nearest to the targets first, by cubes or a coarse sweep.
-
-    Also returns the number of simulations of the sweep, and the allowed designs that no cube has,
-    which are not considered.
-    """
+    """Designs to refine, the nearest first; simulations of the sweep; designs without results."""
     cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
     if not cubes:
         if (count := len(space.designs)) <= request.starts:
@@ -228,7 +209,16 @@ def summary(designed: Designed) -> Iterator[str]:
     dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
     searches = [(n, designed.searches[n - 1]) for n in map(int, designed.table["candidate"])]
     for number, search in searches:
-        yield from _of_candidate(number, search, dims)
+        best = search.winner.values if search.winner else {}
+        values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
+        yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
+        how = " then ".join(search.methods) or "as it is"
+        yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
+        if search.held_by:
+            yield f"  at the bound {', '.join(search.held_by)}"
+        determined = search.determined_to
+        if hardly := [f"{name} (± {100 * determined[name]:.0f} %)" for name in search.undetermined]:
+            yield f"  hardly determined by the targets: {', '.join(hardly)}"
     if not designed.met:
         others = (search for search in designed.searches if search.winner)
         yield from _unmet(designed, searches[0][1] if searches else next(others))
@@ -239,21 +229,6 @@ def summary(designed: Designed) -> Iterator[str]:
 
 def _labels(dims: Sequence[str], design: DesignLabels) -> str:
     return "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=True))
-
-
-def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Iterator[str]:
-    best = search.winner.values if search.winner else {}
-    values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
-    yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
-    how = " then ".join(search.methods) or "as it is"
-    yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
-    if search.held_by:
-        yield f"  at the bound {', '.join(search.held_by)}"
-    if search.undetermined:
-        names = ", ".join(
-            f"{name} (± {100 * search.determined_to[name]:.0f} %)" for name in search.undetermined
-        )
-        yield f"  hardly determined by the targets: {names}"
 
 
 def _unmet(designed: Designed, nearest: SearchResult) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from jaxtyping import Float
 from knitlab.cube.schema import STRAIN, VARIABLES
 from knitlab.cube.strain_window import REDUCTIONS, gradient
 from knitlab.cube.target import Target, check_window
-from knitlab.inverse.targets import scale_of
 from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, ShapeFunctions, Slopes, Trial
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
@@ -22,23 +22,18 @@ INSIDE = 0.1  # fraction of the tolerance by which a search aims inside a range
 
 Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
+Linearised = tuple[Residuals, Jacobian]
 
 
-def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
-    """Root mean square of distances, each over the tolerance of its target; numbers or arrays."""
-    scaled = [off / scale_of(target) for off, target in zip(off_by, targets, strict=True)]
-    return np.sqrt(np.mean(np.square(scaled), axis=0))
+def scale_of(target: Target) -> float:
+    """Unit of the distance from a target: its tolerance, which those of a request have."""
+    assert target.tolerance is not None
+    return target.tolerance
 
 
 def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
     """Whether all distances from targets are within their allowances."""
     return all(off <= target.allowance for off, target in zip(off_by, targets, strict=True))
-
-
-def violation_of(targets: Sequence[Target], off_by: Sequence[float]) -> float:
-    """Largest excess of a distance over its allowance, in tolerances; 0 if all targets are met."""
-    excess = [off - target.allowance for off, target in zip(off_by, targets, strict=True)]
-    return max([0.0, *(e / scale_of(target) for e, target in zip(excess, targets, strict=True))])
 
 
 def aimed(target: Target) -> Target:
@@ -79,15 +74,18 @@ class Objective:
             distances.append(float(np.sqrt(_weights(at, len(values)) @ excess**2)))
         return distances
 
-    def distance(self, off_by: Sequence[float]) -> float:
-        """Distance from the targets alone."""
-        return float(distance_of(self.targets, off_by[: len(self.targets)]))
+    def distance(self, off_by: Sequence[Any]) -> Any:
+        """Root mean square of distances from the targets, over tolerances; numbers or arrays."""
+        pairs = zip(off_by, self.targets, strict=False)
+        return np.sqrt(np.mean(np.square([off / scale_of(each) for off, each in pairs]), axis=0))
 
-    def violation(self, off_by: Sequence[float]) -> float:
-        """Violation of the constraints alone."""
-        return violation_of(self.subject_to, off_by[len(self.targets) :])
+    def violation(self, off_by: Sequence[Any]) -> Any:
+        """Largest excess over the allowance of a constraint, in tolerances; 0 if all are met."""
+        pairs = zip(off_by[len(self.targets) :], self.subject_to, strict=True)
+        excess = ((off - each.allowance) / scale_of(each) for off, each in pairs)
+        return reduce(np.fmax, excess, 0.0)
 
-    def slopes(self, trial: Trial) -> dict[str, Slopes]:
+    def slopes(self, trial: Trial) -> Slopes:
         """Derivatives of the variables that targets name; NoDerivative as at a snap."""
         needed = np.zeros(len(trial.strains), bool)
         for target in self.wanted:
@@ -99,13 +97,8 @@ class Objective:
         names = tuple(dict.fromkeys(target.name for target in self.wanted))
         return trial.slopes(names, tuple(needed.tolist()))
 
-    def residuals(
-        self, trial: Trial, slopes: dict[str, Slopes] | None = None
-    ) -> tuple[Residuals, Jacobian]:
-        """Residuals, whose squares sum to the squared distance from the aims of the search.
-
-        Their derivatives by the variables follow from :meth:`slopes`, and are 0 without them.
-        """
+    def residuals(self, trial: Trial, slopes: Slopes | None = None) -> Linearised:
+        """Residuals, whose squares sum to that of the distance from the aims, and derivatives."""
         rows, by = [], []
         for target in map(aimed, self.targets):
             at, values, by_variables = self._read(target, trial, slopes)
@@ -115,9 +108,7 @@ class Objective:
             by.append(((departure != 0) * weights)[:, None] * by_variables)
         return np.concatenate(rows), np.concatenate(by)
 
-    def constraints(
-        self, trial: Trial, slopes: dict[str, Slopes] | None = None
-    ) -> tuple[Residuals, Jacobian]:
+    def constraints(self, trial: Trial, slopes: Slopes | None = None) -> Linearised:
         """Constraint functions over their tolerances, not negative if met, and derivatives."""
         rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
         for target in map(aimed, self.subject_to):
@@ -130,13 +121,12 @@ class Objective:
         return np.concatenate(rows), np.concatenate(by)
 
     def _read(
-        self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None
+        self, target: Target, trial: Trial, slopes: Slopes | None
     ) -> tuple[Float[np.ndarray, " point"], Residuals, Jacobian]:
         """Strains of a window, none for a number; values at these; derivatives, or 0."""
         values = trial.values(target.name)
-        by = np.zeros((len(values), self.acts_on.shape[1]))
-        if slopes is not None:
-            by = slopes[target.name] @ self.acts_on
+        slopes = slopes or {target.name: np.zeros((len(values), len(self.acts_on)))}
+        by = slopes[target.name] @ self.acts_on
         if target.window is None:
             return np.zeros(0), values, by
         at, curve = target.window.read(trial.strains, values[None])
@@ -151,8 +141,7 @@ def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " 
     """Weights of the trapezoidal rule over a window, which sum to one."""
     if len(at) < 2:
         return np.full(rows, 1.0 / rows)
-    steps = np.diff(at)
-    return (np.append(steps, 0.0) + np.append(0.0, steps)) / (2 * (at[-1] - at[0]))
+    return np.trapezoid(np.eye(len(at)), at) / (at[-1] - at[0])
 
 
 def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) -> None:

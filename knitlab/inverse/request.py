@@ -1,20 +1,24 @@
-"""The request of a design: targets, variables with their bounds, and settings."""
+"""The request of a design: targets with tolerances, variables with bounds, and settings."""
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+from jaxtyping import Float
 from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, ValidationError
 
+from knitlab.cube.strain_window import PARTS, StrainWindow
 from knitlab.cube.target import Target, read_target
-from knitlab.inverse.targets import contradictions, with_tolerance
+from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, unknown
 from knitlab.io.toml import StrictModel, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name
 from knitlab.sweep.workflow import PATTERN, SETTINGS
@@ -23,6 +27,9 @@ CHOICES = ("n_stripe", "n_subunit", PATTERN)  # vary as lists, in all combinatio
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))  # what variables change
 VARIABLES = (*PARAMETERS, *(f"{each}_factor" for each in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)))
 """Continuous variables, given with bounds."""
+RELATIVE_TOLERANCE = 0.05  # default tolerance of a target, over its value
+TOLERANCE_OF_ZERO = 0.01  # default tolerance of a target whose value is zero
+WITHIN_RANGE = ("mean", "min", "max")  # reductions that lie between the ends of a curve's range
 
 
 def _listed(given: Any) -> Any:
@@ -56,8 +63,7 @@ class DesignRequest(DesignFile):
     subject_to: tuple[Target, ...] = ()
 
     def __repr__(self) -> str:
-        counts = f"{len(self.targets)} targets, {len(self.vary)} varied"
-        return f"<DesignRequest {self.name}: {counts}>"
+        return f"<DesignRequest {self.name}: {len(self.targets)} targets, {len(self.vary)} varied>"
 
     @property
     def wanted(self) -> tuple[Target, ...]:
@@ -93,10 +99,7 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request of a table; BadInput with all faults, after the prefix ``source``.
-
-    Paths of curves are relative to a folder.
-    """
+    """The request of a table, with curves of a folder; BadInput with all faults of a source."""
     try:
         file = DesignFile.model_validate(table)
     except ValidationError as error:
@@ -122,6 +125,52 @@ def checked_request(
         raise BadInput(faults.all)
     checked = {key: tuple(targets) for key, targets in read.items()}
     return DesignRequest(**{**dict(file), **checked, "vary": vary, "name": name})
+
+
+def with_tolerance(target: Target) -> Target:
+    """A target with its tolerance, by default 5 % of its value, or 0.01 if that is zero."""
+    if target.tolerance is not None:
+        return target
+    wanted = max(abs(bound) for bound in (target.low, target.high) if np.isfinite(bound))
+    return replace(target, tolerance=RELATIVE_TOLERANCE * wanted or TOLERANCE_OF_ZERO)
+
+
+def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]:
+    """Pairs of targets of one variable whose allowed values have nothing in common."""
+    for one, other in combinations(targets, 2):
+        if one.name == other.name and _contradict(one, other):
+            yield one, other
+
+
+def _contradict(one: Target, other: Target) -> bool:
+    if one.reduction == other.reduction and one.window == other.window:
+        return _apart(one, other, _strains(one.window))
+    if one.window is None or other.window is None:
+        return False
+    if one.reduction is None and other.reduction is None:
+        start = max(one.window.start, other.window.start)
+        stop = min(one.window.stop, other.window.stop)
+        return start <= stop and _apart(one, other, _strains(StrainWindow(start, stop)))
+    curve, reduced = (one, other) if one.reduction is None else (other, one)
+    if curve.reduction is not None or reduced.reduction not in WITHIN_RANGE:
+        return False
+    strains, shared = _strains(reduced.window), _strains(curve.window)
+    if not shared[0] <= strains[0] <= strains[-1] <= shared[-1]:
+        return False
+    low, high = curve.allowed(strains)
+    wanted_low, wanted_high = reduced.allowed(strains)
+    return bool(np.max(wanted_low) > np.max(high) or np.min(wanted_high) < np.min(low))
+
+
+def _apart(one: Target, other: Target, strains: Float[np.ndarray, " point"]) -> bool:
+    """Whether the allowed ranges have nothing in common at some strain."""
+    (low, high), (other_low, other_high) = one.allowed(strains), other.allowed(strains)
+    return bool((np.maximum(low, other_low) > np.minimum(high, other_high)).any())
+
+
+def _strains(window: StrainWindow | None) -> Float[np.ndarray, " point"]:
+    window = window or StrainWindow(0, 0)
+    return np.linspace(window.start, window.stop, PARTS + 1)
 
 
 def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:

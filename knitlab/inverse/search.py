@@ -109,8 +109,14 @@ class DesignSearch:
             self.trial(start)
             if len(start):
                 if self.objective.has_gradient:
-                    methods.append("SLSQP" if self.objective.subject_to else "least squares")
-                    self._by_gradients(start)
+                    constrained = bool(self.objective.subject_to)
+                    methods.append("SLSQP" if constrained else "least squares")
+                    try:
+                        if self.records[0].distance is None:
+                            raise NoDerivative("the start has no distance")
+                        (self._constrained if constrained else self._unconstrained)(start)
+                    except NoDerivative:
+                        self.rough = True
                 met = any(record.met for record in self.records)
                 if not self.objective.has_gradient or (self.rough and not met):
                     methods.append("CMA-ES")
@@ -131,8 +137,21 @@ class DesignSearch:
             raise SearchEnded("the budget is spent")
         if self.records and time.time() > self.deadline:
             raise SearchEnded("the time is up")
-        trial = self._simulated(point)
-        record = self._record(trial, point)
+        objective = self.objective
+        trial = run_trial(self.folder / TRIALS, *self.space.case(self.design, point), objective.own)
+        off_by = objective.off_by(trial) if trial.converged else []
+        known = trial.converged and bool(np.isfinite(off_by).all())
+        record = TrialRecord(
+            point=point.tolist(),
+            values=self.space.values(point),
+            case_id=trial.case.case_id,
+            converged=trial.converged,
+            snapped=trial.snapped,
+            off_by=[one if np.isfinite(one) else None for one in off_by],
+            distance=float(objective.distance(off_by)) if known else None,
+            violation=float(objective.violation(off_by)) if known else None,
+            met=known and all_met(objective.wanted, off_by),
+        )
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
         self._last = trial, record
@@ -140,38 +159,6 @@ class DesignSearch:
         if record.met and (record.distance or 0.0) <= SMALL_DISTANCE:
             raise SearchEnded("the targets are met")
         return self._last
-
-    def _simulated(self, point: Point) -> Trial:
-        case, gauge = self.space.case(self.design, point)
-        return run_trial(self.folder / TRIALS, case, gauge, self.objective.own)
-
-    def _record(self, trial: Trial, point: Point) -> TrialRecord:
-        objective = self.objective
-        off_by = objective.off_by(trial) if trial.converged else []
-        known = trial.converged and bool(np.isfinite(off_by).all())
-        return TrialRecord(
-            point=point.tolist(),
-            values=self.space.values(point),
-            case_id=trial.case.case_id,
-            converged=trial.converged,
-            snapped=trial.snapped,
-            off_by=[one if np.isfinite(one) else None for one in off_by],
-            distance=objective.distance(off_by) if known else None,
-            violation=objective.violation(off_by) if known else None,
-            met=known and all_met(objective.wanted, off_by),
-        )
-
-    def _by_gradients(self, start: Point) -> None:
-        if self.records[-1].distance is None:
-            self.rough = True
-            return
-        try:
-            if self.objective.subject_to:
-                self._constrained(start)
-            else:
-                self._unconstrained(start)
-        except NoDerivative:
-            self.rough = True
 
     def _unconstrained(self, start: Point) -> None:
         # Shifted by one, as the size of the first trust region is the norm of the start.
@@ -256,28 +243,28 @@ class DesignSearch:
 
     def _conditions(self, best: TrialRecord) -> dict[str, Any]:
         """The active bounds of the best trial, and how well its values are determined."""
-        names, spans = self.space.names, self.space.upper - self.space.lower
-        point = np.array(best.point)
+        objective, names, point = self.objective, self.space.names, np.array(best.point)
         reached = {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
-        if not (self.objective.has_gradient and names):
+        if not (objective.has_gradient and names):
             return reached
-        trial = self._simulated(point)
+        trial = run_trial(self.folder / TRIALS, *self.space.case(self.design, point), objective.own)
         try:
-            slopes = self.objective.slopes(trial)
+            slopes = objective.slopes(trial)
         except NoDerivative:
             return reached
-        residuals, jacobian = self.objective.residuals(trial, slopes)
+        residuals, jacobian = objective.residuals(trial, slopes)
         downhill = -(residuals @ jacobian)
         if best.violation:
-            rows, rows_jacobian = self.objective.constraints(trial, slopes)
+            rows, rows_jacobian = objective.constraints(trial, slopes)
             downhill -= PENALTY * np.minimum(rows, 0) @ rows_jacobian
         # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
         hardly = deviations > HARDLY * UNIFORM
+        by = np.expm1(deviations * (self.space.upper - self.space.lower))
         return {
             "held_by": self.space.bounds_at(point, downhill) if downhill.any() else [],
-            "determined_to": dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
+            "determined_to": dict(zip(names, by.tolist(), strict=True)),
             "undetermined": list(compress(names, hardly)),
         }
 
@@ -288,11 +275,7 @@ def run_searches(
     workers: int,
     progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
-    """Run searches, each in one worker; BadInput with the reason of every one that failed.
-
-    A search that was killed repeats its trials from their files and continues; one whose worker
-    died is tried again. After each trial ``progress`` is called with its design and distance.
-    """
+    """Run searches, each in one worker; BadInput with the reason of every one that failed."""
     first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
     starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))
@@ -314,8 +297,7 @@ def run_searches(
             failed |= {key: error.reason for key, error in errors.items() if key not in pending}
     if failed:
         raise BadInput(
-            Fault(f"search from {starts[case_id].label}", reason)
-            for case_id, reason in failed.items()
+            Fault(f"search from {starts[key].label}", reason) for key, reason in failed.items()
         )
     files = [folder / SEARCHES / f"{case_id}.json" for case_id in by_start]
     return [RESULT.validate_json(file.read_bytes()) for file in files]

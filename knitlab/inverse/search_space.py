@@ -84,10 +84,7 @@ class SearchSpace:
 
 
 def search_space(request: DesignRequest) -> SearchSpace:
-    """The space that a request allows; the last strain follows from the targets if not given.
-
-    Raises BadInput if a bound cannot be simulated, or the test ends before that of a target.
-    """
+    """The space that a request allows; BadInput if a bound or a target cannot be simulated."""
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}
     if "strain_step" in settings:
@@ -111,13 +108,13 @@ def search_space(request: DesignRequest) -> SearchSpace:
         *np.log(bounds).T,
     )
     for design in space.designs:
-        for corner in (np.zeros(len(bounds)), np.ones(len(bounds))):
-            space.case(design, corner)
+        for fraction in (0.0, 1.0):
+            space.case(design, np.full(len(bounds), fraction))
     return space
 
 
 def _last_strain(request: DesignRequest, plan: Plan) -> float:
-    """The last strain of the test that the targets need."""
+    """The last strain of the test, by default the last that a target needs."""
     needed = max((target.window.stop for target in request.wanted if target.window), default=0.0)
     if len(plan.applied_strain) < 2:
         raise fault("strain_max = 0", "leaves no strain to apply; raise it, or leave it out")

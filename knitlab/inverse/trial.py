@@ -35,16 +35,12 @@ OF_CLOTH = {
     "knit_length": ("relaxed_cell_y", "stitch_height"),
 }
 """Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
-OF_DESIGN = (
-    "relaxed_cell_x",
-    "relaxed_cell_y",
-    *OF_CLOTH,
-)  # with derivatives, if relaxed
+OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
+"""Quantities of the relaxed fabric that have derivatives."""
 
-ShapeFunction = Callable[[Configuration], Float[Array, ""]]
-"""A user's function of a configuration that returns a number, in JAX."""
+ShapeFunction = Callable[[Configuration], Float[Array, ""]]  # a user's function, in JAX
 ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]  # by name, hashable
-Slopes = Float[np.ndarray, "strain parameter"]
+Slopes = dict[str, Float[np.ndarray, "strain parameter"]]  # derivatives by name of a variable
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,31 +86,26 @@ class Trial:
         return values
 
     @lru_cache(maxsize=1)  # noqa: B019, a constrained search needs those of a trial twice
-    def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> dict[str, Slopes]:
-        """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
-
-        Variables are of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions; those of the
-        design have one strain. Derivatives at strains not needed are 0. Raises NoDerivative if a
-        state is not a stable equilibrium, such as at a snap.
-        """
+    def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> Slopes:
+        """Derivatives by the logarithm of each parameter, where needed; NoDerivative at a snap."""
         case, stripes = self.case, len(sensitivity.STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
         adjoint = sensitivity.adjoint_of(case, shapes[0])
         along = tuple(name for name in names if name not in OF_DESIGN)
         of_design = tuple(name for name in names if name in OF_DESIGN)
-        slopes: dict[str, Slopes] = {
+        slopes: Slopes = {
             name: np.zeros((len(self.strains) if name in along else 1, len(PARAMETERS)))
             for name in names
         }
         for k in np.flatnonzero(needed) if along else ():
-            measure = measure_of_strained(case.mesh_shape, case.cell_grid, along, self.own)
+            measure = measure_of(case.mesh_shape, case.cell_grid, along, self.own)
             rows = state_slopes(case, adjoint, float(self.strains[k]), shapes[k], measure)
             for name, row in zip(along, rows, strict=True):
                 slopes[name][k, :stripes] = row
         if "poisson_ratio" in slopes and len(self.strains) > 1:
             slopes["poisson_ratio"][0] = slopes["poisson_ratio"][1]
         if of_design:
-            measure = _measure_of_relaxed(case.mesh_shape, case.cell_grid, of_design)
+            measure = measure_of(case.mesh_shape, case.cell_grid, of_design)
             rows = state_slopes(case, adjoint, 0.0, shapes[0], measure)
             relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1]))
             for name, row, reference in zip(of_design, rows, relaxed, strict=True):
@@ -136,35 +127,23 @@ def state_slopes(
 
 
 @lru_cache(maxsize=64)
-def measure_of_strained(
-    shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions
+def measure_of(
+    shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions = ()
 ) -> Measure:
-    """A measure of :data:`ALONG_STRAIN` and own functions; one for JAX to trace once."""
-    functions = dict(own)
-    known = tuple(name for name in names if name not in functions)
-    combined = sensitivity.measured_by(shape, cells, known) if known else None
-
-    def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
-        values = combined(relaxed, strained, fabric) if combined else ()
-        numbers = dict(zip(known, values, strict=True))
-        numbers |= {name: functions[name](strained) for name in names if name in functions}
-        return jnp.stack([numbers[name] for name in names])
-
-    return measured
-
-
-@lru_cache(maxsize=64)
-def _measure_of_relaxed(shape: MeshShape, cells: CellGrid, names: tuple[str, ...]) -> Measure:
-    """A measure of :data:`OF_DESIGN`; of a size in cloth its relaxed over flat cell."""
-    known = sensitivity.quantities(shape, cells)
+    """A measure of quantities and own functions, of a size in cloth its relaxed over flat cell."""
+    functions, known = dict(own), sensitivity.quantities(shape, cells)
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         flat = {"relaxed_cell_x": fabric.cell_x.mean(), "relaxed_cell_y": fabric.cell_y.mean()}
         values = []
         for name in names:
-            cell = OF_CLOTH[name][0] if name in OF_CLOTH else name
-            size = known[cell](relaxed, strained, fabric)
-            values.append(size / flat[cell] if name in OF_CLOTH else size)
+            if name in functions:
+                values.append(functions[name](strained))
+            elif name in OF_CLOTH:
+                cell, _ = OF_CLOTH[name]
+                values.append(known[cell](relaxed, strained, fabric) / flat[cell])
+            else:
+                values.append(known[name](relaxed, strained, fabric))
         return jnp.stack(values)
 
     return measured

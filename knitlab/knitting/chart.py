@@ -90,10 +90,7 @@ class StitchChart:
         return None
 
     def table(self) -> str:
-        """The chart as comma-separated text, the last course first, as the fabric is seen.
-
-        ``k`` is a knit of the front bed, ``p`` a purl of the back bed, with the electrode's letter.
-        """
+        """The chart as comma-separated knits (k) and purls (p), the last course first."""
         letters = np.where(self.front, "k", "p").astype(object)
         for number in self.electrodes:
             letters[self.plated == number] += electrode_name(number)

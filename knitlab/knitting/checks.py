@@ -3,27 +3,14 @@
 What it finds, and what is left to the back end of a machine, is listed in ``docs/how-to/knit.md``.
 """
 
-import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from knitlab.io.errors import Fault
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import Needle, Operation, operations
 
 MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
 MOST_CARRIERS = 2  # of a stitch, that every back end takes
-
-
-@dataclass(frozen=True)
-class ProgramFault:
-    """A fault of a program: its line, from 1, the operation there, and the problem and remedy."""
-
-    line: int
-    operation: str
-    problem: str
-
-    def __str__(self) -> str:
-        return f"line {self.line}: {self.operation}: {self.problem}"
 
 
 @dataclass(frozen=True)
@@ -36,20 +23,20 @@ class FormedStitch:
     through: tuple[int, ...]  # numbers of the stitches it was pulled through, none of a tuck
 
 
-def check(text: str, machine: Machine) -> tuple[list[ProgramFault], list[FormedStitch]]:
+def check(text: str, machine: Machine) -> tuple[list[Fault], list[FormedStitch]]:
     """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
     state = _State(machine)
     for operation in operations(text):
-        if not operation.is_extension:
+        if not operation.opcode.startswith("x-"):
             state.follow(operation)
     state.finish()
-    return sorted(state.findings, key=lambda each: each.line), state.graph
+    return state.faults, state.graph
 
 
 @dataclass
 class _State:
     machine: Machine
-    findings: list[ProgramFault] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
     graph: list[FormedStitch] = field(default_factory=list)
     held: dict[Needle, list[int]] = field(default_factory=dict)
     active: set[int] = field(default_factory=set)
@@ -59,14 +46,14 @@ class _State:
     now: Operation = field(default_factory=lambda: Operation(1, "", ()))
 
     def follow(self, operation: Operation) -> None:
-        """Take the state on by an operation."""
+        """Take the state on by an operation, by the method of its name."""
         self.now = operation
         last = self.machine.needles
         outside = [each for each in operation.needles if not 1 <= each.number <= last]
         for needle in outside:
             self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
         if not outside:
-            FOLLOW[operation.opcode](self)
+            getattr(self, f"_{operation.opcode}")()
 
     def finish(self) -> None:
         """Find what is left over."""
@@ -80,7 +67,7 @@ class _State:
             self._report(f"ends while {left[0]}{more} hold loops; bind them off or drop them")
 
     def _report(self, problem: str) -> None:
-        self.findings.append(ProgramFault(self.now.line, str(self.now), problem))
+        self.faults.append(Fault(f"line {self.now.line}: {self.now}", problem))
 
     def _opposite(self, needle: Needle) -> Needle:
         """The needle of the other bed that a needle can transfer to."""
@@ -118,7 +105,11 @@ class _State:
             self._report(f"{problem}; transfer it before knitting here")
         elif not through:
             self._report("knits on a needle without a loop; cast on there, or drop no loop before")
-        self._check_plating(carriers)
+        conductors = [each for each in carriers if each in self.machine.electrode_carriers]
+        if len(conductors) > 1:
+            self._report("joins the conductors of two electrodes; knit one of them")
+        elif conductors and (body := self.machine.body_carrier) not in carriers:
+            self._report(f"knits a conductor alone; plate it with the body's carrier {body}")
         self._form(needle, carriers, tuple(through))
 
     def _tuck(self) -> None:
@@ -132,15 +123,7 @@ class _State:
         self.held.setdefault(needle, []).append(len(self.graph))
         self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
 
-    def _check_plating(self, carriers: tuple[int, ...]) -> None:
-        body = self.machine.body_carrier
-        conductors = [each for each in carriers if each in self.machine.electrode_carriers]
-        if len(conductors) > 1:
-            self._report("joins the conductors of two electrodes; knit one of them")
-        elif conductors and body not in carriers:
-            self._report(f"knits a conductor alone; plate it with the body's carrier {body}")
-
-    def _transfer(self) -> None:
+    def _xfer(self) -> None:
         source, target = self.now.needles
         if self._opposite(source) != target:
             opposite = f"{source} is opposite {self._opposite(source)} at racking {self.racking}"
@@ -154,8 +137,8 @@ class _State:
 
     def _drop(self) -> None:
         (needle,) = self.now.needles
-        dropped = (self.graph[number].carriers for number in self.held.pop(needle, []))
-        for carrier in itertools.chain.from_iterable(dropped):
+        dropped = self.held.pop(needle, [])
+        for carrier in (each for number in dropped for each in self.graph[number].carriers):
             if carrier in self.active:
                 problem = f"drops a loop of carrier {carrier}, which goes on, so that the wale runs"
                 self._report(f"{problem}; drop after outhook {carrier}")
@@ -192,16 +175,3 @@ class _State:
         self.racking = int(self.now.parameters[0])
         if abs(self.racking) > (largest := self.machine.largest_racking):
             self._report(f"racks by more than {largest} needles; move the loops in steps")
-
-
-FOLLOW: dict[str, Callable[[_State], None]] = {
-    "knit": _State._knit,
-    "tuck": _State._tuck,
-    "xfer": _State._transfer,
-    "drop": _State._drop,
-    "inhook": _State._inhook,
-    "releasehook": _State._releasehook,
-    "outhook": _State._outhook,
-    "rack": _State._rack,
-}
-"""What follows each operation."""

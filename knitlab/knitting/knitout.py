@@ -26,8 +26,8 @@ def knitout(chart: StitchChart, machine: Machine) -> str:
     if chart.wales > machine.needles:
         problem = f"is wider than the {machine.needles} needles of {machine.model}"
         fitting = f"{machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
-        remedy = f"take {fitting}, or another machine"
-        raise fault(f"chart of {chart.wales} wales", f"{problem}; {remedy}")
+        path = f"chart of {chart.wales} wales"
+        raise fault(path, f"{problem}; take {fitting}, or another machine")
     return "\n".join([*_header(chart, machine), *_Program(chart, machine).written()]) + "\n"
 
 
@@ -51,11 +51,7 @@ def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
 
 
 class _Program:
-    """The lines of a program, and the state of the machine after them.
-
-    No carrier may pass the inserting hook, which parks to the right of the first stitch of its
-    carrier. It is released late, so that many stitches hold the end of the yarn.
-    """
+    """The lines of a program, and the state of the machine after them."""
 
     def __init__(self, chart: StitchChart, machine: Machine) -> None:
         self.chart, self.machine = chart, machine
@@ -65,18 +61,19 @@ class _Program:
         self.direction = LEFTWARD
         self.stitch_number: int | None = None
         self.active: set[int] = set()
+        # No carrier may pass the inserting hook, which parks right of the first stitch of its own.
+        # It is released late, so that many stitches hold the end of the yarn.
         self.hooked: int | None = None
         self.hook_from: int | None = None
 
     def written(self) -> list[str]:
         """The lines from cast-on to end."""
-        machine = self.machine
-        all_front = np.ones(self.chart.wales, bool)
+        machine, wales = self.machine, self.chart.wales
         if machine.waste_courses:
             # 1 × 1 rib lies flat and gives the rollers something to hold.
-            self.on_front = np.arange(self.chart.wales) % 2 == 0
+            self.on_front = np.arange(wales) % 2 == 0
             self._band("waste", machine.waste_carrier, machine.waste_courses, casts_on=True)
-            self._move_to(all_front)
+            self._move_to(np.ones(wales, bool))
             # When this is drawn out, the sample parts from its waste.
             self._band("draw thread", machine.draw_carrier, 1)
         self.lines.append(";cast-on")
@@ -188,18 +185,14 @@ class _Program:
                     for number in numbers[::-1][::2]:
                         self._form("tuck", LEFTWARD, number, [conductor])
             for number in numbers:
-                carriers = self._carriers(electrode, self.on_front[number - 1])
+                carriers = [self.machine.body_carrier]
+                if electrode:
+                    # The face of a front loop is on the front of the fabric.
+                    front = self.chart.plated_face[electrode - 1] == "front"
+                    on_face = front == self.on_front[number - 1]
+                    first = on_face == (self.machine.plating == "face_first")
+                    carriers.insert(0 if first else 1, self.machine.carrier_of(electrode))
                 self._form("knit", self.direction, number, carriers)
-
-    def _carriers(self, electrode: int, front: bool) -> list[int]:
-        """Carriers of a stitch; the face of a front loop is on the front of the fabric."""
-        body = self.machine.body_carrier
-        if not electrode:
-            return [body]
-        conductor = self.machine.carrier_of(electrode)
-        on_face = (self.chart.plated_face[electrode - 1] == "front") == front
-        pair = [conductor, body] if on_face else [body, conductor]
-        return pair if self.machine.plating == "face_first" else pair[::-1]
 
     def _bind_off(self) -> None:
         """A chain: every loop is moved onto its neighbour, and knitted with it."""

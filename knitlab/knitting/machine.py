@@ -19,8 +19,6 @@ from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
 
-MILLIMETRES_PER_INCH = 25.4
-
 
 def _word(text: str) -> str:
     if not text or any(letter.isspace() or letter in ",;" for letter in text):
@@ -80,7 +78,7 @@ class Machine:
     @property
     def pitch(self) -> float:
         """Distance of two needles [mm]."""
-        return MILLIMETRES_PER_INCH / self.needles_per_inch
+        return 25.4 / self.needles_per_inch
 
     def carrier_of(self, electrode: int) -> int:
         """Carrier of the conductor of an electrode, by its number from 1."""
@@ -88,12 +86,7 @@ class Machine:
 
 
 def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
-    """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes.
-
-    Example:
-        >>> read_machine({"end": "drop"}).end
-        'drop'
-    """
+    """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes."""
     tables = read_toml(shipped("params") / "machine.toml").values()
     values = {key: entry["value"] for table in tables for key, entry in table.items()}
     faults = []

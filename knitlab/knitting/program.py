@@ -43,11 +43,6 @@ class Operation:
     needles: tuple[Needle, ...] = ()
     carriers: tuple[str, ...] = ()
 
-    @property
-    def is_extension(self) -> bool:
-        """Whether it is an extension of the language."""
-        return self.opcode.startswith("x-")
-
     def __str__(self) -> str:
         return " ".join((self.opcode, *self.parameters))
 
@@ -70,17 +65,6 @@ def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
     return tuple(Needle(match[1] == "f", int(match[2])) for match in matches if match)
 
 
-def headers(text: str) -> dict[str, str]:
-    """The headers of a program, by name."""
-    stated: dict[str, str] = {}
-    for content in text.split("\n")[1:]:
-        if not content.startswith(";;"):
-            break
-        name, _, value = content[2:].partition(":")
-        stated[name.strip()] = value.strip()
-    return stated
-
-
 class CarriagePass(NamedTuple):
     """One movement of the carriage between two needles; direction + is rightwards, None either."""
 
@@ -96,31 +80,22 @@ class Duration(NamedTuple):
     passes: dict[str, int]
     seconds: float
 
-    @property
-    def total(self) -> int:
-        """Number of all passes."""
-        return sum(self.passes.values())
-
 
 def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
     """The passes of a program, in order."""
-    groups: list[list[Operation]] = []
-    ended = True
+    passes: list[CarriagePass] = []
+    last: Operation | None = None  # of the pass so far
     for operation in program:
-        if operation.opcode in KINDS:
-            if ended or not _goes_on(groups[-1][-1], operation):
-                groups.append([])
-            groups[-1].append(operation)
-            ended = False
-        elif not operation.is_extension or operation.opcode == "x-stitch-number":
-            ended = True
-    ends = ((group[0], group[-1]) for group in groups)
-    return [
-        CarriagePass(
-            KINDS[first.opcode], first.direction, first.needles[0].number, last.needles[0].number
-        )
-        for first, last in ends
-    ]
+        if kind := KINDS.get(operation.opcode):
+            number = operation.needles[0].number
+            if last and _goes_on(last, operation):
+                passes[-1] = passes[-1]._replace(last=number)
+            else:
+                passes.append(CarriagePass(kind, operation.direction, number, number))
+            last = operation
+        elif operation.opcode == "x-stitch-number" or not operation.opcode.startswith("x-"):
+            last = None
+    return passes
 
 
 def _goes_on(before: Operation, following: Operation) -> bool:

@@ -16,11 +16,11 @@ import numpy as np
 from knitlab.knitting.chart import Face, StitchChart, stitch_in_words
 from knitlab.knitting.checks import FormedStitch, check
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.program import headers, operations
+from knitlab.knitting.program import operations
 
 MOST_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
 KNOWN_MACHINE = "SWG091N2"  # the only machine of the interpreter
-KNOWN_HEADERS = ("Gauge", "Carriers", "Position")
+KNOWN_HEADERS = ("Machine", "Gauge", "Carriers", "Position")
 
 
 class NotAChart(Exception):
@@ -38,13 +38,9 @@ class RoundTrip:
 def round_trip(
     program: str, chart: StitchChart, machine: Machine, interpret: bool | None = None
 ) -> RoundTrip:
-    """Check a program, and compare what it knits with the chart.
-
-    The interpreter runs it too if ``interpret``; by default if it is installed and the program is
-    short enough for that to take less than a minute.
-    """
-    findings, graph = check(program, machine)
-    faults = [*map(str, findings), *_differences(graph, chart, machine)]
+    """Check a program, and compare what it knits with the chart; see :meth:`.KnitSample.check`."""
+    own, graph = check(program, machine)
+    faults = [*map(str, own), *_differences(graph, chart, machine)]
     count = f"{len(graph)} stitches with waste, cast-on and end"
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
@@ -73,10 +69,10 @@ def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Mac
 def stitches_of(
     graph: Sequence[FormedStitch], size: tuple[int, int], machine: Machine
 ) -> np.ndarray:
-    """Read the knit graph of a program as the stitches of a chart, in words, (course, wale).
+    """Read a knit graph as the stitches of a chart, in words, (course, wale); else NotAChart.
 
     Every wale must be one chain of stitches of the body's yarn, each pulled through the one before
-    at the same position, and every course must be finished before the next begins; else NotAChart.
+    at the same position, and every course must be finished before the next begins.
     """
     courses, wales = size
     chains: dict[int, list[int]] = defaultdict(list)
@@ -122,26 +118,21 @@ def _in_words(stitch: FormedStitch, machine: Machine) -> str:
         names = " and ".join(map(str, stitch.carriers))
         problem = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
         raise NotAChart(f"{problem} body and one conductor")
-    electrode = machine.electrode_carriers.index(carrier) + 1
-    named_first = stitch.carriers[0] == carrier
-    on_loop_face = named_first == (machine.plating == "face_first")
+    on_loop_face = (stitch.carriers[0] == carrier) == (machine.plating == "face_first")
     face: Face = "front" if on_loop_face == stitch.front else "back"
-    return stitch_in_words(stitch.front, electrode, face)
+    return stitch_in_words(stitch.front, machine.electrode_carriers.index(carrier) + 1, face)
 
 
 def stripped(text: str) -> str:
     """A program without what the grammar of the interpreter refuses; lines keep their numbers."""
     first, *lines = text.split("\n")
-    count = len(headers(text))
     kept = [first]
-    for line in lines[:count]:
-        name = line[2:].partition(":")[0]
-        kept.append(line if name in KNOWN_HEADERS else "")
-        if name == "Machine":
-            kept[-1] = f";;Machine: {KNOWN_MACHINE}"
-    for line in lines[count:]:
-        operation = line.partition(";")[0].strip()
-        kept.append("" if operation.startswith("x-") else operation)
+    for line in lines:
+        operation, _, comment = line.partition(";")
+        name = comment.removeprefix(";").partition(":")[0]
+        if line.startswith(";;") and name in KNOWN_HEADERS:
+            operation = f";;Machine: {KNOWN_MACHINE}" if name == "Machine" else line
+        kept.append("" if operation.startswith("x-") else operation.strip())
     return "\n".join(kept)
 
 

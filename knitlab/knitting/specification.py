@@ -90,11 +90,9 @@ class Specification:
     def remarks(self) -> list[str]:
         """What deserves a look before it is knitted."""
         remarks = list(self.differences)
-        remarks += [
-            f"the yarn of carrier {carrier} floats past {passed} needles"
-            for carrier, passed in longest_floats(self.operations).items()
-            if passed > self.machine.longest_float
-        ]
+        for carrier, passed in longest_floats(self.operations).items():
+            if passed > self.machine.longest_float:
+                remarks.append(f"the yarn of carrier {carrier} floats past {passed} needles")
         if self.prediction is not None and self.prediction.passes_through_itself:
             remarks.append("the relaxed shape passes through itself: its size is uncertain")
         return remarks
@@ -110,8 +108,8 @@ class Specification:
         else:
             size = "{} courses and {} wales".format(*chart.repeat)
             yield "repeats", f"{along_y} × {along_x} (warp × weft) of {size}"
-        gauge = f"{machine.needles} needles, {machine.needles_per_inch} an inch"
-        yield "machine", f"{machine.model}, {gauge}"
+        needles = f"{machine.needles} needles, {machine.needles_per_inch} an inch"
+        yield "machine", f"{machine.model}, {needles}"
         yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
         yield "courses", str(chart.courses)
         yield "stitches", f"{chart.front.size}, {int((~chart.front).sum())} on the back bed"
@@ -120,19 +118,18 @@ class Specification:
         yield "transfers", f"{chart.transfers} between courses"
         for number, yarn, use in self.carriers:
             yield f"carrier {number}", f"{use}: {yarn}"
-        sizes = f"body {machine.body_stitch_size}"
-        if plated:
-            sizes += f", plated {machine.plated_stitch_size}"
-        yield "stitch size", f"{sizes} (machine units)"
+        of_plated = f", plated {machine.plated_stitch_size}" if plated else ""
+        yield "stitch size", f"body {machine.body_stitch_size}{of_plated} (machine units)"
         yield "end", machine.end.replace("_", "-")
-        passes = time.total
+        passes = sum(time.passes.values())
         kinds = ", ".join(f"{count} {kind}" for kind, count in time.passes.items())
         yield "passes", f"{passes}: {kinds}"
         yield "machine time", f"about {_minutes(time.seconds)}"
         if plated:
-            more, added = time.seconds - self.unplated.seconds, passes - self.unplated.total
-            fraction = more / self.unplated.seconds
-            yield "plating adds", f"{_minutes(more)} ({fraction:.0%} more) and {added} passes"
+            unplated = self.unplated
+            more, added = time.seconds - unplated.seconds, passes - sum(unplated.passes.values())
+            time_added = f"{_minutes(more)} ({more / unplated.seconds:.0%} more)"
+            yield "plating adds", f"{time_added} and {added} passes"
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
             yield "size relaxed", _millimetres(self.relaxed_size)

@@ -38,26 +38,13 @@ def stitch_chart(
     needles: int | None = None,
     face: Face | None = None,
 ) -> StitchChart:
-    """The stitches of a case.
+    """The stitches of a case, or BadInput if it cannot be knitted.
 
     Its pattern repeats ``repeats`` times along the warp (y) and the weft (x) of the model, by
-    default as often as in the case; or it fills some needles with as many whole repeats as fit,
-    about twice as long as wide. A pure stripe has its ridges along x in the model, whatever its
-    knit; its chart has those of rib along the wales, and is about as long as wide in cloth.
-
+    default as often as in the case; or it fills some needles with as many whole repeats as fit.
+    A pure stripe has its ridges along x in the model; a chart has those of rib along the wales.
     Conductors lie on ``face`` of the fabric; by default on that to which their ridges point, and in
     a drawing on both faces A on the front and B on the back.
-
-    Raises:
-        BadInput: if the case has single folds, whose angle no stitch sets; if not one repeat fits
-            the needles; or if its electrodes cannot be plated by whole stitches.
-
-    Example:
-        >>> from knitlab.sweep.plan import make_plan
-        >>> (case,) = make_plan("periodic", {"n_stripe": 4, "n_subunit": 16}).cases.values()
-        >>> chart = stitch_chart(case)
-        >>> chart.courses, chart.wales, str(chart.stitches[0, 4])
-        (64, 32, 'a back knit')
     """
     if case.folds:
         problem = f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a"
@@ -80,27 +67,22 @@ def stitch_chart(
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
     back_first = case.options.garter_start == "mountain" and not case.pure
     garter = (rows.first != back_first)[:, None]
-    chart = StitchChart(
-        title=case.label,
-        front=np.where(knit == "G", garter, np.where(knit == "R", columns.first, True)),
-        plated=_plated_stitches(case, rows, columns),
-        plated_face=_plated_faces(case, face),
-        knit=np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit),
-        row_borders=rows.borders,
-        column_borders=columns.borders,
-        repeat=repeat,
+    front = np.where(knit == "G", garter, np.where(knit == "R", columns.first, True))
+    plated = _plated_stitches(case, rows, columns)
+    knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit)
+    borders = rows.borders, columns.borders
+    if turned:
+        front, plated, borders, repeat = front.T, plated.T, borders[::-1], repeat[::-1]
+        knit = np.full(knit.T.shape, "rib")
+    return StitchChart(
+        case.label,
+        front,
+        plated,
+        _plated_faces(case, face),
+        knit,
+        *borders,
+        repeat,
         periodic=case.options.boundary == "periodic",
-    )
-    if not turned:
-        return chart
-    return replace(
-        chart,
-        front=chart.front.T,
-        plated=chart.plated.T,
-        knit=np.full(chart.knit.T.shape, "rib"),
-        row_borders=chart.column_borders,
-        column_borders=chart.row_borders,
-        repeat=chart.repeat[::-1],
     )
 
 
@@ -189,10 +171,8 @@ def _plated_stitches(
 
 def _plated_faces(case: Case, face: Face | None) -> tuple[Face, Face]:
     layout = ElectrodeLayout() if case.capacitor is None else case.capacitor.layout
-    if face is not None:
-        return face, face
-    if layout.face != "both":
-        return layout.face, layout.face
+    if (chosen := face or layout.face) != "both":
+        return chosen, chosen
     if layout.mask:
         return "front", "back"
     lines = ridge_lines(layout, case.sample, case.options)

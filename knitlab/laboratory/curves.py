@@ -21,15 +21,14 @@ from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import relax
 from knitlab.fabric.energy import Point
-from knitlab.fabric.stripe import Stripe
+from knitlab.fabric.stripe import STRIPE_QUANTITIES, Stripe
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
-from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic, measured_by
+from knitlab.simulation.sensitivity import adjoint_of, logarithmic, measured_by
 from knitlab.simulation.simulate import tensile_tests
 from knitlab.sweep.plan import Plan
 
-QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
-"""Quantities of a test, in this order."""
+QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")  # of a test, in this order
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0  # error of a missing value, which does not affect the misfit
 
@@ -59,8 +58,7 @@ class MeasuredTest:
 
     def chi_squared(self, curves: Curves) -> float:
         """χ² of curves."""
-        misfit = self.misfit(curves)
-        return float(misfit @ misfit)
+        return float(self.misfit(curves) @ self.misfit(curves))
 
     def root_mean_square(self, curves: Curves) -> dict[str, float]:
         """Root mean square difference of curves from the measured ones, in their units."""
@@ -70,11 +68,7 @@ class MeasuredTest:
 
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
-    """The measured curves of an experiment, scaled to the number of unit cells across a case.
-
-    ``model_error`` is the fraction of the largest value of a curve that is added in quadrature to
-    its standard errors. BadInput if it is not a single test with markers or force.
-    """
+    """The measured curves of one test, scaled to the number of unit cells across a case."""
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
         raise fault("fit", f"takes one cycle; select {CYCLE}=1")
@@ -87,6 +81,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         scale = across if name == "reaction_force" else 1.0
         values[row] = scale * cell[name].values
         known = np.nan_to_num(scale * cell[f"{name}_error"].values)
+        # The error of the model is a fraction of the largest value of a curve.
         errors[row] = np.hypot(known, model_error * np.nanmax(np.abs(values[row])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
     if pulled.sum() < FEWEST_STRAINS:
@@ -107,8 +102,8 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     cases = [case for case in plan.cases.values() if wanted.items() <= case.design.items()]
     if len(cases) != 1:
         remedy = "one value of each setting" if cases else "n_stripe and n_subunit"
-        named = f"({wanted['n_stripe']}, {wanted['n_subunit']})"
-        problem = f"must have one case of {named}, and has {len(cases)}; set {remedy}"
+        design = tuple(wanted.values())
+        problem = f"must have one case of {design}, and has {len(cases)}; set {remedy}"
         raise fault(plan.workflow, problem)
     (case,) = cases
     if case.method != "equilibrium":
@@ -143,23 +138,15 @@ class SimulatedTest:
 def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
     """A case with stripe parameters scaled by factors, by name of :data:`STRIPE_PARAMETERS`."""
 
-    def scaled(side: str, stripe: Stripe) -> Stripe:
-        numbers = {
-            name: getattr(stripe, name) * factors[label]
-            for label, (of, name) in STRIPE_PARAMETERS.items()
-            if of == side and label in factors
-        }
-        return replace(stripe, **numbers)
+    def scaled(stripe: Stripe) -> Stripe:
+        by = {name: factors.get(f"{stripe.knit}_{name}", 1.0) for name in STRIPE_QUANTITIES}
+        return replace(stripe, **{name: getattr(stripe, name) * by[name] for name in by})
 
-    return case.with_stripes(partial(scaled, "weft"), partial(scaled, "warp"))
+    return case.with_stripes(scaled, scaled)
 
 
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
-    """Test a case; ``None`` if a state does not converge.
-
-    The search for each state starts from that of ``near``, a test with almost the same stripes;
-    without it the test starts from the flat sheet, as in a sweep.
-    """
+    """A test from the states of ``near``, or from the flat sheet; None if it does not converge."""
     _, fabric = case.assemble()
     if near is None:
         (test,) = tensile_tests([case], lambda name, states: None)

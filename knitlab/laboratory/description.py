@@ -23,7 +23,6 @@ from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]
-UPRIGHT = ("up", "down")
 UNITS = {"mm": "length", "s": "time", "Hz": "frequency", "N": "force", "pF": "capacitance"}
 """Units that knitlab uses, and what each measures."""
 
@@ -76,15 +75,12 @@ TwoCounts = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]  # c
 
 
 class SampleTable(StrictModel):
-    """``[sample]``: the relaxed fabric between the clamps.
-
-    ``length`` is the length between the clamps, relative to which the extension is the strain.
-    """
+    """``[sample]``: the relaxed fabric between the clamps."""
 
     n_stripe: PositiveInt
     n_subunit: PositiveInt
     unit_cells: TwoCounts
-    length: Length
+    length: Length  # between the clamps, relative to which the extension is the strain
     width: Length
 
     @model_validator(mode="after")
@@ -94,25 +90,20 @@ class SampleTable(StrictModel):
 
 
 class ProtocolTable(StrictModel):
-    """``[protocol]``: the applied strains at which to evaluate the records, from 0 upwards.
-
-    A reversal of the machine by less than ``least_turn`` of the full extension does not count as a
-    cycle. The first ``skip_cycles``, in which a sample is conditioned, are ignored.
-    """
+    """``[protocol]``: the applied strains at which to evaluate the records, from 0 upwards."""
 
     strain_max: PositiveFloat
     strain_step: PositiveFloat
+    # A reversal of the machine by less than this fraction of the full extension is no cycle.
     least_turn: Annotated[float, Field(gt=0, lt=1)] = 0.1
-    skip_cycles: NonNegativeInt = 0
+    skip_cycles: NonNegativeInt = 0  # the first ones, in which a sample is conditioned
 
     @model_validator(mode="after")
     def _is_a_number_of_steps(self) -> "ProtocolTable":
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6 or steps > MOST_STEPS:
-            raise ValueError(
-                f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g} is not a"
-                f" whole number up to {MOST_STEPS}; change one"
-            )
+            given = f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g}"
+            raise ValueError(f"{given} is not a whole number up to {MOST_STEPS}; change one")
         return self
 
     @property
@@ -132,17 +123,13 @@ class TensileTable(StrictModel):
 
 
 class CapacitanceTable(StrictModel):
-    """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine.
-
-    Either ``starts`` is the machine's time at which the clock was at 0, or both logs have a
-    ``trigger``: a column that rises past the middle of its range at the same moment.
-    """
+    """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine."""
 
     file: str = Field(min_length=1)
-    starts: Time | None = None
+    starts: Time | None = None  # the machine's time at which the clock was at 0
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]
-    trigger: PlainColumn | None = None
+    trigger: PlainColumn | None = None  # or, in both logs, a column that rises at the same moment
 
     @model_validator(mode="after")
     def _is_synchronised(self) -> "CapacitanceTable":
@@ -152,44 +139,33 @@ class CapacitanceTable(StrictModel):
 
 
 class MarkersTable(StrictModel):
-    """``[markers]``: tracked points, in pixels.
+    """``[markers]``: tracked points, in pixels, x to the right."""
 
-    ``file`` is one of :func:`knitlab.laboratory.track_formats.read_tracks`, with x to the right and
-    y as its format has it, or as ``y_axis`` states. Positions of a smaller confidence than
-    ``least_confidence``, if the format has one, are taken as lost. ``weft`` and ``warp`` are
-    the directions of the fabric's x and y in the picture, to within 30°, after a rotation by
-    ``turned`` degrees anticlockwise. With ``align`` = pull the fabric is then rotated so that the
-    pull is along y. The grid of unit-cell corners is detected, or read from the table ``places``
-    with the columns marker, row and column; every ``markers_per_cell``-th marker along (y, x) is a
-    corner. The relaxed shape is the mean of the first ``relaxed_frames``. The applied strain of a
-    frame is that of the machine at its time, from ``frame_rate`` and ``starts``, the machine's time
-    at frame 0, or increases by ``strain_per_frame`` from the first frame on.
-    """
-
+    # One of the formats of knitlab.laboratory.track_formats.read_tracks.
     file: str = Field(min_length=1)
-    starts: Time | None = None
+    starts: Time | None = None  # the machine's time at frame 0
     pixel: Length
-    y_axis: YAxis | None = None
-    least_confidence: Annotated[float, Field(ge=0, le=1)] = 0.6
-    weft: Towards = "right"
+    y_axis: YAxis | None = None  # which way y counts in the picture; by default as the format does
+    least_confidence: Annotated[float, Field(ge=0, le=1)] = 0.6  # of positions that are believed
+    weft: Towards = "right"  # direction of the fabric's x in the picture, to within 30°
     warp: Towards = "up"
-    turned: Annotated[float, Field(ge=-180, le=180)] = 0.0
-    align: Literal["pull", "picture"] = "pull"
-    places: str | None = None
-    markers_per_cell: TwoCounts = (1, 1)
-    relaxed_frames: PositiveInt = 1
+    turned: Annotated[float, Field(ge=-180, le=180)] = 0.0  # anticlockwise rotation before it [°]
+    align: Literal["pull", "picture"] = "pull"  # whether the pull is then turned along y
+    places: str | None = None  # CSV: marker, row, column; by default the grid is detected
+    markers_per_cell: TwoCounts = (1, 1)  # along (y, x), if not every marker is a corner
+    relaxed_frames: PositiveInt = 1  # first frames, whose mean is the relaxed shape
     frame_rate: Annotated[MeasuredQuantity, _in("Hz", positive=True)] | None = None
-    strain_per_frame: PositiveFloat | None = None
+    strain_per_frame: PositiveFloat | None = None  # in place of the machine's strain at its time
 
     @model_validator(mode="after")
     def _has_axes_and_strains(self) -> "MarkersTable":
-        if (self.weft in UPRIGHT) == (self.warp in UPRIGHT):
+        upright = ("up", "down")
+        if (self.weft in upright) == (self.warp in upright):
             parallel = f"weft = {self.weft} and warp = {self.warp} are parallel"
             raise ValueError(f"{parallel}; give perpendicular directions")
         if (self.frame_rate is None) == (self.strain_per_frame is None):
-            raise ValueError(
-                "needs either frame_rate with starts, or strain_per_frame, to determine its strains"
-            )
+            either = "needs either frame_rate with starts, or strain_per_frame"
+            raise ValueError(f"{either}, to determine its strains")
         if self.frame_rate is None and self.starts is not None:
             raise ValueError("has starts, which strain_per_frame does not use; leave it out")
         if self.frame_rate is not None and self.starts is None:
@@ -198,15 +174,11 @@ class MarkersTable(StrictModel):
 
 
 class Description(StrictModel):
-    """A description: the sample, the applied strains to evaluate, and the records.
-
-    ``source`` is the name of the experiment in tables and figures; ``synthetic`` states that its
-    records were generated.
-    """
+    """A description: the sample, the applied strains to evaluate, and the records."""
 
     title: str = Field(min_length=1)
-    source: str = Field(default="experiment", min_length=1)
-    synthetic: bool = False
+    source: str = Field(default="experiment", min_length=1)  # its name in tables and figures
+    synthetic: bool = False  # whether its records were generated
     sample: SampleTable
     protocol: ProtocolTable
     tensile: TensileTable | None = None
@@ -216,9 +188,8 @@ class Description(StrictModel):
     @model_validator(mode="after")
     def _has_dependencies(self) -> "Description":
         if self.source == SIMULATION:
-            raise ValueError(
-                f"source = {SIMULATION} is reserved for simulations; give another name"
-            )
+            reserved = f"source = {SIMULATION} is reserved for simulations"
+            raise ValueError(f"{reserved}; give another name")
         markers, tensile, capacitance = self.markers, self.tensile, self.capacitance
         if not tensile and capacitance:
             raise ValueError("[capacitance] needs [tensile], for its strains; add it")

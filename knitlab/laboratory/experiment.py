@@ -36,11 +36,7 @@ class Imported:
 
 
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
-    """Import the records of one kind that a description names into the experiment's cube.
-
-    The cube is in a folder with the name of the description; its records of other kinds are kept.
-    BadInput has every fault; nothing is written then.
-    """
+    """Import the records of one kind into the cube of an experiment; BadInput with every fault."""
     description = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, description)
     cube_file = results / path.stem / CUBE
@@ -68,8 +64,8 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
         )
         if kept and not same:
             problem = "has another sample, length, width, source, cycles or strains than the"
-            problem += " description; remove it, and import all records again"
-            raise fault(str(cube_file), problem)
+            remedy = "remove it, and import all records again"
+            raise fault(str(cube_file), f"{problem} description; {remedy}")
         cube = cube.assign({name: old[name] for name in kept})
     cube.attrs[IMPORTS] = json.dumps(imports)
     write_cube(cube, cube_file)
@@ -87,9 +83,7 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
         "periods": periods_per_patch(sample.n_stripe, sample.n_subunit),
     }
     of_cycles = [
-        xr.Dataset(
-            {name: (VARIABLES[name].dims, value) for name, value in (common | values).items()}
-        )
+        xr.Dataset({name: (VARIABLES[name].dims, each) for name, each in (common | values).items()})
         for values in cycles
     ]
     cube = of_cycles[0]
@@ -100,12 +94,9 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
     indices = {dim: np.arange(size) for dim, size in cube.sizes.items() if dim not in cube.coords}
     strains = list(description.protocol.applied_strain)
     cube = cube.assign_coords(indices | {"applied_strain": strains, SOURCE: source})
-    parameters = {
-        "unit_cells": list(sample.unit_cells),
-        "length": sample.length.to("mm"),
-        "width": sample.width.to("mm"),
-        "options": {"boundary": "clamped"},
-    }
+    sizes = {"length": sample.length.to("mm"), "width": sample.width.to("mm")}
+    clamped = {"options": {"boundary": "clamped"}}
+    parameters = {"unit_cells": list(sample.unit_cells)} | sizes | clamped
     attributes: dict[str, Any] = {
         "source": source,
         "title": description.title,

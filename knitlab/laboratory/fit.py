@@ -90,15 +90,13 @@ def fit_stripes(
     step: Step = lambda tests, chi_squared: None,
     kept: Path | None = None,
 ) -> Fit:
-    """Fit the stripe parameters of a case, at the strains of a measured test, to that test.
+    """Fit the stripes of a case, at the strains of a measured test, to it; see :func:`knitlab.fit`.
 
-    The prior has the relative standard deviation ``looseness``. At most ``starts`` are tried until
-    the test is matched; the first is the tables. ``step`` is called after every test with the
-    number of tests and χ² of the last. BadInput if the test with the tables does not converge.
+    BadInput if the test with the tabulated stripes does not converge.
     """
     search = _Search(case, target, looseness, step, kept)
     tables = np.zeros(len(FITTED))
-    first = search.begin(tables)
+    first = search.test(tables, flat=True)
     if first is None:
         problem = "the test with the tabulated stripes does not converge at every strain; choose a"
         raise fault(case.label, f"{problem} smaller strain_max, or another sample")
@@ -109,7 +107,7 @@ def fit_stripes(
     for start in others:
         if search.is_met(last.chi_squared):
             break
-        if search.begin(start) is not None:
+        if search.test(start, flat=True) is not None:
             last = search.from_start(start)
             best = min(best, last, key=attrgetter("cost"))
     return search.concluded(first, best)
@@ -146,26 +144,23 @@ class _Search:
     def with_parameters(self, logarithms: Logarithms) -> Case:
         return with_factors(self.case, _by_name(np.exp(logarithms)))
 
-    def begin(self, logarithms: Logarithms) -> SimulatedTest | None:
-        """Simulate a test from the flat sheet; the search continues from it."""
-        self.near = self._simulated(self.with_parameters(logarithms), None)
-        self.point = logarithms.tobytes()
-        return self.near
-
-    def test(self, logarithms: Logarithms) -> SimulatedTest | None:
-        """A test that starts from the last one; if it converges, later ones start from it."""
-        if logarithms.tobytes() == self.point:
+    def test(self, logarithms: Logarithms, *, flat: bool = False) -> SimulatedTest | None:
+        """A test from the last one that converged, or from the flat sheet; later ones follow it."""
+        if logarithms.tobytes() == self.point and not flat:
             return self.near
-        test = self._simulated(self.with_parameters(logarithms), self.near)
-        if test is not None:
+        test = self._simulated(self.with_parameters(logarithms), None if flat else self.near)
+        if test is not None or flat:
             self.near, self.point = test, logarithms.tobytes()
         return test
 
-    def _simulated(self, case: Case, near: SimulatedTest | None) -> SimulatedTest | None:
-        """A test, from the kept ones of a fit that was interrupted if it is among them.
+    def converged(self, logarithms: Logarithms) -> SimulatedTest:
+        """The test at a point where a test has already converged."""
+        test = self.test(logarithms)
+        assert test is not None
+        return test
 
-        A search is deterministic, so that a test has its number, case and code again.
-        """
+    def _simulated(self, case: Case, near: SimulatedTest | None) -> SimulatedTest | None:
+        """A test, or the kept one of an interrupted fit, as a search repeats its tests exactly."""
         self.tests += 1
         if self.kept is None:
             return simulated_test(case, near)
@@ -178,12 +173,6 @@ class _Search:
         self.kept.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as temporary:
             temporary.write_bytes(pickle.dumps(test))
-        return test
-
-    def converged(self, logarithms: Logarithms) -> SimulatedTest:
-        """The test at a point where a test has already converged."""
-        test = self.test(logarithms)
-        assert test is not None
         return test
 
     def from_start(self, point: Logarithms) -> _Optimum:
@@ -201,7 +190,7 @@ class _Search:
                 max_nfev=MOST_TESTS,
             )
             point, fitted = result.x, self.converged(result.x)
-            confirmed = self.begin(point)
+            confirmed = self.test(point, flat=True)
             chi_squared = np.inf if confirmed is None else self.target.chi_squared(confirmed.values)
             if confirmed is None or self.is_same(fitted, confirmed) or self.is_met(chi_squared):
                 break
@@ -283,53 +272,44 @@ class _Search:
             )
 
 
-def report(fit: Fit) -> list[str]:
+def report(fit: Fit) -> Iterator[str]:
     """The fit as lines of text."""
-    lines = [f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"]
+    yield f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
     for name, factor in fit.factors.items():
         side, quantity = STRIPE_PARAMETERS[name]
         before, after = (getattr(getattr(case, side), quantity) for case in (fit.before, fit.after))
-        lines.append(
-            f"{name:15s} {before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
-            f"  {factor:6.3f}  {fit.learned[name]:4.0%}  [{ENTRY_UNITS[quantity]}]"
-        )
+        numbers = f"{before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
+        learned = f"{factor:6.3f}  {fit.learned[name]:4.0%}"
+        yield f"{name:15s} {numbers}  {learned}  [{ENTRY_UNITS[quantity]}]"
     for (row, one), (column, other) in itertools.combinations(enumerate(fit.factors), 2):
         if abs(correlation := fit.correlations[row, column]) > ALIKE:
-            lines.append(
-                f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
-            )
+            yield f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
     first, last = map(fit.target.root_mean_square, fit.curves)
     for name, measured in zip(QUANTITIES, fit.target.measured, strict=True):
         if measured.any():
-            lines.append(
-                f"{VARIABLES[name].long_name}: RMS difference {first[name]:.3g} before,"
-                f" {last[name]:.3g} after [{VARIABLES[name].units}]"
-            )
+            difference = f"{first[name]:.3g} before, {last[name]:.3g} after"
+            variable = VARIABLES[name]
+            yield f"{variable.long_name}: RMS difference {difference} [{variable.units}]"
     before, after = fit.chi_squared
     count = int(fit.target.measured.sum())
-    lines.append(
-        f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
-    )
-    return lines
+    yield f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
 
 
 def fitted_material(fit: Fit, experiment: Path) -> Material:
     """Both fitted stripes, as a material with the lengths of the sample that was simulated."""
-    sources = []
-    for side in ("weft", "warp"):
-        errors = ", ".join(
-            f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
+    stripes, sheet = (fit.after.weft, fit.after.warp), fit.after.sheet
+    sources = [f"knitlab fit {experiment}"]
+    for knit in (stripe.knit for stripe in stripes):
+        errors = (
+            f"{name.removeprefix(f'{knit}_')} {error:.1%}"
             for name, error in fit.standard_errors.items()
-            if STRIPE_PARAMETERS[name][0] == side
+            if name.startswith(knit)
         )
-        knit = getattr(fit.after, side).knit
-        sources.append(f"{knit}: standard errors {errors or 'none'}")
-    source = "; ".join([f"knitlab fit {experiment}", *sources, *fit.warnings])
-    sheet = fit.after.sheet
+        sources.append(f"{knit}: standard errors {', '.join(errors)}")
     return Material(
-        (fit.after.weft, fit.after.warp),
+        stripes,
         name=f"fit of {experiment.name}",
         z_max=sheet.z_max,
         thickness=sheet.thickness,
-        source=source,
+        source="; ".join([*sources, *fit.warnings]),
     )

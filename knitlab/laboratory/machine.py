@@ -5,21 +5,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import CapacitanceTable, Description, TensileTable
 from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
-from knitlab.measure.records import Cycle, cycles, resampled
+from knitlab.measure.records import Cycle, Record, cycles, resampled
 from knitlab.sweep.parameters import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
-FEWEST_POINTS = 3
-COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}
-"""Units of the columns of a log."""
+FEWEST_POINTS = 3  # rows of a log
+COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}  # of a log
 
-Record = Float[np.ndarray, " record"]
 Values = dict[str, Any]  # values by variable name
 Imports = tuple[list[Values], list[str]]  # values of every cycle, and a summary in lines of text
 
@@ -31,7 +28,7 @@ class Pulls:
     time: Record
     extension: Record  # [mm]
     force: Record  # [N]
-    triggered: float | None  # time at which the trigger rose, if there is one
+    triggered: float  # time at which the trigger rose, NaN without one
     length: float  # relaxed, between the clamps [mm]
     cycles: list[Cycle]
 
@@ -43,8 +40,7 @@ class Pulls:
     @property
     def summary(self) -> str:
         """How many cycles there are."""
-        count = len(self.cycles)
-        return f"{count} cycle{'s' if count > 1 else ''} of the machine"
+        return f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine"
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
@@ -103,9 +99,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         raise fault(f"{path}: column {table.capacitance.column}", problem)
     if table.starts is not None:
         time = log["time"] + table.starts.to("s")
-    else:
-        assert triggered is not None  # as without starts both logs have a trigger
-        assert pulls.triggered is not None
+    else:  # then both logs have a trigger
         time = log["time"] + (pulls.triggered - triggered)
     first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
@@ -141,10 +135,10 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
 
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
-) -> tuple[dict[str, Record], float | None]:
-    """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, if any."""
-    stated = {name: getattr(table, name, None) for name in (*COLUMN_UNITS, "trigger")}
-    columns = {name: column for name, column in stated.items() if column is not None}
+) -> tuple[dict[str, Record], float]:
+    """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, or NaN."""
+    present = (name for name in (*COLUMN_UNITS, "trigger") if getattr(table, name, None))
+    columns = {name: getattr(table, name) for name in present}
     units = {column.column: getattr(column, "unit", None) for column in columns.values()}
     numbers = read_columns(path, units, EXAMPLE)
     values = {
@@ -161,7 +155,7 @@ def _read_log(
         problem = f"does not rise from {points}; sort the rows, and keep one of each time"
         raise fault(f"{path}: column {table.time.column}", problem)
     if table.trigger is None:
-        return values, None
+        return values, np.nan
     levels = numbers[table.trigger.column]
     risen = levels > (levels.min() + levels.max()) / 2
     if risen[0] or not risen.any():

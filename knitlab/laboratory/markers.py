@@ -1,4 +1,8 @@
-"""Strains and Poisson's ratio from tracked markers, evaluated as in simulations."""
+"""Strains and Poisson's ratio from tracked markers, evaluated as in simulations.
+
+Trajectories in pixels are read, brought to the axes of the fabric and assigned to the corners of
+unit cells; the strains of these are resampled at the applied strains.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,14 +12,14 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import fault
+from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.track_checks import Dropped, without_implausible
-from knitlab.laboratory.track_formats import read_tracks
-from knitlab.laboratory.trajectories import grid_of, in_fabric_axes
-from knitlab.measure.marker_grid import MarkerGrid
+from knitlab.laboratory.track_formats import Trajectories, read_tracks
+from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 from knitlab.measure.records import resampled
-from knitlab.measure.strain import (
+from knitlab.measure.unit_cells import (
     central_mean,
     lattice_vectors,
     local_strain,
@@ -27,13 +31,11 @@ from knitlab.measure.strain import (
 LARGEST_AT_REST = 0.25  # strain of the reference shape over the first applied strain
 LEAST_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
 PULLED_MARGIN = 0.1  # frames within this fraction of the largest strain count as fully pulled
-AGREEING = np.radians(6)
-"""Angle between drift and separation up to which the drift gives the direction of the pull."""
-LEAST_DRIFT = 0.1
-"""Displacement of the middle over the separation of the first and last rows, above which one clamp
-is taken to move."""
+AGREEING = np.radians(6)  # of drift and separation, up to which the drift is along the pull
+LEAST_DRIFT = 0.1  # of the middle, over the separation of the end rows, by which one clamp moves
 LARGEST_MISALIGNMENT = 35.0  # of the fabric from its stated direction [°]
 LARGEST_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
+IN_PICTURE = {"right": (1, 0), "left": (-1, 0), "up": (0, -1), "down": (0, 1)}  # y points down
 
 
 @dataclass(frozen=True)
@@ -96,21 +98,16 @@ def read_markers(folder: Path, description: Description) -> Imports:
         marked = along_pull(path, marked, strain)
     check_pull(path, marked, strain)
     values = [marker_values(marked, requested, strain[span], span) for span in spans]
-    _check_follows(path, values[0], requested)
-    if not np.isfinite(values[0]["mean_strain_yy"]).any():
-        summary.append("no central unit cell keeps its markers, so there are no mean strains")
-    return values, [marked.summary, *marked.remarks, *summary]
-
-
-def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> None:
-    """Check that the fabric is strained if and only if the machine pulls it."""
-    mean = values["mean_strain_yy"]
-    if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
+    mean, error = values[0]["mean_strain_yy"], values[0]["mean_strain_yy_error"]
+    if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(error[0])):
         problem = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
         raise fault(str(path), f"{problem}; correct starts or relaxed_frames")
     if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * requested[-1]:
         problem = "shows markers that do not move while the sample is pulled; correct starts"
         raise fault(str(path), problem)
+    if not np.isfinite(mean).any():
+        summary.append("no central unit cell keeps its markers, so there are no mean strains")
+    return values, [marked.summary, *marked.remarks, *summary]
 
 
 def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
@@ -122,18 +119,16 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
         problem = f"exceeds the number of frames, {len(tracks)}; give fewer"
         raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", problem)
     before = tracks[: table.relaxed_frames]
-    seen = np.isfinite(before).all(axis=2)
-    known = np.where(seen[..., None], before, 0.0).sum(axis=0)
-    first = np.where(seen.any(axis=0)[:, None], known / seen.sum(axis=0).clip(1)[:, None], np.nan)
-    grid = grid_of(path, first, folder / table.places if table.places else None)
+    seen = np.isfinite(before).sum(axis=0)
+    first = np.where(seen > 0, np.nansum(before, axis=0) / seen.clip(1), np.nan)
+    grid = _grid_of(path, first, folder / table.places if table.places else None)
     every_y, every_x = table.markers_per_cell
-    every = slice(None, None, every_y), slice(None, None, every_x)
-    relaxed = grid.corners(first[None])[(0, *every)]
-    corners = grid.corners(tracks)[(slice(None), *every)]
+    relaxed = grid.corners(first[None])[0, ::every_y, ::every_x]
+    corners = grid.corners(tracks)[:, ::every_y, ::every_x]
     marked = MarkedSample(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
     _check_fits(path, marked, sample)
     corners, dropped = without_implausible(relaxed, corners)
-    markers = grid.marker[every]
+    markers = grid.marker[::every_y, ::every_x]
     remarks = [_remark(markers[each.row, each.column], each) for each in dropped]
     return replace(marked, corners=corners, remarks=(*read.summary, *remarks))
 
@@ -196,8 +191,8 @@ def along_pull(
         problem = f"shows a pull that is {np.degrees(turn):.0f}° from the warp"
         remedy = "correct weft, warp or turned, or give align = picture"
         raise fault(str(path), f"{problem}; {remedy}")
-    back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    relaxed, corners = marked.relaxed @ back.T, marked.corners @ back.T
+    back = _clockwise(turn).T
+    relaxed, corners = marked.relaxed @ back, marked.corners @ back
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
 
 
@@ -274,3 +269,46 @@ def marker_values(
         "cells_lost": np.isnan(values["strain_xx"]).sum(axis=(1, 2)).astype(float),
     }
     return values | lowest_poisson_ratio(strains, ratio)
+
+
+def _columns(path: Path, names: tuple[str, ...]) -> dict[str, Float[np.ndarray, " row"]]:
+    example = f"write it as in '{','.join(names)}'"
+    return read_columns(path, dict.fromkeys(names), example, lower=True)
+
+
+def _integers(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
+    values = table[name]
+    bad = np.flatnonzero((values % 1 != 0) | (values < 0))
+    if len(bad):
+        problem = f"has {values[bad[0]]:g} at point {bad[0] + 1}; count from 0 up"
+        raise fault(f"{path}: column {name}", problem)
+    return values.astype(int)
+
+
+def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
+    """Trajectories in pixels along the x and y of the fabric, by the description [mm]."""
+    axes = np.array([IN_PICTURE[table.weft], IN_PICTURE[table.warp]])
+    # In pixels y points down, so that an anticlockwise rotation has the opposite sense.
+    rotation = _clockwise(np.radians(table.turned))
+    return table.pixel.to("mm") * tracks @ (axes @ rotation.T).T
+
+
+def _clockwise(angle: float) -> Float[np.ndarray, "2 2"]:
+    return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+
+def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None) -> MarkerGrid:
+    """The grid of markers, found in the first frame of ``path`` or read from a table of places."""
+    try:
+        if places is None:
+            return find_grid(first)
+        table = _columns(places, ("marker", "row", "column"))
+        marker, row, column = (_integers(places, name, table) for name in table)
+        if marker.max() >= len(first):
+            problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"
+            raise fault(f"{places}: column marker", problem)
+        rows, columns = np.full((2, len(first)), -1)
+        rows[marker], columns[marker] = row, column
+        return grid_of_places(rows, columns)
+    except NoGrid as error:
+        raise fault(str(places or path), str(error)) from error

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.table_file import factor_of, numbers_of, read_table
-from knitlab.measure.records import cycles, resampled
+from knitlab.measure.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
 HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
@@ -22,31 +22,22 @@ NAMES = {
     "repeat": ("repeat", "specimen", "sample", "test"),
 }
 """Names of columns, in lower case; others are not read."""
-LEAST_POINTS = 4
-"""One more than the fitted parameters of a stripe, so that their errors can be estimated."""
-LEAST_TURN = 0.1
-"""Smallest reversal that ends a loading branch, as a fraction of the range of strain."""
-CURVE_POINTS = 40
-"""Points of the curve of several repeats, or of a record that is noisy or turns."""
-SLACK = 0.02
-"""Strain below zero that a record may start with: a repeat begins where its camera does."""
+LEAST_POINTS = 4  # one more than the parameters of a stripe, so that errors can be estimated
+LEAST_TURN = 0.1  # smallest reversal that ends a loading branch, over the range of strain
+CURVE_POINTS = 40  # of the curve of several repeats, or of a record that is noisy or turns
+SLACK = 0.02  # strain below zero that a record may start with, where its camera begins
+
+Branch = tuple[Float[np.ndarray, " point"], Float[np.ndarray, " point"]]  # strain and force
 
 
 @dataclass(frozen=True)
 class TensionRecord:
-    """Loading of a pure fabric: one curve for each repeat, at common strains.
+    """Loading of a pure fabric: one curve for each repeat, at common strains."""
 
-    Attributes:
-        strain: relative to the relaxed length, ascending [1].
-        force: of each repeat, on one row of the network [N] or over the width [N/mm].
-        per_width: whether the force is over the width of the fabric.
-        summary: what was read, and what was left out, in lines of text.
-    """
-
-    strain: Float[np.ndarray, " point"]
-    force: Float[np.ndarray, "repeat point"]
+    strain: Float[np.ndarray, " point"]  # ascending
+    force: Float[np.ndarray, "repeat point"]  # on one row of the network [N] or per width [N/mm]
     per_width: bool
-    summary: tuple[str, ...]
+    summary: tuple[str, ...]  # what was read, and what was left out
 
 
 def read_tension_record(
@@ -61,44 +52,29 @@ def read_tension_record(
 
     A column ``repeat`` separates several specimens. Of each, the loading branch of one cycle is
     taken, and negative strains are left out. Records that are repeated, or not ascending, are
-    resampled at evenly spaced strains that all repeats reach.
-
-    Args:
-        path: CSV file whose header has the units, such as ``extension [mm],force [N]``.
-        gauge_length: relaxed length between the clamps, for a column of extension [mm].
-        width: width of the swatch, for a column of force; without it, the force is that on one
-            row of the network [mm].
-        thickness: of the fabric, for stress over its cross-section [mm].
-        cycle: number of the cycle whose loading is taken, from 1.
-
-    Returns:
-        The curves.
-
-    Raises:
-        BadInput: with every fault of the file.
+    resampled at evenly spaced strains that all repeats reach. Extension needs the ``gauge_length``
+    and stress over the cross-section the ``thickness`` [mm]; without the ``width`` of the swatch,
+    force is that on one row of the network. BadInput has every fault of the file.
     """
     path = Path(path)
     columns = _columns(path)
-    strain_name = "strain" if "strain" in columns else "extension"
+    along = "strain" if "strain" in columns else "extension"
     load = "force" if "force" in columns else "stress"
-    numbers: dict[str, Float[np.ndarray, " point"]] = {}
-    faults: list[Fault] = []
-    for name in (strain_name, load):
-        numbers[name], wrong = numbers_of(path, name, columns[name][0])
-        faults += wrong
-    to_strain, wrong = _to_strain(path, strain_name, columns[strain_name][1], gauge_length)
-    faults += wrong
-    to_load, per_width, wrong = _to_load(path, load, columns[load][1], width, thickness)
-    faults += wrong
-    if faults:
+    strain, faults = numbers_of(path, along, columns[along][0])
+    force, wrong = numbers_of(path, load, columns[load][0])
+    to_strain, of_strain = _to_strain(path, along, columns[along][1], gauge_length)
+    to_load, of_load = _to_load(path, load, columns[load][1], width, thickness)
+    if faults := [*faults, *wrong, *of_strain, *of_load]:
         raise BadInput(faults)
-    strain, force = to_strain * numbers[strain_name], to_load * numbers[load]
+    strain, force = to_strain * strain, to_load * force
+    per_width = load == "stress" or width is not None
     labels = columns["repeat"][0] if "repeat" in columns else np.full(len(strain), "1")
     repeats = list(dict.fromkeys(labels)) or ["1"]
     branches, left_out = [], 0
     for repeat in repeats:
         own = np.asarray(labels == repeat)
-        branch, below = _loading(path, repeat, strain[own], force[own], cycle)
+        column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
+        branch, below = _loading(column, strain[own], force[own], cycle)
         branches.append(branch)
         left_out += below
     turned = sum(len(branch[0]) for branch in branches) < len(strain) - left_out
@@ -106,8 +82,8 @@ def read_tension_record(
     if left_out:
         lines.append(f"{left_out} records at negative strain are left out")
     if len(repeats) == 1 and not turned and not np.any(np.diff(branches[0][0]) < 0):
-        (only, forces) = branches[0]
-        return TensionRecord(only, forces[None], per_width, tuple(lines))
+        strain, force = branches[0]
+        return TensionRecord(strain, force[None], per_width, tuple(lines))
     start = max(float(branch[0].min()) for branch in branches)
     end = min(float(branch[0].max()) for branch in branches)
     edges = np.linspace(start, end, CURVE_POINTS + 1)
@@ -126,7 +102,7 @@ def _columns(path: Path) -> dict[str, tuple[pd.Series, str]]:
     for number, header in enumerate(headers):
         match = HEADER.fullmatch(header)
         name, unit = (match["name"], match["unit"].strip()) if match else (header, "")
-        kind = next((kind for kind, its in NAMES.items() if name.strip().lower() in its), None)
+        kind = next((kind for kind, names in NAMES.items() if name.strip().lower() in names), None)
         if kind is None:
             continue
         if not unit and kind != "repeat":
@@ -150,6 +126,7 @@ def _columns(path: Path) -> dict[str, tuple[pd.Series, str]]:
 def _to_strain(
     path: Path, name: str, unit: str, gauge_length: float | None
 ) -> tuple[float, list[Fault]]:
+    """Factor to strain, and faults."""
     column = f"{path}: column {name}"
     if name == "strain":
         return factor_of(column, unit, "1", "such as [1] or [%]")
@@ -161,49 +138,38 @@ def _to_strain(
 
 def _to_load(
     path: Path, name: str, unit: str, width: float | None, thickness: float | None
-) -> tuple[float, bool, list[Fault]]:
-    """Factor to N on one row, or to N/mm; whether it is the latter; and faults."""
-    column = f"{path}: column {name}"
+) -> tuple[float, list[Fault]]:
+    """Factor to N on one row, or to N/mm, and faults."""
+    column, unused = f"{path}: column {name}", list[Fault]()
+    for other, size, value in (("stress", "thickness", thickness), ("force", "width", width)):
+        if other != name and value is not None:
+            problem = f"is for {other}, but the record holds {name}; leave it out"
+            unused.append(Fault(f"{size} {value:g}", problem))
     if name == "force":
-        factor, faults = factor_of(column, unit, "N", "of force, such as [N]")
-        if thickness is not None:
-            problem = "is for stress, but the record holds force; leave it out"
-            faults.append(Fault(f"thickness {thickness:g}", problem))
-        return (factor, False, faults) if width is None else (factor / width, True, faults)
-    if width is not None:
-        problem = "is for force, but the record holds stress; leave it out"
-        return np.nan, True, [Fault(f"width {width:g}", problem)]
-    if thickness is None:
+        target, remedy = "N", "of force, such as [N]"
+    elif thickness is None:
+        target = "N/mm"
         remedy = "of force over width, such as [N/mm], or give the thickness in mm for [MPa]"
-        factor, faults = factor_of(column, unit, "N/mm", remedy)
-        return factor, True, faults
-    factor, faults = factor_of(column, unit, "N/mm^2", "of force over area, such as [MPa]")
-    return factor * thickness, True, faults
+    else:
+        target, remedy = "N/mm^2", "of force over area, such as [MPa]"
+    factor, faults = factor_of(column, unit, target, remedy)
+    return factor * (thickness or 1.0) / (width or 1.0), faults + unused
 
 
-def _loading(
-    path: Path,
-    repeat: str,
-    strain: Float[np.ndarray, " record"],
-    force: Float[np.ndarray, " record"],
-    cycle: int,
-) -> tuple[tuple[Float[np.ndarray, " point"], Float[np.ndarray, " point"]], int]:
-    """Strain and force of one loading branch, from zero, and the records below zero strain."""
-    column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
+def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Branch, int]:
+    """One loading branch, from zero, and the number of its records below zero strain."""
     number = np.arange(len(strain), dtype=float)
-    found = cycles(number, strain, LEAST_TURN) if len(strain) else []
-    if cycle > max(1, len(found)):
-        problem = f"has {len(found)} cycles; choose one of them, not cycle {cycle}"
-        raise fault(column, problem)
-    if found:
-        loading = found[cycle - 1].loaded(number)
+    pulls = cycles(number, strain, LEAST_TURN) if len(strain) else []
+    if cycle > max(1, len(pulls)):
+        raise fault(column, f"has {len(pulls)} cycles; choose one of them, not cycle {cycle}")
+    if pulls:
+        loading = pulls[cycle - 1].loaded(number)
         # Records at rest before the first loading belong to it.
-        loading |= (cycle == 1) & (number < found[0].start) & (strain >= 0)
+        loading |= (cycle == 1) & (number < pulls[0].start) & (strain >= 0)
         strain, force = strain[loading], force[loading]
     below = strain < 0
     if len(strain) and strain.min() < -max(SLACK, SLACK * strain.max()):
-        problem = f"goes down to {strain.min():g}; give tension alone, from 0 up"
-        raise fault(column, problem)
+        raise fault(column, f"goes down to {strain.min():g}; give tension alone, from 0 up")
     strain, force = strain[~below], force[~below]
     if (points := len(np.unique(strain))) < LEAST_POINTS:
         problem = f"has {points} points; three parameters need at least {LEAST_POINTS}"
@@ -217,18 +183,13 @@ def period_of(
     gauge_length: float | None = None,
     gauge_stitches: float | None = None,
 ) -> float:
-    """Relaxed period of an n × n fabric, as given, or from its 2 n stitches [mm].
-
-    Raises:
-        BadInput: if it is given twice, or does not follow.
-    """
-    if (period is None) == (gauge_stitches is None):
-        problem = "is given twice; give period or gauge_stitches"
-        if period is None:
-            problem = "is missing; give it in mm, or gauge_length and gauge_stitches"
-        raise fault("period", problem)
+    """Relaxed period of an n × n fabric [mm], as given, or from its 2 n stitches; or BadInput."""
+    if period is not None and gauge_stitches is not None:
+        raise fault("period", "is given twice; give period or gauge_stitches")
     if period is not None:
         return period
-    if gauge_length is None or gauge_stitches is None:
+    if gauge_stitches is None:
+        raise fault("period", "is missing; give it in mm, or gauge_length and gauge_stitches")
+    if gauge_length is None:
         raise fault("gauge_stitches", "give a period only with the gauge_length; give it in mm")
     return gauge_length * 2 * n / gauge_stitches

@@ -172,14 +172,34 @@ def calibrate(
     fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
     _check_curve(strain, mean, len(fitted))
     curve = law if isinstance(law, SpringCurve) else None
-    zigzag = _Fit(curve, len(fitted), period, per_width)
-    starts = _unknowns(_starts(period, strain, mean * zigzag.row_width)[:, : len(fitted)])
+    bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
+
+    def forces(unknowns: Unknowns) -> Points:
+        return np.asarray(_force(curve, per_width, unknowns, period, strain))
+
+    def fit_to(measured: Points, start: Unknowns) -> OptimizeResult:
+        scale = float(np.max(np.abs(measured)))
+        return least_squares(
+            lambda x: (forces(x) - measured) / scale,
+            np.clip(start, *bounds),
+            jac=lambda x: np.asarray(_force_slopes(curve, per_width, x, period, strain)) / scale,
+            bounds=bounds,
+            x_scale="jac",
+            ftol=1e-12,
+            xtol=1e-12,
+            gtol=1e-12,
+            max_nfev=300,
+        )
+
+    # For estimates, a row is as wide as if its folds were shut.
+    on_row = mean * (period / 4 if per_width else 1.0)
+    starts = _unknowns(_starts(period, strain, on_row)[:, : len(fitted)])
     if law != "stiffening":
         starts = starts[:: len(STARTING_STRAINS)]
-    fits = [zigzag.from_start(start, strain, mean) for start in starts]
+    fits = [fit_to(mean, start) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
     if len(repeats) >= LEAST_REPEATS:
-        own = np.array([zigzag.from_start(best.x, strain, each).x for each in repeats])
+        own = np.array([fit_to(each, best.x).x for each in repeats])
         freedom, covariance = len(repeats) - 1, np.cov(own.T) / len(repeats)
     else:
         freedom = len(strain) - len(fitted)
@@ -206,7 +226,7 @@ def calibrate(
         correlations,
         strain,
         mean,
-        zigzag.forces(best.x, strain),
+        forces(best.x),
         starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
@@ -227,43 +247,6 @@ def _check_curve(strain: Points, force: Points, fitted: int) -> None:
         raise ValueError("the force is zero throughout; give a curve under tension")
     if not np.sum(strain * force) > 0:
         raise ValueError("the force falls with strain; give tension as positive")
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Least squares of a zigzag against tension curves."""
-
-    curve: SpringCurve | None
-    unknowns: int
-    period: float
-    per_width: bool
-
-    @property
-    def row_width(self) -> float:
-        """Width of a row of which the folds are shut, for estimates; 1 if forces are of a row."""
-        return self.period / 4 if self.per_width else 1.0
-
-    def forces(self, unknowns: Unknowns, strain: Points) -> Points:
-        return np.asarray(_force(self.curve, self.per_width, unknowns, self.period, strain))
-
-    def from_start(self, start: Unknowns, strain: Points, force: Points) -> OptimizeResult:
-        names = FITTED_IF_STIFFENING[: self.unknowns]
-        bounds = _unknowns(np.array([BOUNDS[name] for name in names]).T)
-        scale = float(np.max(np.abs(force)))
-        return least_squares(
-            lambda x: (self.forces(x, strain) - force) / scale,
-            np.clip(start, *bounds),
-            jac=lambda x: (
-                np.asarray(_force_slopes(self.curve, self.per_width, x, self.period, strain))
-                / scale
-            ),
-            bounds=bounds,
-            x_scale="jac",
-            ftol=1e-12,
-            xtol=1e-12,
-            gtol=1e-12,
-            max_nfev=300,
-        )
 
 
 def report(calibration: Calibration) -> list[str]:

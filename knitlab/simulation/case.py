@@ -38,40 +38,28 @@ OF_TIME = ("relax_time", "strain_rate")
 
 @dataclass(frozen=True)
 class Case:
-    """One design under one protocol: all that can change its numbers, and nothing else.
+    """One design under one protocol: all that can change its numbers, and nothing else."""
 
-    Attributes:
-        design: labels by dimension of the cube.
-        weft, warp: stripes of the rib and garter patches, equal if pure; in a graded fabric, those
-            of the design that ``grading`` varies, as ``periods``.
-        pattern: patch map of a unit cell, top course first.
-        periods: periods of a stripe that fill a patch, P.
-        unit_cells: unit cells of the sample along (y, x).
-        applied_strain: strains of the tensile test, ascending from 0.
-        solver, dynamics: ``None`` if the test does not use them.
-        robustness: number of siblings, from which the spread of its results is found.
-        cell_patches: patches of a unit cell along (y, x), if it is not the whole pattern.
-    """
-
-    design: dict[str, Label]
+    design: dict[str, Label]  # by dimension of the cube
+    # Of the rib and garter patches, equal if pure; if graded, those that ``grading`` varies.
     weft: Stripe
     warp: Stripe
     sheet: Sheet
     options: ModelOptions
-    pattern: tuple[str, ...]
-    periods: int
-    unit_cells: tuple[int, int]
-    applied_strain: tuple[float, ...]
+    pattern: tuple[str, ...]  # patch map of a unit cell, top course first
+    periods: int  # of a stripe, that fill a patch: P
+    unit_cells: tuple[int, int]  # of the sample, along (y, x)
+    applied_strain: tuple[float, ...]  # ascending from 0
     method: Method
-    solver: Solver | None
-    dynamics: Dynamics | None = None
+    solver: Solver | None  # None if the test does not use it
+    dynamics: Dynamics | None = None  # the same
     sensitivities: bool = False
     unloading: bool = False
     capacitor: Capacitor | None = None
-    robustness: int = 0
+    robustness: int = 0  # number of siblings, from which the spread of results is found
     grading: Grading | None = None
     folds: tuple[SingleFold, ...] = ()
-    cell_patches: tuple[int, int] | None = None
+    cell_patches: tuple[int, int] | None = None  # of a unit cell (y, x), if not the whole pattern
     plain: PlainKnit | None = None
 
     def __repr__(self) -> str:

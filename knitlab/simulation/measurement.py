@@ -12,13 +12,19 @@ from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.measure import strain
 from knitlab.measure.capacitance import capacitor as model
 from knitlab.measure.capacitance import sensor
 from knitlab.measure.capacitance.wedge import side_by_side, wedge_capacitance
 from knitlab.measure.folds import hinges_past_pi, widths_across_folds
 from knitlab.measure.surfaces import self_intersections
-from knitlab.measure.unit_cells import unit_cell_corners
+from knitlab.measure.unit_cells import (
+    central_mean,
+    local_strain,
+    lowest_poisson_ratio,
+    mean_cell_size,
+    poisson_ratio_of_test,
+    unit_cell_corners,
+)
 from knitlab.measure.wavelength import POINTS, Direction, boundary_wave
 from knitlab.measure.zigzag_tension import ChainState
 from knitlab.simulation.case import Case
@@ -118,16 +124,16 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     reached = [state for state in test.states if state.converged]
     configurations = Configuration.stacked([state.configuration for state in reached])
     corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
-    strain_xx, strain_yy = strain.local_strain(corners[0], corners)
-    mean_xx, mean_yy = (np.asarray(strain.central_mean(each)) for each in (strain_xx, strain_yy))
-    ratio = strain.poisson_ratio_of_test(mean_xx, mean_yy)
+    strain_xx, strain_yy = local_strain(corners[0], corners)
+    mean_xx, mean_yy = (np.asarray(central_mean(each)) for each in (strain_xx, strain_yy))
+    ratio = poisson_ratio_of_test(mean_xx, mean_yy)
     applied = np.array(case.applied_strain)[: len(ratio)]
     ratio[mean_yy < LEAST_FOLLOWED * applied] = np.nan
     if case.all_corners_held:
         # Its transverse strain is only round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
-    cell_x, cell_y = strain.mean_cell_size(corners[0])
+    cell_x, cell_y = mean_cell_size(corners[0])
     complete = len(reached) == len(case.applied_strain)
     return {
         "reaction_force": np.array(
@@ -140,7 +146,7 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
         "poisson_ratio": ratio,
         "relaxed_cell_x": float(cell_x),
         "relaxed_cell_y": float(cell_y),
-        **(strain.lowest_poisson_ratio(applied, ratio) if complete else {}),
+        **(lowest_poisson_ratio(applied, ratio) if complete else {}),
     }
 
 

@@ -15,8 +15,14 @@ from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
-from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio
-from knitlab.measure.unit_cells import CellGrid, unit_cell_corners
+from knitlab.measure.unit_cells import (
+    CellGrid,
+    central_mean,
+    local_strain,
+    mean_cell_size,
+    poisson_ratio,
+    unit_cell_corners,
+)
 from knitlab.simulation.case import Case
 
 QUANTITIES = ("poisson_ratio", "reaction_force")  # quantities whose sensitivities a cube has

@@ -9,9 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.equilibrium.state import TensileTest
-from knitlab.fabric.stripe import Stripe
+from knitlab.fabric.stripe import STRIPE_QUANTITIES, Stripe
 from knitlab.simulation.case import Case
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 
 STRIPE_TOLERANCE = 0.02  # largest relative change of a stripe number of a sibling
 SAME_BRANCH = 1e-6  # relative difference up to which two relaxed energies are of one branch

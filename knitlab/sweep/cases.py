@@ -12,12 +12,19 @@ from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern, SingleFold
 from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
-from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe, periods_per_patch
+from knitlab.fabric.stripe import (
+    GARTER_STITCHES_PER_RIB_STITCH,
+    STRIPE_QUANTITIES,
+    Knit,
+    Stripe,
+    changed_stripe,
+    changed_table,
+    periods_per_patch,
+)
 from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES, changed_stripe, changed_table
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.material import scaled_lengths
 from knitlab.sweep.parameters import Parameters

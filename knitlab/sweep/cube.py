@@ -13,12 +13,12 @@ from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
 from knitlab.cube.cube_file import OPTION, design_dims, ordered_labels, read_cube
 from knitlab.cube.schema import VARIABLES, Status, described
+from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import provenance
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge, at_gauge, knit_sizes
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.results_folder import CaseState, Cell, Design, cells
 

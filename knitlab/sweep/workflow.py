@@ -24,13 +24,12 @@ from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet
-from knitlab.fabric.stripe import Knit, Stripe
+from knitlab.fabric.stripe import STIFFENING, STRIPE_QUANTITIES, Knit, Stripe
 from knitlab.io.errors import BadInput, faults_of, unknown
 from knitlab.io.toml import StrictModel
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Method
-from knitlab.simulation.stripe_changes import STIFFENING, STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import (
     FactorOn,
     Types,

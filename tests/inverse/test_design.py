@@ -14,9 +14,9 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.equilibrium.adjoint import NoDerivative
+from knitlab.fabric.stripe import changed_stripe
 from knitlab.inverse.objective import Objective
 from knitlab.inverse.search import run_searches
-from knitlab.simulation.stripe_changes import changed_stripe
 from tests.file_events import kill_command
 
 PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"

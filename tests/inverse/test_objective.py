@@ -8,9 +8,8 @@ import xarray as xr
 from knitlab.cube.schema import Status
 from knitlab.cube.target import read_target
 from knitlab.inverse.objective import Objective, aimed, all_met, check_targets
-from knitlab.inverse.request import checked_request
+from knitlab.inverse.request import checked_request, with_tolerance
 from knitlab.inverse.search_space import search_space
-from knitlab.inverse.targets import with_tolerance
 from knitlab.inverse.trial import Trial, run_trial
 from knitlab.io.errors import BadInput
 

@@ -7,8 +7,13 @@ from hypothesis import strategies as st
 
 from knitlab.cube.strain_window import REDUCTIONS
 from knitlab.cube.target import read_target
-from knitlab.inverse.request import checked_request, read_request
-from knitlab.inverse.targets import WITHIN_RANGE, contradictions, with_tolerance
+from knitlab.inverse.request import (
+    WITHIN_RANGE,
+    checked_request,
+    contradictions,
+    read_request,
+    with_tolerance,
+)
 from knitlab.io.errors import BadInput
 
 TARGET = "poisson_ratio = -0.3 @ 0.05:0.25"

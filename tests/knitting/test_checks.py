@@ -132,8 +132,7 @@ def test_a_finding_names_the_line_of_its_fault(name):
     added = 2 if name == "needle filled" else 1 if name == "every course transferred" else 0
     first = check(program, MACHINE)[0][0]
     assert re.search(message, str(first))
-    assert first.line == line + added
-    assert program.split("\n")[first.line - 1] == first.operation
+    assert first.path == f"line {line + added}: {program.split(chr(10))[line + added - 1]}"
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from knitlab.io.errors import BadInput
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
-from knitlab.knitting.program import headers, operations
+from knitlab.knitting.program import operations
 from knitlab.knitting.stitch_chart import stitch_chart
 from tests.knitting.charts import case_of, chart_of_arrays
 
@@ -29,7 +29,7 @@ def test_the_header_is_what_back_ends_want():
     assert lines[0] == ";!knitout-2"
     end = next(index for index, line in enumerate(lines[1:], 1) if not line.startswith(";;"))
     assert all(lines[1:end])
-    stated = headers(PROGRAM)
+    stated = dict(line[2:].split(": ", 1) for line in lines[1:end])
     assert stated["Carriers"] == "1 2 3 4 5 6 7 8 9 10"
     assert stated["Machine"] == "SWG061N2"
     assert stated["Gauge"] == "15"

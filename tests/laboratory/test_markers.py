@@ -8,11 +8,16 @@ from hypothesis import strategies as st
 
 from knitlab.laboratory.description import MarkersTable, SampleTable
 from knitlab.laboratory.experiment import import_records
-from knitlab.laboratory.markers import MarkedSample, along_pull, marker_values, read_marked
+from knitlab.laboratory.markers import (
+    MarkedSample,
+    along_pull,
+    in_fabric_axes,
+    marker_values,
+    read_marked,
+)
 from knitlab.laboratory.track_formats import read_tracks
-from knitlab.laboratory.trajectories import in_fabric_axes
 from knitlab.measure.marker_grid import find_grid
-from knitlab.measure.strain import deformation_gradient, lattice_vectors
+from knitlab.measure.unit_cells import deformation_gradient, lattice_vectors
 from tests.laboratory.recorded import CAMERA, CELLS, NU, Laboratory, positions
 from workflows.laboratory.make_synthetic import Camera
 

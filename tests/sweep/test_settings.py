@@ -6,10 +6,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.settings import Solver
-from knitlab.fabric.stripe import SPRING_LAWS, Stripe
+from knitlab.fabric.stripe import SPRING_LAWS, STRIPE_QUANTITIES, Stripe
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import declared, unit_of
 from knitlab.sweep.parameters import TABLES, Model, read_parameters
 from knitlab.sweep.plan import make_plan

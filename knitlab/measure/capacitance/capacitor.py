@@ -61,21 +61,13 @@ class Capacitor:
 
 @dataclass(frozen=True, eq=False)
 class Capacitances:
-    """A capacitor in every state of a test.
+    """A capacitor in every state of a test."""
 
-    Attributes:
-        status: a :class:`CapacitorStatus`.
-        capacitance: between the electrodes, without leads, of one period if periodic [pF].
-        mutual: −C₁₂ of Maxwell's matrix, NaN for periodic fabric without a grounded plane [pF].
-        error: estimated relative error of the capacitance, also where it is too large [1].
-        gap: shortest distance of the electrodes, searched up to the size of a grid cell [mm].
-    """
-
-    status: Int[np.ndarray, " state"]
-    capacitance: Float[np.ndarray, " state"]
-    mutual: Float[np.ndarray, " state"]
-    error: Float[np.ndarray, " state"]
-    gap: Float[np.ndarray, " state"]
+    status: Int[np.ndarray, " state"]  # a CapacitorStatus
+    capacitance: Float[np.ndarray, " state"]  # without leads, of one period if periodic [pF]
+    mutual: Float[np.ndarray, " state"]  # −C₁₂; NaN if periodic without a grounded plane [pF]
+    error: Float[np.ndarray, " state"]  # estimated, relative, also where it is too large [1]
+    gap: Float[np.ndarray, " state"]  # of the electrodes, searched up to a grid cell [mm]
 
 
 def capacitances(

@@ -5,14 +5,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from knitlab.fabric.fabric import flat_sheet
-from knitlab.measure.strain import (
+from knitlab.measure.unit_cells import (
+    CellGrid,
+    central,
     central_mean,
     deformation_gradient,
     lattice_vectors,
     local_strain,
     poisson_ratio,
+    unit_cell_corners,
 )
-from knitlab.measure.unit_cells import CellGrid, central, unit_cell_corners
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered
 
 ENTRY = st.floats(-1, 1)
