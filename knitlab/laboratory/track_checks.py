@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 JUMP = 0.35  # departure from the neighbours that one frame may add, over the step of the grid
 COINCIDENT = 0.05  # distance of two markers, over the step of the grid
 FEWEST_STILL = 3  # frames at exactly one position
+IN_ROW = [3, 7, 8]  # predictions of a displacement by its own row
 STILL = 0.1  # departure from the neighbours meanwhile, over the step of the grid
 
 Corners = Float[np.ndarray, "frame row column 2"]
@@ -48,10 +49,10 @@ def without_implausible(relaxed: Field, corners: Corners) -> tuple[Corners, list
     # Where each marker was in the frame before, or where its neighbours have moved it to since.
     before = relaxed.copy()
     for frame, now in enumerate(kept):
+        for marker in _jumping(now - before, JUMP * step):
+            drop(marker, frame, "jumps away from its neighbours")
         for marker in _coincident(now, COINCIDENT * step):
             drop(marker, frame, "coincides with another marker")
-        while (jumping := _jumping(now - before, JUMP * step)) is not None:
-            drop(jumping, frame, "jumps away from its neighbours")
         while (over := _turned_over(now)).any():
             departure = now - relaxed - predicted_by_neighbours(now - relaxed)
             size = np.where(over, 1 + np.nan_to_num(_length(departure)), 0.0)
@@ -72,25 +73,33 @@ def _largest(size: Float[np.ndarray, "row column"]) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _jumping(moved: Field, least: float) -> tuple[int, int] | None:
-    """The marker without which the others move most alike, if any moves unlike its neighbours.
+def _jumping(moved: Field, least: float) -> list[tuple[int, int]]:
+    """The markers that move unlike their neighbours.
 
-    Beside one that jumps, others seem to: that of the largest departure may be a neighbour.
+    Beside one that jumps, others seem to, so that in turn the one is taken without which the others
+    move most alike. One that agrees with those that are left was taken for its neighbour.
     """
 
-    def departed(moved: Field) -> Float[np.ndarray, "row column"]:
-        return np.nan_to_num(_length(moved - predicted_by_neighbours(moved)))
+    def departed() -> Float[np.ndarray, "row column"]:
+        return np.nan_to_num(_length(kept - predicted_by_neighbours(kept)))
 
-    suspects = np.argwhere(departed(moved) > least).tolist()
-    if not suspects:
-        return None
-    left = []
-    for row, column in suspects:
-        others = moved.copy()
-        others[row, column] = np.nan
-        left.append(np.minimum(departed(others) / least, 1.0).sum())
-    row, column = suspects[int(np.argmin(left))]
-    return row, column
+    kept, jumping = moved.copy(), list[tuple[int, int]]()
+    while suspects := np.argwhere(departed() > least).tolist():
+        left = []
+        for row, column in suspects:
+            kept[row, column] = np.nan
+            left.append(departed().sum())
+            kept[row, column] = moved[row, column]
+        row, column = suspects[int(np.argmin(left))]
+        kept[row, column] = np.nan
+        jumping.append((row, column))
+    for marker in jumping.copy():
+        kept[marker] = moved[marker]
+        if (departed() > least).any():
+            kept[marker] = np.nan
+        else:
+            jumping.remove(marker)
+    return jumping
 
 
 def predicted_by_neighbours(displacement: Fields) -> Fields:
@@ -123,7 +132,8 @@ def _predictions(displacement: Fields) -> Float[np.ndarray, "prediction *frame r
 def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] | None:
     """The marker that stays at one position while its neighbours move most, and since when.
 
-    They move if not one prediction of them is that it stays, as it is along a clamp.
+    They move if not one prediction of them is that it stays. One of them must be of its own row,
+    which stays as a whole where it is in a clamp.
     """
     same = (np.diff(displacement, axis=0) == 0).all(axis=-1)
     suspects = np.argwhere(same.sum(axis=0) >= FEWEST_STILL - 1).tolist()
@@ -137,7 +147,7 @@ def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] |
         for first, last in zip(starts, ends, strict=True):
             own = predictions[:, first : last + 1, row, column]
             moves = _length(own[:, -1] - own[:, 0])
-            if last - first < FEWEST_STILL - 1 or np.isnan(moves).all():
+            if last - first < FEWEST_STILL - 1 or np.isnan(moves[IN_ROW]).all():
                 continue
             if (away := float(np.nanmin(moves))) > worst:
                 worst, still = away, ((row, column), first + 1)

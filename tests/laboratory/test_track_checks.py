@@ -69,8 +69,6 @@ def test_what_a_tracker_confuses_is_left_out_from_that_frame_on(case, fault):
         confused[frame:, row, column] = corners[frame:, row, column + 1]
         confused[frame:, row, column + 1] = corners[frame:, row, column]
     else:
-        # Which of two markers at one point is right cannot be told.
-        wrong |= {(row, column + 1)}
         confused[frame:, row, column] = confused[frame:, row, column + 1]
     kept, dropped = without_implausible(relaxed, confused)
     assert {(each.row, each.column) for each in dropped} == wrong
@@ -110,6 +108,16 @@ def test_affine_deformation_has_no_departure(seed):
     expected = moved.copy()
     moved[2, 1] = np.nan
     np.testing.assert_allclose(predicted_by_neighbours(moved), expected, atol=1e-12)
+
+
+def test_markers_that_come_together_slowly_are_both_left_out():
+    relaxed, corners = fabric(7, 6, 60, 0.2, 0.5, 0.0, np.random.default_rng(0))
+    together = corners.copy()
+    share = np.linspace(0, 1, 60)[:, None]
+    together[:, 3, 3] += share * (together[:, 3, 4] - together[:, 3, 3])
+    _, dropped = without_implausible(relaxed, together)
+    assert {each[:2] for each in dropped} == {(3, 3), (3, 4)}
+    assert "coincides" in dropped[-1].reason
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (2, 3), (3, 2)])
