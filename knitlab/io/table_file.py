@@ -120,7 +120,7 @@ def read_columns(
     example: str,
     *,
     lower: bool = False,
-    with_gaps: Collection[str] = (),
+    if_present: Collection[str] = (),
 ) -> dict[str, Float[np.ndarray, " point"]]:
     """Numbers of columns by name, whether or not the header adds a unit in brackets.
 
@@ -129,7 +129,7 @@ def read_columns(
         names: names of the columns, each with its unit or ``None``.
         example: an example of such a table, for messages.
         lower: whether headers are taken in lower case.
-        with_gaps: names of the columns whose empty entries are NaN.
+        if_present: names of further columns, in lower case, that are read where they are numbers.
 
     Raises:
         BadInput: with every missing, repeated or wrong column; or if the unit of a header is not
@@ -149,11 +149,12 @@ def read_columns(
             continue
         column = known.index(wanted)
         faults += _unit_faults(where, headers[column], unit)
-        text = rows[column]
-        gap = text.str.lower().isin(["", "nan"]) & (name in with_gaps)
-        columns[name] = np.full(len(text), np.nan)
-        columns[name][~gap], wrong = numbers_of(path, name, text[~gap])
+        columns[name], wrong = numbers_of(path, name, rows[column])
         faults += wrong
+    for number, header in enumerate(headers):
+        if header.lower() in if_present:
+            numbers, wrong = numbers_of(path, header, rows[number])
+            columns |= {} if wrong else {header.lower(): numbers}
     if faults:
         raise BadInput(faults)
     return columns

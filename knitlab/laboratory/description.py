@@ -130,6 +130,7 @@ class CapacitanceTable(StrictModel):
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]
     trigger: PlainColumn | None = None  # or, in both logs, a column that rises at the same moment
+    status: PlainColumn | None = None  # 0 for a good reading; by default a column named status
 
     @model_validator(mode="after")
     def _is_synchronised(self) -> "CapacitanceTable":
