@@ -10,7 +10,6 @@ from tempfile import mkdtemp
 from knitlab.io.errors import CannotWrite, Fault
 
 UNFINISHED = ".writing-"  # prefix of unfinished files, or of their folders
-PROBE_BYTES = 1 << 20
 
 
 @contextmanager
@@ -24,14 +23,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        # On a full disk netCDF may report a missing permission; a plain file gives the reason.
-        reason = _refusal(folder) if folder is not None else None
-        raise _cannot_write(path, reason or error) from error
-    except RuntimeError as error:
-        # HDF5 does not report why it could not write; a plain file does.
-        if folder is not None and (reason := _refusal(folder)):
-            raise _cannot_write(path, reason) from error
-        raise
+        raise _cannot_write(path, error) from error
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -57,14 +49,6 @@ def clear_unfinished(folder: Path) -> None:
             shutil.rmtree(unfinished, ignore_errors=True)
         else:
             unfinished.unlink(missing_ok=True)
-
-
-def _refusal(folder: Path) -> OSError | None:
-    try:
-        (folder / "probe").write_bytes(bytes(PROBE_BYTES))
-    except OSError as error:
-        return error
-    return None
 
 
 def _cannot_write(path: Path, error: OSError) -> CannotWrite:
