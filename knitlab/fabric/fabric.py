@@ -37,10 +37,8 @@ class Configuration(eqx.Module):
     @classmethod
     def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":
         """Configurations of one mesh shape as the states of one configuration, in NumPy."""
-        positions, lengths = zip(
-            *((state.positions, state.lengths) for state in states), strict=True
-        )
-        return cls(np.stack(positions), np.stack(lengths))
+        positions = np.stack([state.positions for state in states])
+        return cls(positions, np.stack([state.lengths for state in states]))
 
     def flattened(self) -> Float[Array | np.ndarray, "*state unknown"]:
         """Unknowns as a vector: (x, y, z) by nodes from the bottom left, then L_x and L_y [mm]."""

@@ -16,7 +16,7 @@ from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
-from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
+from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
 from knitlab.measure.records import resampled
 from knitlab.measure.unit_cells import (
     central_mean,
@@ -341,6 +341,6 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
             raise fault(f"{places}: column marker", problem)
         rows, columns = np.full((2, len(first)), -1)
         rows[marker], columns[marker] = row, column
-        return grid_of_places(rows, columns)
+        return grid_of_positions(rows, columns)
     except NoGrid as error:
         raise fault(str(places or path), str(error)) from error
