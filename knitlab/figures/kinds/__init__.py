@@ -3,7 +3,6 @@
 A module holds functions that draw, and ``FIGURES``, which describes each by its name.
 """
 
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
