@@ -14,7 +14,7 @@ from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.cube.strain_window import with_columns
 from knitlab.figures import cells
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import (
     CATEGORY_COLOURS,
     MARKERS,

@@ -17,7 +17,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import RegularGridInterpolator
 
 from knitlab.figures import sheets
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.meshes.fabric import closed_nodes, is_periodic

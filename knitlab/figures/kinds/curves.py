@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import RUN, Status
 from knitlab.figures.cells import designs_of
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Colour, Look, shades
 from knitlab.io.errors import fault
 

@@ -21,8 +21,8 @@ from knitlab.figures.cells import (
     marks_legend,
     row_count,
 )
-from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.found_designs import non_dominated
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 

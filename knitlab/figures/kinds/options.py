@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.cells import cell, remove_frame
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import MINUS, TWO_COLUMNS, name_rows
 from knitlab.io.errors import fault
 from knitlab.validation.claims import TOPICS, read_claims

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from knitlab.cube.schema import RUN, STRIPE_DIMS
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Look, shades
 
 SHEETS: dict[str, Look] = {

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from knitlab.cube.schema import Status
 from knitlab.figures import cells
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 
@@ -60,7 +60,10 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             marked.add(status)
     of_stripes = [name.partition("_") for name in parameters]
     axes.set_xticks(columns, [SYMBOLS.get(name, PERIODS[knit]) for knit, _, name in of_stripes])
-    axes.set_yticks(range(len(designs)), [_name(design) for design in designs])
+    strains = [float(design["applied_strain_at_min"]) for design in designs]
+    wheres = [f"at {strain:.0%}" if np.isfinite(strain) else "" for strain in strains]
+    names = [f"{cells.design_name(each)}  {at}" for each, at in zip(designs, wheres, strict=True)]
+    axes.set_yticks(range(len(designs)), names)
     axes.set(xlim=(-0.55, columns[-1] + 0.55), ylim=(len(designs) - 0.45, -0.55))
     axes.set_ylabel("design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$")
     for knit in PERIODS:
@@ -91,12 +94,6 @@ def _norm(values: np.ndarray) -> mpl.colors.Normalize:
     bound = MOST_OVER_MEDIAN * float(np.median(largest)) if largest.size else 1.0
     bound = min(float(largest.max(initial=0)), bound) or 1.0
     return mpl.colors.Normalize(-bound, bound)
-
-
-def _name(design: xr.Dataset) -> str:
-    strain = float(design["applied_strain_at_min"])
-    where = f"at {strain:.0%}" if np.isfinite(strain) else ""
-    return f"{cells.design_name(design)}  {where}"
 
 
 FIGURES = {"sensitivity": FigureKind(sensitivity_map)}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.cells import design_name
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.measure.fit_statistics import linear_fit
@@ -21,8 +21,8 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
     """Boundaries, their spectra, and wavelengths against n_subunit (paper, Fig. "wavelength").
 
     Lengths are in cloth, by the gauge, as in the paper. Wavelengths have one fitted line for each
-    n_stripe. Boundary and spectrum are of the smallest unit cell of n_stripe
-    4, or of the first n_stripe if there is no 4.
+    n_stripe. Boundary and spectrum are of the smallest unit cell of n_stripe 4, or of the first
+    n_stripe if there is no 4.
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
         problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"
