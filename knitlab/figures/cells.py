@@ -107,11 +107,6 @@ def designs_of(cube: xr.Dataset) -> list[xr.Dataset]:
     ]
 
 
-def row_count(cubes: Sequence[xr.Dataset]) -> int:
-    """Rows of a map of cubes: every n_stripe that has a design in any of them."""
-    return len({int(design["n_stripe"]) for cube in cubes for design in designs_of(cube)})
-
-
 def design_name(design: xr.Dataset) -> str:
     """A design as text: ``(4, 16)``."""
     return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"

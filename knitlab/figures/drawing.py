@@ -18,7 +18,7 @@ from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.sweep.figure_names import COMPARING, check_figure_suffix

@@ -5,15 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from knitlab.figures.kinds.curves import ROWS
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, name_rows
 from knitlab.laboratory.fit import Fit
 from knitlab.measure.calibration import Calibration
 
-LABELS = (
-    "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
-    "axial strain\nmean $\\varepsilon_{yy}$ [1]",
-    "reaction force [N]",
-)
+LABELS = (ROWS["mean_strain_xx"], ROWS["mean_strain_yy"], "reaction force [N]")
 FITTED, LINEAR = CATEGORY_COLOURS[:2]
 BEFORE, SHADE = "0.55", "0.9"
 

@@ -140,11 +140,8 @@ def largest_thickness(sheet: SurfaceMesh) -> float:
     side, other = (points[:, k] - points[:, 0] for k in (1, 2))
     turn, other_turn = (offsets[:, k] - offsets[:, 0] for k in (1, 2))
     normal = np.cross(side, other)
-    changes = (
-        normal,
-        np.cross(turn, other) + np.cross(side, other_turn),
-        np.cross(turn, other_turn),
-    )
+    first_order = np.cross(turn, other) + np.cross(side, other_turn)
+    changes = (normal, first_order, np.cross(turn, other_turn))
     area, linear, square = ((normal * change).sum(axis=1) for change in changes)
     turned = min(
         _smallest_positive_root(area, sign * linear, square).min(initial=np.inf) for sign in (1, -1)

@@ -166,7 +166,7 @@ def make_plan(
         excluded=space.excluded,
         coordinates={axis.name: workflow_text.coordinate(axis.setting) for axis in axes},
         overrides=text.overrides,
-        inputs=digests(inputs),
+        inputs=digests(sorted(inputs)),
         stripes=_stripes_fingerprint(parameters, read, axes),
         gauge=overridden(parameters.gauge, read.gauge),
         material=parameters.material,

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from knitlab.cube.cube_file import base_dims, is_measured, source_of
 from knitlab.cube.schema import RUN
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import break_note, broken, line_style, snapped_before
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault

@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows
 from knitlab.io.errors import fault
 
@@ -31,11 +31,8 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     are named below.
     """
     if "contact" not in cube.dims or {*CONTACT} - {*map(str, cube["contact"].values)}:
-        raise fault(
-            "contact",
-            "compares designs without contact and with it; run a workflow with both, contact ="
-            " none,barrier",
-        )
+        problem = "compares designs without contact and with it; run a workflow with both, contact"
+        raise fault("contact", f"{problem} = none,barrier")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ...)
     without, touching = (stacked.sel(contact=label) for label in CONTACT)
     planned = (without["status"] != Status.excluded) & (touching["status"] != Status.excluded)

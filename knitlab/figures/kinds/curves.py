@@ -1,9 +1,10 @@
-"""Curves of a tensile test against applied strain, a column for each n_stripe: strains, force.
+"""Curves of a tensile test against applied strain: strains, force, and tension of pure stripes.
 
 Curves are dashed if they were measured, and break where the fabric snaps.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,9 +16,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.schema import RUN, Status
+from knitlab.cube.schema import RUN, STRIPE_DIMS, Status
 from knitlab.figures.cells import designs_of
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Colour, Look, shades
 from knitlab.io.errors import fault
 
@@ -35,14 +36,17 @@ FORCE_ROWS = {
 }
 IN_FIGURE = {"force_per_width": 10.0, "tangent_stiffness": 10.0, "stretch_energy": 100.0}
 """Factors from N/mm, or mJ/mm², to the units of these labels."""
+SHEETS: dict[str, Look] = {
+    "periodic": {"marker": "o", "ms": 2.5, "fillstyle": "full", "ls": ""},
+    "clamped": {"marker": "s", "ms": 5, "fillstyle": "none", "ls": ""},
+}
+"""Marks of the sheets, by their boundary."""
 
 
 def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """ε_xx, ε_yy and ν against applied strain (paper, Fig. "tension plots").
 
-    Colour encodes P, the periods in a patch, in every column. Measured curves are dashed, with a
-    band of two standard errors; the band of a simulated curve is the range of its siblings. A curve
-    breaks where the fabric snaps; a test that did not reach its last strain ends in a cross.
+    Colour encodes P, the periods in a patch, in every column of n_stripe.
     """
     if not any(name in cube for cube in cubes for name in ROWS):
         raise fault("curves", "shows strains, and no cube has any; import markers")
@@ -53,7 +57,7 @@ def force_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """Force over the width of the cloth, tangent stiffness and energy, against applied strain.
 
     The width is that of the relaxed fabric, in cloth by the gauge; the energy is that over its
-    area. Colours, dashes, bands and breaks are those of the figure ``curves``.
+    area.
     """
     if not any("force_per_width" in cube for cube in cubes):
         raise fault("force", "shows force over width, and no cube has any; simulate patches")
@@ -171,7 +175,47 @@ def break_note(designs: Iterable[xr.Dataset]) -> list[Line2D]:
     return [Line2D([], [], color="0.3", ls=(0, (4.2, 3.3)), label=BREAK)]
 
 
+def stripe_tension(cube: xr.Dataset) -> Figure:
+    """Tension curves of pure stripes: zigzag as lines, sheet as points (paper, Fig. 1D, E)."""
+    figure, panels = stripe_panels(cube)
+    sheets = {boundary: SHEETS[boundary] for boundary in cube["boundary"].values}
+    for axes, knit in zip(panels, cube["knit"].values, strict=True):
+        for colour, stripe in coloured_stripes(cube, knit):
+            zigzag = stripe["zigzag_force"].max("boundary")
+            axes.plot(cube["applied_strain"], zigzag, color=colour, label=str(int(stripe["n"])))
+            for boundary, look in sheets.items():
+                points = stripe["row_force"].sel(boundary=boundary)[::4]
+                axes.plot(points["applied_strain"], points, color=colour, **look)
+        axes.set(ylabel="force for one row [N]", ylim=(0, None))
+        axes.legend(title="stripe $n$", loc="upper left")
+    looks: dict[str, Look] = {"2D zigzag": {}}
+    looks |= {f"3D sheet, {boundary}": look for boundary, look in sheets.items()}
+    handles = [Line2D([], [], color="0.3", label=label, **look) for label, look in looks.items()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+def stripe_panels(cube: xr.Dataset) -> tuple[Figure, Sequence[Axes]]:
+    """A figure with one panel for each knit of a cube of pure stripes."""
+    figure = Figure(figsize=(TWO_COLUMNS, 3.2), layout="constrained")
+    knits = cube["knit"].values
+    panels = figure.subplots(1, len(knits), squeeze=False)[0]
+    for axes, knit in zip(panels, knits, strict=True):
+        axes.set(title=f"$n \\times n$ {knit}", xlabel="applied strain [1]")
+    return figure, panels
+
+
+def coloured_stripes(cube: xr.Dataset, knit: str) -> Iterator[tuple[Any, xr.Dataset]]:
+    """The stripes of a knit that have results, each with a colour."""
+    family = cube.sel(knit=knit).transpose("n", "boundary", ...)
+    family = family.isel(n=family["status"].isin(RUN).any("boundary").values)
+    for n, colour in zip(family["n"].values, shades(family.sizes["n"]), strict=True):
+        yield colour, family.sel(n=n)
+
+
+SLICED = ("applied_strain",)
 FIGURES = {
-    "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments"),
-    "force": FigureKind(force_curves, coordinates=("applied_strain",), several="experiments"),
+    "curves": FigureKind(tension_curves, coordinates=SLICED, several="experiments"),
+    "force": FigureKind(force_curves, coordinates=SLICED, several="experiments"),
+    "stripes": FigureKind(stripe_tension, STRIPE_DIMS, coordinates=SLICED),
 }

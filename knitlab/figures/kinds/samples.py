@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
 from knitlab.figures.cells import design_name, designs_of
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
 from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
 from knitlab.io.errors import fault
