@@ -173,8 +173,6 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
 
 def _curve_of_file(name: str, path: Path) -> Target:
     """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
-    columns = read_columns(
-        path, ("strain", name), CURVE_EXAMPLE, lambda header: header.partition("[")[0].strip()
-    )
+    columns = read_columns(path, {"strain": None, name: None}, CURVE_EXAMPLE)
     strains, values = (columns[column].tolist() for column in ("strain", name))
     return read_target({"name": name, "applied_strain": strains, "value": values}, str(path))

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from knitlab.io.errors import BadInput, fault, faults_of
+from knitlab.io.text_file import read_text
 
 Schema = TypeVar("Schema", bound=BaseModel)
 
@@ -20,10 +21,8 @@ class StrictModel(BaseModel):
 def read_toml(path: Path) -> dict[str, Any]:
     """The table in a TOML file; BadInput if it cannot be read, or is not TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
         raise fault(str(path), f"is not TOML ({error}); correct that line") from error
 
 

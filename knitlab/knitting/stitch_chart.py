@@ -11,7 +11,8 @@ border of their patch, which holds an even number of them, and alternate between
 That follows from how plain knit curls, to its back at its sides and to its face at its ends: a
 front stripe of rib is a mountain, one of garter a valley. With ``fold_phase = "stripe_centre"`` the
 folds of the model run along the middles of these stripes and point to these sides. With
-``"stripe_border"`` they run where a front stripe meets a back stripe, and the chart is the same.
+``"stripe_border"`` they run half a stripe later, where the model's stripes meet; the chart is the
+same, and a conductor on such a fold is plated on the stripe that makes it, half a stripe before.
 """
 
 from dataclasses import replace
@@ -150,10 +151,14 @@ def _plated_stitches(
         electrodes = case.electrodes
     except BadLayout as error:
         raise BadInput(Fault("layout", problem) for problem in error.problems) from error
+    on_ridges = not case.capacitor.layout.mask
+    late = on_ridges and case.options.fold_phase == "stripe_border"
+    shift = np.zeros(2)
+    shift[1 - electrodes.axis] = late * case.sample.cells_per_period / 4
     for number, strips in enumerate(electrodes.strips, start=1):
         for strip in strips:
-            across, along = strip.extents
-            courses, wales = rows.between(along), columns.between(across)
+            x, y = strip.extents - shift[:, None]
+            courses, wales = rows.between(y), columns.between(x)
             plated[np.ix_(courses % rows.size, wales % columns.size)] = number
     touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
     if touching.any():

@@ -18,6 +18,7 @@ from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.table_file import factor_of
 from knitlab.io.toml import StrictModel, read_toml
+from knitlab.laboratory.track_formats import YAxis
 from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
@@ -129,6 +130,7 @@ class CapacitanceTable(StrictModel):
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]
     trigger: PlainColumn | None = None  # or, in both logs, a column that rises at the same moment
+    status: PlainColumn | None = None  # 0 for a good reading; by default a column named status
 
     @model_validator(mode="after")
     def _is_synchronised(self) -> "CapacitanceTable":
@@ -138,12 +140,14 @@ class CapacitanceTable(StrictModel):
 
 
 class MarkersTable(StrictModel):
-    """``[markers]``: tracked points, in pixels, x to the right and y down."""
+    """``[markers]``: tracked points, in pixels, x to the right."""
 
-    # An array (frame, marker, 2), as tracking-markers writes it, or CSV: frame, marker, x, y.
+    # One of the formats of knitlab.laboratory.track_formats.read_tracks.
     file: str = Field(min_length=1)
     starts: Time | None = None  # the machine's time at frame 0
     pixel: Length
+    y_axis: YAxis | None = None  # which way y counts in the picture; by default as the format does
+    least_confidence: Annotated[float, Field(ge=0, le=1)] = 0.6  # of positions that are believed
     weft: Towards = "right"  # direction of the fabric's x in the picture, to within 30°
     warp: Towards = "up"
     turned: Annotated[float, Field(ge=-180, le=180)] = 0.0  # anticlockwise rotation before it [°]

@@ -15,6 +15,9 @@ from knitlab.sweep.parameters import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
 FEWEST_POINTS = 3  # rows of a log
+LAST_STEP = 0.1  # of the applied strain, that the record may end before the last strain
+OVERLOAD = 9e36  # meters write 9.9E37 and 9.91E37 in place of what they cannot measure
+STATUS = "status"  # column that is read if there is one
 COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}  # of a log
 
 Values = dict[str, Any]  # values by variable name
@@ -31,6 +34,7 @@ class Pulls:
     triggered: float  # time at which the trigger rose, NaN without one
     length: float  # relaxed, between the clamps [mm]
     cycles: list[Cycle]
+    dropped: int = 0  # records that are no measurement
 
     def strain(self, time: Record) -> Record:
         """Applied strain at times of the machine's clock; NaN before and after its log."""
@@ -39,8 +43,13 @@ class Pulls:
 
     @property
     def summary(self) -> str:
-        """How many cycles there are."""
-        return f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine"
+        """How many cycles there are, and how many records are left out."""
+        count = f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine"
+        return count + (f"; {_left_out(self.dropped)}" if self.dropped else "")
+
+
+def _left_out(count: int) -> str:
+    return f"{count} readings that report an overload or a status are left out"
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
@@ -60,7 +69,7 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     table, protocol = description.tensile, description.protocol
     assert table is not None  # as read_description checks
     path, length = folder / table.file, description.sample.length.to("mm")
-    log, triggered = _read_log(path, table)
+    log, triggered, dropped = _read_log(path, table)
     pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
     column = f"{path}: column {table.extension.column}"
     if not pulls:
@@ -77,14 +86,15 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
         problem = f"begins at an applied strain of {strain.min():.3g}"
         remedy = "give the extension from the relaxed length, which is 0 there"
         raise fault(column, f"{problem}; {remedy}")
-    if strain.max() < requested[-1] * (1 - 1e-9):
+    # A hold begins where the noise of the extension does not show whether it is reached.
+    if strain.max() < requested[-1] - LAST_STEP * (requested[-1] - requested[-2]):
         problem = f"ends at an applied strain of {strain.max():.3g} in its first cycle, but"
         remedy = "reduce strain_max, or give skip_cycles"
         raise fault(column, f"{problem} strain_max is {requested[-1]:g}; {remedy}")
     if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
         problem = "falls as the sample is pulled; give tension as positive"
         raise fault(f"{path}: column {table.force.column}", problem)
-    return Pulls(**log, triggered=triggered, length=length, cycles=pulls)
+    return Pulls(**log, triggered=triggered, length=length, cycles=pulls, dropped=dropped)
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
@@ -92,7 +102,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
     table, pulls = description.capacitance, read_pulls(folder, description)
     assert table is not None  # as read_description checks
     path = folder / table.file
-    log, triggered = _read_log(path, table)
+    log, triggered, dropped = _read_log(path, table)
     lowest = log["capacitance"].min()
     if not lowest > 0:
         problem = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
@@ -130,16 +140,29 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         return values | sensor_values(strains[finite], capacitance[finite], least)
 
     shift = f"the meter's clock is {time[0] - log['time'][0]:+.3g} s from the machine's"
-    return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary, shift]
+    remarks = [_left_out(dropped)] if dropped else []
+    return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary, shift, *remarks]
 
 
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
-) -> tuple[dict[str, Record], float]:
-    """Columns of a log in :data:`COLUMN_UNITS`, and the time at which its trigger rose, or NaN."""
-    present = (name for name in (*COLUMN_UNITS, "trigger") if getattr(table, name, None))
+) -> tuple[dict[str, Record], float, int]:
+    """Columns of a log in :data:`COLUMN_UNITS`, when its trigger rose, and the number of bad rows.
+
+    A row is bad if a reading is an overload, or the status of a meter is not 0. The time at
+    which the trigger rose is NaN without one.
+    """
+    present = (name for name in (*COLUMN_UNITS, "trigger", "status") if getattr(table, name, None))
     columns = {name: getattr(table, name) for name in present}
-    numbers = read_columns(path, [column.column for column in columns.values()], EXAMPLE)
+    units = {column.column: getattr(column, "unit", None) for column in columns.values()}
+    of_meter = isinstance(table, CapacitanceTable)
+    numbers = read_columns(path, units, EXAMPLE, if_present=(STATUS,) if of_meter else ())
+    readings = np.array([numbers[each.column] for each in columns.values()])
+    good = (np.abs(readings) < OVERLOAD).all(axis=0)
+    if of_meter:
+        status = columns["status"].column if "status" in columns else STATUS
+        good &= numbers.get(status, np.zeros(len(good))) == 0
+    numbers = {name: column[good] for name, column in numbers.items()}
     values = {
         name: numbers[columns[name].column] * columns[name].factor(unit)
         for name, unit in COLUMN_UNITS.items()
@@ -147,17 +170,18 @@ def _read_log(
     }
     time = values["time"]
     if len(time) < FEWEST_POINTS:
-        raise fault(str(path), f"has {len(time)} rows; give at least {FEWEST_POINTS}")
+        problem = f"has {len(time)} rows of measurements; give at least {FEWEST_POINTS}"
+        raise fault(str(path), problem)
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
         at = falls[0]
         points = f"point {at + 1} to point {at + 2} ({time[at]:g} s to {time[at + 1]:g} s)"
         problem = f"does not rise from {points}; sort the rows, and keep one of each time"
         raise fault(f"{path}: column {table.time.column}", problem)
     if table.trigger is None:
-        return values, np.nan
+        return values, np.nan, int((~good).sum())
     levels = numbers[table.trigger.column]
     risen = levels > (levels.min() + levels.max()) / 2
     if risen[0] or not risen.any():
         problem = "does not begin low and rise; give starts instead"
         raise fault(f"{path}: column {table.trigger.column}", problem)
-    return values, float(time[risen.argmax()])
+    return values, float(time[risen.argmax()]), int((~good).sum())

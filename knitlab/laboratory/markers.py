@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from numpy.lib.format import MAGIC_PREFIX
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
+from knitlab.laboratory.track_checks import Dropped, without_implausible
+from knitlab.laboratory.track_formats import Trajectories, read_tracks
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
 from knitlab.measure.records import resampled
 from knitlab.measure.unit_cells import (
@@ -34,10 +35,7 @@ AGREEING = np.radians(6)  # of drift and separation, up to which the drift is al
 LEAST_DRIFT = 0.1  # of the middle, over the separation of the end rows, by which one clamp moves
 LARGEST_MISALIGNMENT = 35.0  # of the fabric from its stated direction [°]
 LARGEST_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
-MOST_MISSING_LISTED = 5  # frames without a marker
 IN_PICTURE = {"right": (1, 0), "left": (-1, 0), "up": (0, -1), "down": (0, 1)}  # y points down
-
-Trajectories = Float[np.ndarray, "frame marker 2"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +47,7 @@ class MarkedSample:
     grid: MarkerGrid
     relaxed_frames: int
     unit_cells: tuple[int, int]  # of the sample along (y, x)
+    remarks: Sequence[str] = ()  # on how the tracks were read, and on what was dropped
     turn: float = 0.0  # of the fabric in the picture from the description, anticlockwise [rad]
 
     @property
@@ -97,6 +96,7 @@ def read_markers(folder: Path, description: Description) -> Imports:
         raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", f"{problem}; {remedy}")
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
+    check_pull(path, marked, strain)
     values = [marker_values(marked, requested, strain[span], span) for span in spans]
     mean, error = values[0]["mean_strain_yy"], values[0]["mean_strain_yy_error"]
     if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(error[0])):
@@ -107,13 +107,14 @@ def read_markers(folder: Path, description: Description) -> Imports:
         raise fault(str(path), problem)
     if not np.isfinite(mean).any():
         summary.append("no central unit cell keeps its markers, so there are no mean strains")
-    return values, [marked.summary, *summary]
+    return values, [marked.summary, *marked.remarks, *summary]
 
 
 def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
     """The markers of a description that lies in a folder."""
     path = folder / table.file
-    tracks = in_fabric_axes(read_trajectories(path), table)
+    read = read_tracks(path, table.y_axis, table.least_confidence, table.pixel.to("mm"))
+    tracks = in_fabric_axes(read.positions, table)
     if table.relaxed_frames > len(tracks):
         problem = f"exceeds the number of frames, {len(tracks)}; give fewer"
         raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", problem)
@@ -126,7 +127,14 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     corners = grid.corners(tracks)[:, ::every_y, ::every_x]
     marked = MarkedSample(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
     _check_fits(path, marked, sample)
-    return marked
+    corners, dropped = without_implausible(relaxed, corners)
+    markers = grid.marker[::every_y, ::every_x]
+    remarks = [_remark(markers[each.row, each.column], each) for each in dropped]
+    return replace(marked, corners=corners, remarks=(*read.summary, *remarks))
+
+
+def _remark(marker: int, dropped: Dropped) -> str:
+    return f"marker {marker} {dropped.reason}: it is left out from frame {dropped.frame} on"
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
@@ -167,20 +175,12 @@ def along_pull(
     pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
     along the pull, but less exactly. So the drift is used where it agrees with the separation.
     """
-    pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
-    moved = marked.corners[pulled] - marked.relaxed
-    drifts = (moved + moved[:, ::-1, ::-1]) / 2
-    one, other = np.triu_indices(moved.shape[1], 1)
-    separations = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    if not np.nan_to_num(separations).any():
+    drift, separation = _motion(marked, strain)
+    if not separation.any():
         return marked
-    drift, separation = (
-        np.nanmedian(each.reshape(-1, 2), axis=0) for each in (drifts, separations)
-    )
     by_drift, turn = _direction(drift), _direction(separation)
     difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
-    apart = np.linalg.norm(separation) * (moved.shape[1] - 1)
-    drifting = np.linalg.norm(drift) > LEAST_DRIFT * apart
+    drifting = np.linalg.norm(drift) > LEAST_DRIFT * np.linalg.norm(separation)
     if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
         moves = f"moves {abs(np.degrees(difference)):.0f}° off the separation of its rows"
         remedy = "correct weft and warp, or if the camera moved give align = picture"
@@ -194,6 +194,40 @@ def along_pull(
     back = _clockwise(turn).T
     relaxed, corners = marked.relaxed @ back, marked.corners @ back
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
+
+
+def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]) -> None:
+    """Refuse a sample whose middle moves along its weft, to which also its columns are pulled.
+
+    So it is if coordinates are in the order (row, column), and the sample about as long as wide.
+    """
+    drift, separation = _motion(marked, strain)
+    columns = replace(
+        marked, relaxed=marked.relaxed.swapaxes(0, 1), corners=marked.corners.swapaxes(1, 2)
+    )
+    _, across = _motion(columns, strain)
+    size = np.linalg.norm(separation)
+    drifts_across = np.linalg.norm(drift) > LEAST_DRIFT * size and abs(drift[0]) > abs(drift[1])
+    if drifts_across and abs(across[0]) > size:
+        problem = "shows a sample that is pulled along its weft; correct weft and warp, or the"
+        raise fault(str(path), f"{problem} order of the coordinates, which is x, y")
+
+
+def _motion(
+    marked: MarkedSample, strain: Float[np.ndarray, " frame"]
+) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
+    """Motion of the middle, and of the last row from the first, where the pull is largest."""
+    pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
+    moved = marked.corners[pulled] - marked.relaxed
+    drifts = (moved + moved[:, ::-1, ::-1]) / 2
+    one, other = np.triu_indices(moved.shape[1], 1)
+    separations = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
+    if not np.isfinite(drifts).any() or not np.isfinite(separations).any():
+        return np.zeros(2), np.zeros(2)
+    drift, separation = (
+        np.nanmedian(each.reshape(-1, 2), axis=0) for each in (drifts, separations)
+    )
+    return drift, separation * (moved.shape[1] - 1)
 
 
 def _direction(moved: Float[np.ndarray, "2"]) -> float:
@@ -237,75 +271,9 @@ def marker_values(
     return values | lowest_poisson_ratio(strains, ratio)
 
 
-def read_trajectories(path: Path) -> Trajectories:
-    """Trajectories in pixels, of an ``.npy`` array or a CSV table; NaN where a marker is lost."""
-    if path.suffix not in READERS:
-        raise fault(str(path), "has no suffix .npy or .csv; give one of these")
-    tracks = READERS[path.suffix](path)
-    lost = np.isnan(tracks)
-    empty = np.flatnonzero(lost.all(axis=(1, 2)))
-    if np.isinf(tracks).any():
-        frame, marker, _ = np.argwhere(np.isinf(tracks))[0]
-        problem = f"is infinite for marker {marker} in frame {frame}; write NaN where it is lost"
-    elif (half_known := lost[..., 0] != lost[..., 1]).any():
-        frame, marker = np.argwhere(half_known)[0]
-        problem = f"has only one coordinate of marker {marker} in frame {frame}; correct it"
-    elif len(empty):
-        listed = ", ".join(map(str, empty[:MOST_MISSING_LISTED]))
-        more = ", …" if len(empty) > MOST_MISSING_LISTED else ""
-        problem = f"shows no marker in {len(empty)} frames ({listed}{more})"
-        problem += "; track them again, or cut them off"
-    else:
-        return tracks
-    raise fault(str(path), problem)
-
-
-def _read_array(path: Path) -> Trajectories:
-    try:
-        with path.open("rb") as file:
-            if file.read(len(MAGIC_PREFIX)) != MAGIC_PREFIX:
-                raise fault(str(path), "is not an .npy array; save it with numpy.save")
-        tracks = np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (ValueError, EOFError) as error:
-        problem = f"is not a complete .npy array ({error}); save it with numpy.save"
-        if "allow_pickle" in str(error):
-            problem = "holds pickled objects, which may execute code; save a plain array of floats"
-        raise fault(str(path), problem) from error
-    if tracks.dtype.kind not in "fiu":
-        raise fault(str(path), "holds no array of numbers; save one with numpy.save")
-    if tracks.ndim != 3 or tracks.shape[2] != 2:
-        problem = f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
-        raise fault(str(path), problem)
-    if not tracks.size:
-        raise fault(str(path), f"is empty, of shape {tracks.shape}; track some markers")
-    return tracks.astype(float)
-
-
-def _read_rows(path: Path) -> Trajectories:
-    """Rows may be in any order; a marker without a row in a frame is lost there."""
-    table = _columns(path, ("frame", "marker", "x", "y"))
-    frames, frame = np.unique(_integers(path, "frame", table), return_inverse=True)
-    markers, marker = np.unique(_integers(path, "marker", table), return_inverse=True)
-    if frames[0] > 1:
-        problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
-        raise fault(f"{path}: column frame", problem)
-    if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
-        raise fault(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
-    if len(np.unique(np.stack([frame, marker], axis=1), axis=0)) < len(frame):
-        raise fault(str(path), "has a marker twice in one frame; keep one row")
-    tracks = np.full((len(frames), len(markers), 2), np.nan)
-    tracks[frame, marker] = np.stack([table["x"], table["y"]], axis=1)
-    return tracks
-
-
-READERS = {".npy": _read_array, ".csv": _read_rows}
-
-
 def _columns(path: Path, names: tuple[str, ...]) -> dict[str, Float[np.ndarray, " row"]]:
     example = f"write it as in '{','.join(names)}'"
-    return read_columns(path, names, example, lambda header: header.strip().lower(), ("x", "y"))
+    return read_columns(path, dict.fromkeys(names), example, lower=True)
 
 
 def _integers(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:

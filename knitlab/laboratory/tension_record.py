@@ -96,7 +96,7 @@ def read_tension_record(
 
 def _columns(path: Path) -> dict[str, tuple[pd.Series, str]]:
     """The columns that are read, by what they hold, each with its unit."""
-    headers, table = read_table(path, EXAMPLE)
+    headers, table, _ = read_table(path, EXAMPLE)
     columns: dict[str, tuple[pd.Series, str]] = {}
     faults = []
     for number, header in enumerate(headers):

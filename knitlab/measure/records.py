@@ -14,6 +14,12 @@ from jaxtyping import Bool, Float
 FEWEST_POINTS = {2: 8, 1: 4, 0: 3}  # points needed by a polynomial of this degree
 LEAST_CURVATURE = 1e-6  # of normal equations, smallest over largest, if points are not too close
 AT_REST = 1e-9  # range of the strains of records at rest, over the width of a window
+WITHIN_NOISE = 8.0  # range of the records of a hold, over the standard deviation of their noise
+AT_SPEED = 20.0  # motion at the usual speed during the shortest hold, over that range
+ABOVE_NOISE = 30.0  # motion from which a speed is estimated, over its standard deviation
+LEAST_SPEED = 0.05  # of the machine while it moves, over the largest
+FEWEST_STEPS = 5.0  # and over the resolution
+FEWEST_HELD = 10  # records of a hold
 DRAWN_OUT = 0.1  # largest extrapolation of a polynomial beyond its last point, over its length
 
 Record = Float[np.ndarray, " record"]
@@ -21,26 +27,39 @@ Record = Float[np.ndarray, " record"]
 
 @dataclass(frozen=True)
 class Cycle:
-    """Times at which a cycle starts, turns to unloading and ends; at ``turn`` without unloading."""
+    """Times at which a cycle starts, turns to unloading and ends; at ``turn`` without unloading.
+
+    ``holds`` are the times between which the machine stands still during the cycle, while the force
+    relaxes. They are neither loading nor unloading.
+    """
 
     start: float
     turn: float
     end: float
+    holds: tuple[tuple[float, float], ...] = ()
 
     def loaded(self, time: Record) -> Bool[np.ndarray, " record"]:
         """Whether times are during loading."""
-        return (time >= self.start) & (time <= self.turn)
+        held = [(time > first) & (time <= last) for first, last in self.holds]
+        return (time >= self.start) & (time <= self.turn) & ~_any(held, time)
 
     def unloaded(self, time: Record) -> Bool[np.ndarray, " record"]:
         """Whether times are during unloading."""
-        return (time >= self.turn) & (time <= self.end)
+        held = [(time >= first) & (time < last) for first, last in self.holds]
+        return (time >= self.turn) & (time <= self.end) & ~_any(held, time)
+
+
+def _any(
+    conditions: list[Bool[np.ndarray, " record"]], time: Record
+) -> Bool[np.ndarray, " record"]:
+    return np.any([np.zeros(time.shape, bool), *conditions], axis=0)
 
 
 def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
     """The cycles of a test in order, from its extension at ascending times.
 
     A reversal by less than ``least_turn`` of the full range is ignored, and so are records before
-    the first loading and a final loading by less than that.
+    the first loading and a final loading by less than that. Rest before a loading belongs to it.
     """
     span = np.ptp(extension)
     if not span > 0:
@@ -48,11 +67,44 @@ def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
     turns = _turns(extension, least_turn * span)
     # A test may end without unloading.
     triples = zip(turns, turns[1:], [*turns[2:], *turns[-1:]], strict=False)
-    return [
-        Cycle(*map(float, time[[low, high, last]]))
-        for low, high, last in triples
-        if extension[high] > extension[low]
-    ]
+    holds = [(float(time[first]), float(time[last])) for first, last in _holds(extension)]
+    made = []
+    for low, high, last in triples:
+        if extension[high] > extension[low]:
+            start, turn, end = time[[low, high, last]].tolist()
+            within = tuple(each for each in holds if start < each[0] <= end)
+            made.append(Cycle(start, turn, end, within))
+    return made
+
+
+def _holds(extension: Record) -> list[tuple[int, int]]:
+    """First and last records of the spans in which a machine stands still but for noise.
+
+    Over such a span, loading at its usual speed would move many times the noise and the resolution.
+    """
+    steps = np.abs(np.diff(extension))
+    if len(steps) < 2 or not steps.any():
+        return []
+    # The median second difference of a ramp is that of its noise, of variance 1 + 4 + 1.
+    noise = 1.4826 * np.median(np.abs(np.diff(extension, 2))) / math.sqrt(6)
+    apart, moved = 1, steps
+    while moved.max() < ABOVE_NOISE * noise and 2 * apart < len(extension):
+        apart *= 2
+        moved = np.abs(extension[apart:] - extension[:-apart])
+    speed = np.median(moved[moved > LEAST_SPEED * moved.max()]) / apart
+    band = WITHIN_NOISE * noise
+    needed = max(AT_SPEED * band, FEWEST_STEPS * steps[steps > 0].min()) / speed
+    length = max(FEWEST_HELD, math.ceil(needed))
+    if length > len(extension):
+        return []
+    windows = np.lib.stride_tricks.sliding_window_view(extension, length)
+    still = np.zeros(len(extension) + 1, int)
+    starts = np.flatnonzero(np.ptp(windows, axis=1) <= band)
+    np.add.at(still, starts, 1)
+    np.add.at(still, starts + length, -1)
+    edges = np.diff(np.concatenate([[False], np.cumsum(still[:-1]) > 0, [False]]).astype(int))
+    first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return list(zip(first.tolist(), last.tolist(), strict=True))
 
 
 def _turns(extension: Record, least: float) -> list[int]:

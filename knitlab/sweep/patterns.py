@@ -11,6 +11,7 @@ from pydantic import Field, PositiveInt, RootModel, model_validator
 from knitlab.fabric.pattern import KNIT_OF_LETTER, BadPattern, Grading, SingleFold, letters_of
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
 from knitlab.io.errors import fault
+from knitlab.io.text_file import read_text
 from knitlab.io.toml import StrictModel
 from knitlab.sweep.declared_fields import with_defaults, with_fields
 
@@ -102,7 +103,7 @@ class Pattern(StrictModel):
         path = self.files(folder)[0]
         try:
             if self.map is not None:
-                lines = path.read_text(encoding="utf-8").splitlines()
+                lines = read_text(path).splitlines()
                 rows = tuple(line.strip().upper() for line in lines if line.strip())
             else:
                 rows = _letters_of_image(path, self.colours)
@@ -110,8 +111,6 @@ class Pattern(StrictModel):
         except OSError as error:
             problem = f"cannot be read ({error.strerror or error}); check the path"
             raise fault(str(path), problem) from error
-        except UnicodeDecodeError as error:
-            raise fault(str(path), "is not a text file; give rows of letters") from error
         except BadPattern as error:
             raise fault(str(path), str(error)) from error
         return rows

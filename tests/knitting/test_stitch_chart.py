@@ -112,8 +112,36 @@ def test_electrodes_take_whole_stitches_about_their_ridges():
     assert [(chart.plated[0] == number).sum() for number in (1, 2)] == [4, 4]
     assert (chart.plated == chart.plated[0]).all()
     assert chart.plated_face == ("front", "front")
-    # A ridge lies where the bed changes, two stitches before and two after it.
-    assert chart.front[0, chart.plated[0] == 1].tolist() == [True, True, False, False]
+
+
+@pytest.mark.parametrize("phase", ["stripe_border", "stripe_centre"])
+@pytest.mark.parametrize("start", ["mountain", "valley"])
+@pytest.mark.parametrize(
+    ("layout", "knit"), [("checkerboard", "rib"), ("checkerboard_courses", "garter")]
+)
+def test_conductors_of_the_front_cover_mountains_of_how_plain_knit_curls(
+    phase, start, layout, knit
+):
+    """Rib rises in front stripes, which curl to their back at their sides; garter in back ones."""
+    chart = stitch_chart(
+        case_of(
+            "sensor",
+            n_stripe=4,
+            n_subunit=32,
+            layout=layout,
+            fold_phase=phase,
+            garter_start=start,
+        )
+    )
+    in_patches = np.repeat(
+        np.repeat(chart.knit == knit, np.diff(chart.row_borders), axis=0),
+        np.diff(chart.column_borders),
+        axis=1,
+    )
+    for electrode in (1, 2):
+        on_folds = chart.front[in_patches & (chart.plated == electrode)]
+        assert len(on_folds) == (4 * 64 if knit == "rib" else 8 * 32)
+        assert (on_folds == (knit == "rib")).all()
 
 
 def test_an_electrode_narrower_than_a_stitch_takes_one():

@@ -85,10 +85,10 @@ def with_value(value, *place):
 
 
 TENSILE = [
-    ("empty", lambda path: path.write_text(""), "is not a CSV table"),
-    ("header only", lines(lambda text: text[:1]), "has no rows"),
-    ("ragged", lines(lambda text: [*text[:5], text[5] + ",1,2,3", *text[6:]]), "not a CSV table"),
-    ("short row", lines(lambda text: [*text[:5], "0.01", *text[6:]]), "point 5 is empty"),
+    ("empty", lambda path: path.write_text(""), "has no table of numbers"),
+    ("header only", lines(lambda text: text[:1]), "has no table of numbers"),
+    ("ragged", lines(lambda text: [*text[:5], text[5] + ",1,2,3", *text[6:]]), "line 6: has"),
+    ("short row", lines(lambda text: [*text[:5], "0.01", *text[6:]]), "line 6: has 1 fields"),
     ("words", cell(7, 1, "slack"), "point 7 is 'slack'"),
     ("a NaN", cell(7, 3, "nan"), "column force: point 7 is 'nan'"),
     ("a run of NaN", lambda path: [cell(row, 3, "NaN")(path) for row in range(9, 20)], "10 more"),
@@ -103,7 +103,7 @@ TENSILE = [
     ),
     ("never pulled", lines(lambda text: text[:30]), "never rises"),
     ("pulled less", lines(lambda text: text[:200]), "but strain_max is 0.3"),
-    ("binary", lambda path: path.write_bytes(bytes(range(128, 255))), "is not a CSV table"),
+    ("binary", lambda path: path.write_bytes(bytes(range(128, 255))), "is no text"),
     ("gone", lambda path: path.unlink(), "cannot be read"),
 ]
 
@@ -156,9 +156,9 @@ ROWS = "frame,marker,x,y\n" + "".join(
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "is not a CSV table"),
-        ("frame,marker,x,y\n", "has no rows"),
-        (ROWS.replace("marker,", "point,", 1), "column marker: is missing"),
+        ("", "has no table of numbers"),
+        ("frame,marker,x,y\n", "has no table of numbers"),
+        (ROWS.replace("marker,", "point,", 1), "has no columns of markers"),
         (ROWS.replace("\n0,4,", "\n0,4.5,"), "has 4.5 at point 5"),
         (ROWS.replace("\n1,", "\n7,"), "skips 1"),
         (
@@ -322,9 +322,15 @@ def test_still_markers_are_refused(tmp_path, good):
     refused(tmp_path, good, "markers", problem, files=[("markers.npy", still)])
 
 
-def test_semicolons_are_named(tmp_path, good):
-    other = lines(lambda text: [line.replace(",", ";") for line in text])
-    refused(tmp_path, good, "tensile", "by semicolons", files=[("tensile.csv", other)])
+def test_a_log_with_semicolons_and_decimal_commas_is_the_same(tmp_path, good):
+    (tmp_path / "other").mkdir()
+    other = lines(lambda text: [line.replace(",", ";").replace(".", ",") for line in text])
+    _, plain = imported(tmp_path, good, "tensile")
+    _, same = imported(tmp_path / "other", good, "tensile", files=[("tensile.csv", other)])
+    force, again = (
+        kl.open_cube(results / "sheet").reaction_force.values for results in (plain, same)
+    )
+    np.testing.assert_array_equal(force, again)
 
 
 def test_a_cube_of_simulations_is_not_overwritten(tmp_path, good):

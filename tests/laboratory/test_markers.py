@@ -14,8 +14,8 @@ from knitlab.laboratory.markers import (
     in_fabric_axes,
     marker_values,
     read_marked,
-    read_trajectories,
 )
+from knitlab.laboratory.track_formats import read_tracks
 from knitlab.measure.marker_grid import find_grid
 from knitlab.measure.unit_cells import deformation_gradient, lattice_vectors
 from tests.laboratory.recorded import CAMERA, CELLS, NU, Laboratory, positions
@@ -61,7 +61,7 @@ def test_rotated_scaled_shuffled_and_missing_markers_give_the_same_strains(
     present = np.setdiff1d(np.arange(count), [0, count - 1][:missing])
     order = random.permutation(present)
     tracks = camera.sees(corners.reshape(31, -1, 2), random)[:, order]
-    fabric = in_fabric_axes(tracks, table(pixel={"value": pixel, "unit": "mm"}))
+    fabric = in_fabric_axes(tracks * [1, -1], table(pixel={"value": pixel, "unit": "mm"}))
     grid = find_grid(fabric[0])
     marked = along_pull(
         PATH,
@@ -165,7 +165,7 @@ def test_axes_are_those_that_the_description_gives(weft, warp, turned):
     np.testing.assert_allclose(in_fabric_axes(pixels, each), points, atol=1e-12)
     turn = np.radians(turned)
     camera = Camera(0.1, turn, (0.0, 0.0), 0.0)
-    seen = camera.sees(points, np.random.default_rng(0))
+    seen = camera.sees(points, np.random.default_rng(0)) * [1, -1]
     np.testing.assert_allclose(in_fabric_axes(seen, table(turned=turned)), points, atol=1e-12)
 
 
@@ -182,13 +182,17 @@ def test_a_csv_of_markers_is_read_as_the_array(tmp_path):
         if np.isfinite(x) or marker % 2
     ]
     (tmp_path / "markers.csv").write_text("\n".join(["Frame, Marker, x, y", *rows]))
-    np.testing.assert_allclose(read_trajectories(tmp_path / "markers.csv"), tracks)
+    of_array, of_table = (
+        read_tracks(tmp_path / f"markers.{suffix}", "up").positions for suffix in ("npy", "csv")
+    )
+    np.testing.assert_allclose(of_table, of_array)
+    np.testing.assert_allclose(of_array, tracks * [1, -1])
     assert path.exists()
 
 
 def test_every_second_marker_may_be_a_corner_and_places_may_be_given(tmp_path):
     fine = np.stack(np.mgrid[:9, :7][::-1], axis=-1).reshape(-1, 2) * [7.5, 10.0]
-    tracks = np.stack([fine, fine * [1.05, 1.1]]) / 0.1 * [1, -1]
+    tracks = np.stack([fine, fine * [1.05, 1.1]]) / 0.1
     np.save(tmp_path / "markers.npy", tracks)
     marked = read_marked(tmp_path, table(markers_per_cell=[2, 2]), SAMPLE)
     assert marked.relaxed.shape == (5, 4, 2)

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from knitlab.measure.records import cycles, resampled
 
@@ -78,3 +80,49 @@ def test_a_single_loading_is_a_cycle_without_unloading():
     time = np.linspace(0, 1, 50)
     (only,) = cycles(time, time, 0.1)
     assert (only.start, only.turn, only.end) == (0, 1, 1)
+
+
+@given(
+    noise=st.sampled_from([0.0, 1e-4, 1e-3]),
+    hold=st.floats(5.0, 300.0),
+    stops=st.integers(0, 3),
+    repeats=st.integers(1, 3),
+    seed=st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=40, deadline=None)
+def test_a_hold_is_neither_loading_nor_unloading(noise, hold, stops, repeats, seed):
+    """Ramps of 0.2 mm/s to 7.5 mm, with stops in which the force relaxes by 30 %."""
+    random, speed, peak, rate = np.random.default_rng(seed), 0.2, 7.5, 4.0
+    levels = np.linspace(0, peak, stops + 2)[1:]
+    extension, force = [np.zeros(1)], [np.zeros(1)]
+    for _ in range(repeats):
+        for low, high in zip([0.0, *levels[:-1]], levels, strict=True):
+            ramp = np.linspace(low, high, round((high - low) / speed * rate) + 1)[1:]
+            still = np.arange(1, round(hold * rate) + 1) / rate
+            extension += [ramp, np.full(len(still), high)]
+            force += [ramp**2, high**2 * (0.7 + 0.3 * np.exp(-still / 20))]
+        back = np.linspace(peak, 0, round(peak / speed * rate) + 1)[1:]
+        extension += [back, np.zeros(8)]
+        relaxed = 0.7 + 0.3 * np.exp(-still[-1] / 20)
+        force += [relaxed * back**2, np.zeros(8)]
+    shown = np.concatenate(extension)
+    shown = shown + random.normal(0, noise, len(shown)) if noise else shown
+    measured, time = np.concatenate(force), np.arange(len(shown)) / rate
+    found = cycles(time, shown, 0.1)
+    assert len(found) == repeats
+    at = np.linspace(0, peak, 16)
+    for cycle in found:
+        for phase, part in ((cycle.loaded, 1.0), (cycle.unloaded, relaxed)):
+            during = phase(time)
+            values = resampled(at, shown[during], measured[during]).values
+            np.testing.assert_allclose(values, part * at**2, atol=0.01 * peak**2)
+
+
+def test_a_slow_ramp_is_not_a_hold():
+    """A preload at a tenth of the speed, and an extension in steps of the resolution."""
+    slow = np.linspace(0, 0.5, 101)
+    fast = np.linspace(0.5, 6, 111)[1:]
+    for extension in (np.concatenate([slow, fast]), np.round(np.concatenate([slow, fast]), 2)):
+        (cycle,) = cycles(np.arange(len(extension), dtype=float), extension, 0.1)
+        during = cycle.loaded(np.arange(len(extension), dtype=float))
+        assert during.sum() > 0.9 * len(extension)

@@ -29,7 +29,8 @@ class Camera:
     Attributes:
         pixel: size of a pixel on the fabric [mm].
         turn: rotation of the fabric in the picture, anticlockwise [rad].
-        centre: pixel at the middle of the relaxed fabric, x to the right and y down.
+        centre: pixel at the middle of the relaxed fabric, x to the right and y up, as
+            tracking-markers counts it.
         noise: standard deviation of a tracked coordinate [pixel].
     """
 
@@ -44,8 +45,7 @@ class Camera:
         """Points along weft and warp, relative to the middle [mm], as tracked in pixels."""
         cosine, sine = np.cos(self.turn), np.sin(self.turn)
         turned = points @ np.array([[cosine, sine], [-sine, cosine]])
-        upright = turned * np.array([1.0, -1.0]) / self.pixel + self.centre
-        return upright + random.normal(0, self.noise, points.shape)
+        return turned / self.pixel + self.centre + random.normal(0, self.noise, points.shape)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,66 @@
+"""Text files of any program: their encoding is recognised, and what is no text is named."""
+
+import codecs
+from pathlib import Path
+
+from knitlab.io.errors import fault
+
+MARKS = (  # UTF-32 before UTF-16, whose mark begins that of UTF-32
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+"""Byte order marks, and the encodings that they announce."""
+BINARY = {
+    b"PK\x03\x04": "is an Excel workbook or another archive, not text; export it as CSV",
+    b"\xd0\xcf\x11\xe0": "is an old Excel workbook, not text; export it as CSV",
+    b"\x89HDF": "is an HDF5 or netCDF file, not text; give a text file",
+    b"CDF": "is a netCDF file, not text; give a text file",
+    b"\x93NUMPY": "is a NumPy array, not text; give a text file",
+    b"\x89PNG": "is a PNG image, not text; give a text file",
+}
+"""First bytes of files that are no text, and what to do instead."""
+SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f\ufeff"), " ")
+"""Spaces that programs write in place of a plain one."""
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, UTF-16, UTF-32 or, failing these, Windows-1252.
+
+    Lines end with a line feed, and no-break spaces become plain ones.
+
+    Raises:
+        BadInput: if the file cannot be read, or is no text.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    for begin, problem in BINARY.items():
+        if content.startswith(begin):
+            raise fault(str(path), problem)
+    try:
+        text = content.decode(_encoding(content))
+    except UnicodeDecodeError as error:
+        problem = f"is no text in UTF-8, UTF-16 or Windows-1252 ({error.reason}); save it as UTF-8"
+        raise fault(str(path), problem) from error
+    if "\0" in text:
+        raise fault(str(path), "has zero bytes, so it is no text; export it as text in UTF-8")
+    return text.translate(SPACES).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _encoding(content: bytes) -> str:
+    for mark, encoding in MARKS:
+        if content.startswith(mark):
+            return encoding
+    # Without a mark, every other byte of Latin text in UTF-16 is zero.
+    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if len(content) > 1 and not any(content[first:200:2]) and any(content[1 - first : 200 : 2]):
+            return encoding
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"

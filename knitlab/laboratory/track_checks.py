@@ -1,0 +1,178 @@
+"""Checks of tracked markers: a position that a fabric cannot have is taken as lost.
+
+A fabric deforms smoothly from one unit cell to the next, so that the displacement of a marker
+follows from those of its neighbours. A marker that departs from this between two frames, coincides
+with another, stands still while its neighbours move, or turns a unit cell over is something else
+from then on: its later positions are dropped too.
+"""
+
+import warnings
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+JUMP = 0.35  # departure from the neighbours that one frame may add, over the step of the grid
+COINCIDENT = 0.05  # distance of two markers, over the step of the grid
+FEWEST_STILL = 3  # frames at exactly one position
+IN_ROW = [3, 7, 8]  # predictions of a displacement by its own row
+STILL = 0.1  # departure from the neighbours meanwhile, over the step of the grid
+
+Corners = Float[np.ndarray, "frame row column 2"]
+Field = Float[np.ndarray, "row column 2"]
+Fields = Float[np.ndarray, "*frame row column 2"]
+
+
+class Dropped(NamedTuple):
+    """A marker that is lost from a frame on, by its row and column in the grid, and why."""
+
+    row: int
+    column: int
+    frame: int
+    reason: str
+
+
+def without_implausible(relaxed: Field, corners: Corners) -> tuple[Corners, list[Dropped]]:
+    """Positions of a grid of markers without those that no fabric has, and what was dropped.
+
+    ``relaxed`` are the positions at rest; both are NaN where there is no marker.
+    """
+    steps = [np.linalg.norm(np.diff(relaxed, axis=axis), axis=-1) for axis in (0, 1)]
+    step = min(float(np.nanmedian(each)) for each in steps)
+    kept, dropped = corners.copy(), list[Dropped]()
+
+    def drop(marker: tuple[int, int], frame: int, reason: str) -> None:
+        kept[(slice(frame, None), *marker)] = np.nan
+        dropped.append(Dropped(*marker, frame, reason))
+
+    # Where each marker was in the frame before, or where its neighbours have moved it to since.
+    before = relaxed.copy()
+    for frame, now in enumerate(kept):
+        for marker in _jumping(now - before, JUMP * step):
+            drop(marker, frame, "jumps away from its neighbours")
+        for marker in _coincident(now, COINCIDENT * step):
+            drop(marker, frame, "coincides with another marker")
+        while (over := _turned_over(now)).any():
+            departure = now - relaxed - predicted_by_neighbours(now - relaxed)
+            size = np.where(over, 1 + np.nan_to_num(_length(departure)), 0.0)
+            drop(_largest(size), frame, "turns a unit cell over")
+        moved = np.nan_to_num(predicted_by_neighbours(now - before))
+        before = np.where(np.isfinite(now), now, before + moved)
+    while (still := _still(kept - relaxed, STILL * step)) is not None:
+        drop(*still, "stands still while its neighbours move")
+    return kept, dropped
+
+
+def _length(vectors: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any"]:
+    return np.linalg.norm(vectors, axis=-1)
+
+
+def _largest(size: Float[np.ndarray, "row column"]) -> tuple[int, int]:
+    row, column = np.unravel_index(np.argmax(size), size.shape)
+    return int(row), int(column)
+
+
+def _jumping(moved: Field, least: float) -> list[tuple[int, int]]:
+    """The markers that move unlike their neighbours.
+
+    Beside one that jumps, others seem to, so that in turn the one is taken without which the others
+    move most alike. One that agrees with those that are left was taken for its neighbour.
+    """
+
+    def departed() -> Float[np.ndarray, "row column"]:
+        return np.nan_to_num(_length(kept - predicted_by_neighbours(kept)))
+
+    kept, jumping = moved.copy(), list[tuple[int, int]]()
+    while suspects := np.argwhere(departed() > least).tolist():
+        left = []
+        for row, column in suspects:
+            kept[row, column] = np.nan
+            left.append(departed().sum())
+            kept[row, column] = moved[row, column]
+        row, column = suspects[int(np.argmin(left))]
+        kept[row, column] = np.nan
+        jumping.append((row, column))
+    for marker in jumping.copy():
+        kept[marker] = moved[marker]
+        if (departed() > least).any():
+            kept[marker] = np.nan
+        else:
+            jumping.remove(marker)
+    return jumping
+
+
+def predicted_by_neighbours(displacement: Fields) -> Fields:
+    """Median of what neighbours predict, exact for affine deformation; NaN without neighbours."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of markers without neighbours
+        return np.nanmedian(_predictions(displacement), axis=0)
+
+
+def _predictions(displacement: Fields) -> Float[np.ndarray, "prediction *frame row column 2"]:
+    """What neighbours predict, NaN where they are lost.
+
+    A displacement is the mean of two opposite neighbours, the extrapolation of two in a row, and
+    the fourth of a parallelogram with three.
+    """
+    rows, columns = displacement.shape[-3:-1]
+    margin = [(0, 0)] * (displacement.ndim - 3) + [(2, 2), (2, 2), (0, 0)]
+    padded = np.pad(displacement, margin, constant_values=np.nan)
+
+    def at(y: int, x: int) -> Fields:
+        return padded[..., 2 + y : 2 + y + rows, 2 + x : 2 + x + columns, :]
+
+    directions = [(y, x) for y, x in product((-1, 0, 1), repeat=2) if (y, x) != (0, 0)]
+    predicted = [(at(y, x) + at(-y, -x)) / 2 for y, x in directions[:4]]
+    predicted += [2 * at(y, x) - at(2 * y, 2 * x) for y, x in directions]
+    predicted += [at(y, 0) + at(0, x) - at(y, x) for y, x in product((-1, 1), repeat=2)]
+    return np.array(predicted)
+
+
+def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] | None:
+    """The marker that stays at one position while its neighbours move most, and since when.
+
+    They move if not one prediction of them is that it stays. One of them must be of its own row,
+    which stays as a whole where it is in a clamp.
+    """
+    same = (np.diff(displacement, axis=0) == 0).all(axis=-1)
+    suspects = np.argwhere(same.sum(axis=0) >= FEWEST_STILL - 1).tolist()
+    if not suspects:
+        return None
+    predictions = _predictions(displacement)
+    worst, still = least, None
+    for row, column in suspects:
+        edges = np.diff(np.concatenate([[0], same[:, row, column], [0]]).astype(int))
+        starts, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
+        for first, last in zip(starts, ends, strict=True):
+            own = predictions[:, first : last + 1, row, column]
+            moves = _length(own[:, -1] - own[:, 0])
+            if last - first < FEWEST_STILL - 1 or np.isnan(moves[IN_ROW]).all():
+                continue
+            if (away := float(np.nanmin(moves))) > worst:
+                worst, still = away, ((row, column), first + 1)
+    return still
+
+
+def _coincident(positions: Field, near: float) -> list[tuple[int, int]]:
+    """Markers closer to one of their neighbours than a distance."""
+    rows, columns = positions.shape[:2]
+    close = np.zeros((rows, columns), bool)
+    for y, x in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        one = positions[: rows - y, max(0, -x) : columns - max(0, x)]
+        other = positions[y:, max(0, x) : columns + min(0, x)]
+        together = np.linalg.norm(one - other, axis=-1) < near
+        close[: rows - y, max(0, -x) : columns - max(0, x)] |= together
+        close[y:, max(0, x) : columns + min(0, x)] |= together
+    return [(row, column) for row, column in np.argwhere(close).tolist()]
+
+
+def _turned_over(positions: Field) -> Bool[np.ndarray, "row column"]:
+    """Markers seen at a corner of a cell whose signed area is not positive."""
+    low, high = positions[:-1], positions[1:]
+    one, other = high[:, 1:] - low[:, :-1], high[:, :-1] - low[:, 1:]  # the diagonals
+    over = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0] <= 0
+    corners = np.zeros(positions.shape[:2], bool)
+    for y, x in product((0, 1), repeat=2):
+        corners[y : len(low) + y, x : positions.shape[1] - 1 + x] |= over
+    return corners & np.isfinite(positions[..., 0])
