@@ -158,11 +158,11 @@ class MaterialFile(StrictModel):
             if table is not None
             for row in table.n.values()
         ]
-        lengths = {length: getattr(self, length) for length in SCALED}
+        lengths, plain = {length: getattr(self, length) for length in SCALED}, self.plain
         return Material(
             tuple(tables.stripe(knit, n) for knit in knits for n in tables.rows(knit)),
             name=self.name or name,
-            plain=self.plain and PlainKnit(**{name: entry.value for name, entry in self.plain}),
+            plain=PlainKnit(**{name: entry.value for name, entry in plain}) if plain else None,
             interpolate=self.interpolate,
             source="; ".join(dict.fromkeys(sources)),
             **{length: entry.value for length, entry in lengths.items() if entry is not None},
