@@ -1,7 +1,6 @@
 """Fits of the stripes: to the tension curve of a stripe, and to a test of a fabric."""
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -61,19 +60,15 @@ def fit_figure(fit: Fit, title: str) -> Figure:
         if column == 0:
             below.set_ylabel("difference\nover error [1]")
             handles = above.get_legend_handles_labels()[0]
-    _draw_factors(figure.add_subplot(grid[:, 3]), fit)
+    factors, names = figure.add_subplot(grid[:, 3]), list(fit.factors)
+    for row, name in enumerate(names):
+        factor, reach = fit.factors[name], np.exp(2 * fit.standard_errors[name])
+        factors.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
+        factors.plot(factor, row, "o", color=FITTED, ms=4)
+    factors.axvline(1, color=BEFORE, lw=0.8)
+    name_rows(factors, names)
+    factors.set_xlabel("fitted / table [1]\n± 2 standard errors")
     handles.append(Patch(color=SHADE, label="difference within one error"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     figure.suptitle(title, fontsize=8)
     return figure
-
-
-def _draw_factors(axes: Axes, fit: Fit) -> None:
-    names = list(fit.factors)
-    for row, name in enumerate(names):
-        factor, reach = fit.factors[name], np.exp(2 * fit.standard_errors[name])
-        axes.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
-        axes.plot(factor, row, "o", color=FITTED, ms=4)
-    axes.axvline(1, color=BEFORE, lw=0.8)
-    name_rows(axes, names)
-    axes.set_xlabel("fitted / table [1]\n± 2 standard errors")

@@ -103,19 +103,11 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
         panel.set_ylim(below, above)
         panel.axhspan(max(target.low, below), min(target.high, above), label="wanted", **shade)
         return
-    line: Look = {"color": WANTED, "lw": 2, "label": "wanted", "zorder": 3}
-    tolerance = target.tolerance
-    if target.curve is not None:
-        strains, wanted = map(np.asarray, target.curve)
-        panel.plot(strains, wanted, **line)
-        if tolerance is not None:
-            low, high = wanted - tolerance, wanted + tolerance
-            panel.fill_between(strains, low, high, label="its tolerance", **shade)
-    else:
-        panel.axhline(target.low, **line)
-        if tolerance is not None:
-            ends = [target.low - tolerance, target.low + tolerance]
-            panel.axhspan(*ends, label="its tolerance", **shade)
+    strains, wanted = target.curve or (panel.get_xlim(), (target.low, target.low))
+    panel.plot(strains, wanted, color=WANTED, lw=2, label="wanted", zorder=3)
+    if (tolerance := target.tolerance) is not None:
+        low, high = (np.add(wanted, sign * tolerance) for sign in (-1, 1))
+        panel.fill_between(strains, low, high, label="its tolerance", **shade)
 
 
 def pareto_figure(

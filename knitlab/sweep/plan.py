@@ -31,7 +31,7 @@ from knitlab.sweep.cases import (
     unusual_values,
     with_pattern_files,
 )
-from knitlab.sweep.material import with_material_file
+from knitlab.sweep.material import MATERIAL, with_material_file
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
@@ -135,8 +135,12 @@ def make_plan(
         parameters = read_parameters(folder)
     with faults:
         if parameters and (model := text.section("model")):
-            parameters, text, files = with_material_file(model, parameters, text)
-            inputs += files
+            if model.material is not None:
+                inputs.append(text.folder(MATERIAL) / model.material)
+                parameters, text = with_material_file(inputs[-1], parameters, text)
+            if (interpolate := model.interpolate_stripes) is not None:
+                stripes = parameters.stripes.model_copy(update={"interpolate": interpolate})
+                parameters = replace(parameters, stripes=stripes)
     with faults:
         read, axes = text.checked()
     with faults:

@@ -91,6 +91,11 @@ def survey(
     return states
 
 
+def labelled(dims: Iterable[str], design: Design) -> str:
+    """A design as text."""
+    return "  ".join(f"{name} {label}" for name, label in zip(dims, design, strict=True))
+
+
 def read_plan(folder: Path) -> dict[str, Any]:
     """The record of a folder's plan."""
     path = folder / PLAN
@@ -127,6 +132,11 @@ def earlier_failures(folder: Path) -> dict[str, Failure]:
         return {}  # every run rewrites the file, and no result depends on it
 
 
+def without_results(failures: Mapping[str, Failure]) -> set[str]:
+    """The cases among failures that could not be computed at all."""
+    return {name for name, entry in failures.items() if entry["status"] == Status.failed.name}
+
+
 def write_failures(folder: Path, failures: Iterable[Failure]) -> None:
     """Replace the entries for designs that are not ok."""
     with atomic_write(folder / FAILURES) as temporary:
@@ -154,8 +164,7 @@ class FolderStatus:
 
     def label(self, case_id: str) -> str:
         """The design of a case as text."""
-        labels = zip(self.dims, self.designs[case_id], strict=True)
-        return "  ".join(f"{name} {value}" for name, value in labels)
+        return labelled(self.dims, self.designs[case_id])
 
     def record(self) -> dict[str, Any]:
         """The status as a JSON object."""

@@ -275,8 +275,7 @@ def _join(
     failed: Failed,
 ) -> tuple[xr.Dataset, tuple[Failure, ...]]:
     """Write the cube and the failures of a folder, with the states of its cases before the run."""
-    earlier = earlier_failures(results).values()
-    failed_earlier = {each["case_id"] for each in earlier if each["status"] == Status.failed.name}
+    failed_earlier = results_folder.without_results(earlier_failures(results))
     after = states | dict.fromkeys(simulated, CaseState.pending)
     cube = build_cube(plan, results, old, after, failed_earlier | failed.keys())
     failures = _failures(plan, results, cube, simulated, failed)
