@@ -120,7 +120,7 @@ def _draw_design(
     measured = is_measured(design)
     label = f"{int(design['n_subunit'])} (P = {int(design['periods'])})"
     label += f", {source_of(design)}" if measured else ""
-    look: Look = {"color": colour, "ls": line_style(design), "label": label}
+    look: Look = {"color": colour, "ls": "--" if measured else "-", "label": label}
     strains, snapped = design["applied_strain"].values, snapped_before(design)
     for axes, name in zip(column, rows, strict=True):
         if name not in design:
@@ -144,11 +144,6 @@ def _edges(design: xr.Dataset, name: str) -> list[np.ndarray]:
     if f"{name}_low" in design:
         return [design[f"{name}_{end}"].values for end in ("low", "high")]
     return []
-
-
-def line_style(cube: xr.Dataset) -> str:
-    """Line style of a cube: dashed if it is measured, as in the paper."""
-    return "--" if is_measured(cube) else "-"
 
 
 def snapped_before(design: xr.Dataset) -> Bool[np.ndarray, " strain"]:
