@@ -49,11 +49,9 @@ def fabric_meshes(
     folds = _fold_angles(case, shown, relaxed.shape[:2])
     fixed = _fixed_fields(case, repeats)
     of_unit_cells: dict[str, np.ndarray] = {}
-    rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
     for name in UNIT_CELL_STRAINS:
         values = shown[name].transpose("applied_strain", "cell_y", "cell_x").values
-        on_cells = values.repeat(rows, axis=1).repeat(columns, axis=2)
-        of_unit_cells[f"{name} [1]"] = np.tile(on_cells, (1, *repeats))
+        of_unit_cells[f"{name} [1]"] = np.tile(on_grid_cells(case, values), (1, *repeats))
     meshes = []
     for number, nodes in enumerate(closed_nodes(shown, repeats)):
         strain = np.full(nodes.shape[:2], float(shown["applied_strain"][number]))
@@ -70,6 +68,14 @@ def fabric_meshes(
             )
         )
     return meshes
+
+
+def on_grid_cells(
+    case: "Case", values: Float[np.ndarray, "*states cell_y cell_x"]
+) -> Float[np.ndarray, "*states grid_y grid_x"]:
+    """The value of its unit cell for every grid cell."""
+    rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
+    return values.repeat(rows, axis=-2).repeat(columns, axis=-1)
 
 
 def is_periodic(case_file: xr.Dataset) -> bool:

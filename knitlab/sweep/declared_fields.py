@@ -13,6 +13,7 @@ from knitlab.io.toml import StrictModel
 
 Types = dict[str, Any]  # declared types of settings, with range and unit, by name
 Fields = dict[str, tuple[Any, Any]]  # types and defaults of a schema, by name; ... where required
+FACTOR = "_factor"  # suffix of a setting that multiplies another quantity
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 
@@ -25,13 +26,6 @@ class ParameterValue(StrictModel):
     source: str = Field(min_length=1)
 
 
-@dataclasses.dataclass(frozen=True)
-class FactorOn:
-    """Marks a setting that multiplies another quantity, by the name of that."""
-
-    quantity: str
-
-
 def declared(table: type, without: Collection[str] = ()) -> Types:
     """The settings that a dataclass declares, but for some of its fields."""
     hints, fields = get_type_hints(table, include_extras=True), dataclasses.fields(table)
@@ -40,7 +34,7 @@ def declared(table: type, without: Collection[str] = ()) -> Types:
 
 def factors(quantities: Types) -> Types:
     """A factor on each quantity."""
-    return {f"{name}_factor": Annotated[PositiveFloat, FactorOn(name)] for name in quantities}
+    return {f"{name}{FACTOR}": PositiveFloat for name in quantities}
 
 
 def parts(kind: Any) -> tuple[Any, ...]:

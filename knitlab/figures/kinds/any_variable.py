@@ -102,9 +102,8 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
         family = family.assign_coords({PERIODS: ("n_subunit", periods)})
         families.append(family.swap_dims(n_subunit=PERIODS))
     wanted = np.unique(np.concatenate([family[PERIODS].values for family in families]))
-    missing: dict[str, object] = {str(name): np.nan for name in cube.data_vars}
-    missing |= {"status": Status.excluded, "case_id": "", "code": ""}
-    missing = {name: value for name, value in missing.items() if name in cube}
+    texts = {"status": Status.excluded, "case_id": "", "code": ""}
+    missing = {str(name): texts.get(str(name), np.nan) for name in cube.data_vars}
     families = [family.reindex({PERIODS: wanted}, fill_value=missing) for family in families]
     return xr.concat(families, "n_stripe", coords="different", compat="equals")
 

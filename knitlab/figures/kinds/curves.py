@@ -24,6 +24,7 @@ from knitlab.io.errors import fault
 
 BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"
+ENDED = "the test did not converge beyond"
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
@@ -100,18 +101,17 @@ def _notes(designs: Sequence[xr.Dataset], rows: Iterable[str]) -> list[Artist]:
     """Legend entries of what the curves show besides their colour."""
     names = {str(name) for design in designs for name in design.data_vars}
     band: Look = {"facecolor": "0.3", "alpha": BAND, "lw": 0}
-    notes: list[Artist] = []
-    if any(f"{name}_low" in names for name in rows):
-        notes.append(Patch(label="band: range over slightly different fabrics", **band))
-    if any(map(is_measured, designs)):
-        notes.append(Line2D([], [], color="0.3", ls="--", label="measured"))
-    if any(f"{name}_error" in names for name in rows):
-        notes.append(Patch(label="band of a measured curve: two standard errors", **band))
-    notes += break_note(designs)
-    if any(int(design["status"]) == Status.not_converged for design in designs):
-        label = "the test did not converge beyond"
-        notes.append(Line2D([], [], color="0.3", marker="x", ms=6, ls="", label=label))
-    return notes
+    spread = Patch(label="band: range over slightly different fabrics", **band)
+    measured = Line2D([], [], color="0.3", ls="--", label="measured")
+    error = Patch(label="band of a measured curve: two standard errors", **band)
+    ended = Line2D([], [], color="0.3", marker="x", ms=6, ls="", label=ENDED)
+    return [
+        *([spread] if any(f"{name}_low" in names for name in rows) else []),
+        *([measured] if any(map(is_measured, designs)) else []),
+        *([error] if any(f"{name}_error" in names for name in rows) else []),
+        *break_note(designs),
+        *([ended] if any(int(one["status"]) == Status.not_converged for one in designs) else []),
+    ]
 
 
 def _draw_design(
@@ -126,24 +126,19 @@ def _draw_design(
         if name not in design:
             continue
         values = IN_FIGURE.get(name, 1.0) * design[name].values
+        edges: list[xr.DataArray] = []
+        if f"{name}_error" in design:
+            edges = [design[name] + factor * design[f"{name}_error"] for factor in (-2, 2)]
+        elif f"{name}_low" in design:
+            edges = [design[f"{name}_{end}"] for end in ("low", "high")]
         recorded = np.isfinite(values)
-        curves = [strains, values, *_edges(design, name)]
-        strain, value, *band = broken(snapped[recorded], *(each[recorded] for each in curves))
+        curves = [each[recorded] for each in (strains, values, *(edge.values for edge in edges))]
+        strain, value, *band = broken(snapped[recorded], *curves)
         axes.plot(strain, value, marker="" if measured else ".", ms=3, **look)
         if band:
             axes.fill_between(strain, band[0], band[1], color=colour, alpha=BAND, lw=0)
         if int(design["status"]) == Status.not_converged and recorded.any():
             axes.plot(strain[-1], value[-1], "x", ms=6, color=colour)
-
-
-def _edges(design: xr.Dataset, name: str) -> list[np.ndarray]:
-    """Lower and upper edge of the band of a curve, if it has one."""
-    if f"{name}_error" in design:
-        error = 2 * design[f"{name}_error"]
-        return [(design[name] - error).values, (design[name] + error).values]
-    if f"{name}_low" in design:
-        return [design[f"{name}_{end}"].values for end in ("low", "high")]
-    return []
 
 
 def snapped_before(design: xr.Dataset) -> Bool[np.ndarray, " strain"]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 MOST_NAMES = 4  # patches along a side that are named; where there are more they have a letter each
 LETTERS = "R rib, G garter, P plain"
-COLOURS = ("#D55E00", "#0072B2")  # colours of the electrodes
+COLOURS = {"A": "#D55E00", "B": "#0072B2"}  # of the electrodes
 SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}  # grey of every knit, by its letter
 CELLS_PER_TICK, MOST_TICKS = 4, 12
 CONTRACTED = (0.0, 0.15, 0.5)  # fractions of the in-plane contraction at the first snapshots
@@ -109,10 +109,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
     _draw_fabric(scene, case, case_file)
     scene.set_title(sheets.state_text(float(case_file["applied_strain"][0])), y=0.96)
-    handles = [
-        Patch(color=colour, label=f"electrode {letter}")
-        for letter, colour in zip("AB", COLOURS, strict=True)
-    ]
+    handles = [Patch(color=colour, label=f"electrode {name}") for name, colour in COLOURS.items()]
     knits = {KNIT_OF_LETTER[letter]: SHADES[letter] for letter in np.unique(case.sample.knit)}
     if case.pure:
         knits = {case.weft.knit: SHADES["G"]}
@@ -129,7 +126,7 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
         size = columns[column + 1] - columns[column], rows[row + 1] - rows[row]
         shade = SHADES[str(sample.knit[row, column])]
         axes.add_patch(Rectangle(corner, *size, color=shade, lw=0))
-    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+    for strips, colour in zip(case.electrodes.strips, COLOURS.values(), strict=True):
         for strip in strips:
             size = strip.right - strip.left, strip.top - strip.bottom
             axes.add_patch(Rectangle((strip.left, strip.bottom), *size, color=colour, lw=0))
@@ -147,7 +144,7 @@ def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     subdivisions = FINE if max(cells) <= FEW_CELLS else COARSE
     y, x = ((np.arange(count * subdivisions) + 0.5) / subdivisions for count in cells)
     colours = np.full((len(y), len(x)), sheets.FABRIC, dtype=object)
-    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+    for strips, colour in zip(case.electrodes.strips, COLOURS.values(), strict=True):
         for strip in strips:
             (left, right), (low, high) = strip.extents
             across = (left < x) & (x < right)

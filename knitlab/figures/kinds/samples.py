@@ -16,6 +16,7 @@ from knitlab.figures.kinds import FigureKind
 from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
 from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
 from knitlab.io.errors import fault
+from knitlab.meshes.fabric import on_grid_cells
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
@@ -93,14 +94,16 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
     of ``applied_strain``.
     """
+    from knitlab.simulation.case import case_of
+
     if any("length_x" in case for case in cases):
         raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
     strains = cases[0]["applied_strain"]
     if len(strains) > 2:
         strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")
     states = [case.sel(applied_strain=strain) for case in cases for strain in strains.values]
-    local_strains = np.concatenate([state["strain_xx"].values.ravel() for state in states])
-    by_strain = ValueColours.of(local_strains, signed=True)
+    values = np.concatenate([state["strain_xx"].values.ravel() for state in states])
+    by_strain = ValueColours.of(values, signed=True)
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
     widths, heights = 1.1 * np.transpose(spans)
     height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
@@ -109,7 +112,9 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     for axes, state in zip(grid, states, strict=True):
         nodes = state["position"].values
         faces = faces_of(nodes - [0, nodes[..., 1].min(), 0])
-        colours = by_strain.colours(by_strain.norm(_by_face(state)))
+        case = case_of(json.loads(state.attrs["parameters"]))
+        local = on_grid_cells(case, state["strain_xx"].values).ravel()
+        colours = by_strain.colours(by_strain.norm(local))
         draw_faces(axes, faces, shaded(faces, colours))
         patterned = "pattern" in state.coords
         design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
@@ -121,20 +126,6 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
     by_strain.bar(figure, list(grid), label=label, shrink=0.8, aspect=30)
     return figure
-
-
-def _by_face(state: xr.Dataset) -> np.ndarray:
-    """The strain of its unit cell for every grid cell, face after face."""
-    from knitlab.simulation.case import case_of
-
-    record = json.loads(state.attrs["parameters"])
-    sample = case_of(record).sample
-    patches = record.get("cell_patches") or (len(record["pattern"]), len(record["pattern"][0]))
-    rows, columns = (
-        np.repeat(np.arange(len(borders[::size]) - 1), np.diff(borders[::size]))
-        for borders, size in zip((sample.row_borders, sample.column_borders), patches, strict=True)
-    )
-    return state["strain_xx"].values[np.ix_(rows, columns)].ravel()
 
 
 SLICED = ("applied_strain",)
