@@ -42,24 +42,21 @@ def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def gate(folder: Path) -> Iterator[None]:
+def gate(folder: Path) -> AcquireReturnProxy:
     """Exclude the other processes of a results folder for a moment; errors as of a lock."""
-    with _acquired(folder, GATE_NAME, GATE_SECONDS):
-        yield
+    return _acquired(folder, GATE_NAME, GATE_SECONDS)
 
 
 def running_shards(folder: Path) -> list[tuple[int, int]]:
     """The shards (number, count) that run in a folder."""
     running = []
     for path in sorted(folder.glob(".lock-shard-*")):
-        if not (name := SHARD_LOCK.fullmatch(path.name)):
-            continue
-        try:
-            with FileLock(path, blocking=False):
-                pass
-        except Timeout:
-            running.append((int(name[1]), int(name[2])))
+        if shard := SHARD_LOCK.fullmatch(path.name):
+            try:
+                with FileLock(path, blocking=False):
+                    pass
+            except Timeout:
+                running.append((int(shard[1]), int(shard[2])))
     return running
 
 

@@ -32,6 +32,8 @@ SCALED = {
     "ground_distance": "capacitor",
 }
 """Lengths that go with a yarn, by the attribute of the parameters that holds each."""
+UNIT_OF = dict.fromkeys(SCALED, "mm") | {"surface_density": "g/mm^2"}
+"""Numbers of a yarn beside its stripes, and their units."""
 MATERIAL = "model.material"
 DIGITS = 6
 """Digits of the numbers of a calibrated stripe in a file."""
@@ -54,6 +56,8 @@ class Material:
         stitch_height: height of a stitch along the wale [mm].
         clearance: distance below which electrodes touch [mm].
         ground_distance: distance of a grounded plane below the fabric [mm].
+        surface_density: mass of the flat fabric per area, for dynamics [g/mm²]; by default the
+            paper's.
         plain: stiffness of plain knit; a pattern with plain knit is refused without it.
         interpolate: whether stripes between two of these are interpolated.
         source: where the numbers come from.
@@ -77,6 +81,7 @@ class Material:
     stitch_height: Annotated[PositiveFloat, Unit("mm")] | None = None
     clearance: Annotated[PositiveFloat, Unit("mm")] | None = None
     ground_distance: Annotated[PositiveFloat, Unit("mm")] | None = None
+    surface_density: Annotated[PositiveFloat, Unit("g/mm^2")] | None = None
     plain: PlainKnit | None = None
     interpolate: bool = False
     source: str = "given in Python"
@@ -93,16 +98,17 @@ class Material:
                 StripeRow.of(stripe)
             except ValidationError as error:
                 faults += faults_of(error, f"{stripe.knit} {stripe.n}")
-        for name, length in self.lengths.items():
-            if not 0 < length < math.inf:
-                faults.append(Fault(name, f"is {length!r}; give a length above 0 in mm"))
+        for name, number in self.numbers.items():
+            if not 0 < number < math.inf:
+                problem = f"is {number!r}; give a number above 0 in {UNIT_OF[name]}"
+                faults.append(Fault(name, problem))
         if faults:
             raise BadInput(faults)
 
     @property
-    def lengths(self) -> dict[str, float]:
-        """The lengths that it gives [mm]."""
-        return {name: length for name in SCALED if (length := getattr(self, name)) is not None}
+    def numbers(self) -> dict[str, float]:
+        """The lengths that it gives [mm], and its surface density [g/mm²]."""
+        return {name: number for name in UNIT_OF if (number := getattr(self, name)) is not None}
 
     @classmethod
     def read(cls, path: str | Path) -> "Material":
@@ -116,8 +122,8 @@ class Material:
     def write(self, path: str | Path) -> None:
         """Write the material into a TOML file, for ``--material`` and the setting ``material``."""
         table: dict[str, Any] = {"name": self.name, "interpolate": self.interpolate}
-        for name, length in self.lengths.items():
-            table[name] = {"value": length, "unit": "mm", "source": self.source}
+        for name, number in self.numbers.items():
+            table[name] = {"value": number, "unit": UNIT_OF[name], "source": self.source}
         if self.plain is not None:
             units = {name: unit_of(kind) for name, kind in declared(PlainKnit).items()}
             table["plain"] = {
@@ -130,7 +136,7 @@ class Material:
             temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
 
-_ENTRIES = entries({name: Annotated[PositiveFloat, Unit("mm")] for name in SCALED})
+_ENTRIES = entries({name: Annotated[PositiveFloat, Unit(unit)] for name, unit in UNIT_OF.items()})
 
 
 @with_fields(entries(declared(PlainKnit)))
@@ -158,14 +164,14 @@ class MaterialFile(StrictModel):
             if table is not None
             for row in table.n.values()
         ]
-        lengths, plain = {length: getattr(self, length) for length in SCALED}, self.plain
+        numbers, plain = {number: getattr(self, number) for number in UNIT_OF}, self.plain
         return Material(
             tuple(tables.stripe(knit, n) for knit in knits for n in tables.rows(knit)),
             name=self.name or name,
             plain=PlainKnit(**{name: entry.value for name, entry in plain}) if plain else None,
             interpolate=self.interpolate,
             source="; ".join(dict.fromkeys(sources)),
-            **{length: entry.value for length, entry in lengths.items() if entry is not None},
+            **{number: entry.value for number, entry in numbers.items() if entry is not None},
         )
 
 
@@ -224,16 +230,16 @@ def period_ratio(stripes: Sequence[Stripe], reference: StripeTables) -> float:
 def with_material(parameters: Parameters, material: Material) -> Parameters:
     """The parameters with a material in place of the paper's yarn."""
     ratio = period_ratio(material.stripes, parameters.stripes)
-    given = material.lengths
+    given = material.numbers
     scaled = {
         name: ratio * getattr(getattr(parameters, table), name)
         for name, table in SCALED.items()
         if name not in given
     }
     tables: dict[str, Any] = {}
-    for name, length in (scaled | given).items():
-        table = SCALED[name]
-        tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: length})
+    for name, number in (scaled | given).items():
+        table = SCALED.get(name, "dynamics")
+        tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
     stripes = StripeTables(interpolate=material.interpolate).with_stripes(material.stripes)
     tables |= {"stripes": stripes, "plain": material.plain}
     return replace(parameters, material=material.name, scaled=scaled, **tables)
