@@ -83,19 +83,15 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AcquireReturnPro
         "as": f" (shard {shard[1]} of {shard[2]})" if shard else "",
     }
     with suppress(OSError):  # the lock works without the file that names its holder
-        _holder_path(folder, name).write_text(json.dumps(holder))
+        # Beside the lock: a locked file itself cannot be read on Windows.
+        (folder / f"{name}.json").write_text(json.dumps(holder))
     return lock
 
 
 def _in_use(folder: Path, name: str) -> BadInput:
     try:
-        holder = json.loads(_holder_path(folder, name).read_text())
+        holder = json.loads((folder / f"{name}.json").read_text())
         by = "process {process} of {user} on {host} since {since}{as}".format(**holder)
     except (OSError, ValueError, KeyError):
         by = "another process"
     return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")
-
-
-def _holder_path(folder: Path, name: str) -> Path:
-    """The file that names who holds a lock; a locked file itself cannot be read on Windows."""
-    return folder / f"{name}.json"
