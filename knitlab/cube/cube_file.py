@@ -13,7 +13,7 @@ from knitlab.cube import schema
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
 from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES, Status
-from knitlab.io.atomic_write import write_atomically
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.lock import is_locked
 
@@ -83,7 +83,8 @@ def write_cube(cube: xr.Dataset, path: Path) -> None:
     HDF5 would lock a file that it writes, which some file systems cannot.
     """
     written = cube.to_netcdf(engine="netcdf4", encoding=schema.encoding(cube))
-    write_atomically(path, bytes(written))
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(written)
 
 
 def _opened(path: Path) -> xr.Dataset:

@@ -18,9 +18,10 @@ from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
+from knitlab.meshes.chosen_case import has_shape
 from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
 
 FIGURES: dict[str, FigureKind] = {}
@@ -119,7 +120,7 @@ def draw(
     refuse_others(selections, known, problem)
     folder = Path(cubes[0].encoding.get("source", "")).parent
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
-    slices: Iterable[str] = ()
+    slices = dict[str, None]()
     if name not in COMPARING:
         slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
         cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
@@ -138,8 +139,8 @@ def draw(
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
     """Check that a kind can show the dimensions of cubes, and those that were measured."""
     for cube in cubes:
-        if kind.dims not in (None, base_dims(cube)):
-            able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
+        able = [each for each, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
+        if name not in able:
             problem = "does not show designs along the dimensions of this cube"
             raise fault(name, f"{problem}; draw {', '.join(able)}")
     measured = [cube for cube in cubes if is_measured(cube)]
@@ -164,16 +165,11 @@ def _draw_cases(
     """Draw the selected strains of cases, of which their files must hold the shapes."""
     sliced = [selected(case, selections) for case in cases]
     for case, shown in zip(cases, sliced, strict=True):
-        if not selections or "position" not in case:
-            continue
-        strains = case["applied_strain"].values
-        kept = strains[np.isfinite(case["position"].values).all(axis=(1, 2, 3))]
-        if not np.isin(shown["applied_strain"].values, kept).all():
+        kept = case["applied_strain"].values[has_shape(case)]
+        if selections and not np.isin(shown["applied_strain"].values, kept).all():
             known = ", ".join(f"{strain:g}" for strain in kept)
-            raise fault(
-                f"selections {', '.join(as_given(selections))}",
-                f"has no shape, which this case file keeps at {known}; choose one of these",
-            )
+            problem = f"has no shape, which this case file keeps at {known}; choose one of these"
+            raise fault(f"selections {', '.join(as_given(selections))}", problem)
     with print_style():
         return kind.draw(sliced if kind.designs else sliced[0])
 

@@ -37,7 +37,7 @@ def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
     """
     with gate(folder) as locks:
         if not locks and shard is not None:
-            own = _holder_path(folder, _shard_lock(*shard))
+            own = folder / f"{_shard_lock(*shard)}.json"
             if {*folder.glob(f"{LOCK_NAME}-shard-*.json")} - {own}:
                 problem = "is on a file system without locks, and another shard ran in it; give"
                 raise fault(str(folder), f"{problem} each a folder of its own and merge them")
@@ -52,29 +52,23 @@ def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def gate(folder: Path) -> Iterator[bool]:
-    """Exclude the other processes of a results folder for a moment, if it has locks: whether so.
-
-    Errors are those of a lock.
-    """
-    with _acquired(folder, GATE_NAME, GATE_SECONDS) as lock:
-        yield lock is not None
+def gate(folder: Path) -> AbstractContextManager[object]:
+    """Exclude the other processes of a results folder for a moment; errors as of a lock."""
+    return _acquired(folder, GATE_NAME, GATE_SECONDS)
 
 
 def running_shards(folder: Path) -> list[tuple[int, int]]:
     """The shards (number, count) that run in a folder."""
     running = []
     for path in sorted(folder.glob(".lock-shard-*")):
-        if not (name := SHARD_LOCK.fullmatch(path.name)):
-            continue
-        try:
-            with FileLock(path, blocking=False):
-                pass
-        except Timeout:
-            running.append((int(name[1]), int(name[2])))
-        except OSError as error:
-            _refuse_unless_without_locks(folder, error)
+        if shard := SHARD_LOCK.fullmatch(path.name):
+            try:
+                with FileLock(path, blocking=False):
+                    pass
+            except Timeout:
+                running.append((int(shard[1]), int(shard[2])))
+            except OSError as error:
+                _refuse_unless_without_locks(folder, error)
     return running
 
 
@@ -118,7 +112,8 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AbstractContextM
         "as": f" (shard {shard[1]} of {shard[2]})" if shard else "",
     }
     with suppress(OSError):  # the lock works without the file that names its holder
-        _holder_path(folder, name).write_text(json.dumps(holder))
+        # Beside the lock: a locked file itself cannot be read on Windows.
+        (folder / f"{name}.json").write_text(json.dumps(holder))
     return lock
 
 
@@ -130,13 +125,8 @@ def _refuse_unless_without_locks(folder: Path, error: OSError) -> None:
 
 def _in_use(folder: Path, name: str) -> BadInput:
     try:
-        holder = json.loads(_holder_path(folder, name).read_text())
+        holder = json.loads((folder / f"{name}.json").read_text())
         by = "process {process} of {user} on {host} since {since}{as}".format(**holder)
     except (OSError, ValueError, KeyError):
         by = "another process"
     return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")
-
-
-def _holder_path(folder: Path, name: str) -> Path:
-    """The file that names who holds a lock; a locked file itself cannot be read on Windows."""
-    return folder / f"{name}.json"

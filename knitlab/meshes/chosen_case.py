@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool
 
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
@@ -61,6 +62,14 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     return read_case(folder, case_id)
 
 
+def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
+    """Whether a case has its shape at every applied strain."""
+    if "position" not in case_file:
+        return np.zeros(case_file.sizes[STRAIN], bool)
+    positions = case_file["position"].transpose(STRAIN, ...).values
+    return np.isfinite(positions).all(axis=(1, 2, 3))
+
+
 def chosen_strains(
     case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:
@@ -69,11 +78,7 @@ def chosen_strains(
     By default the relaxed state is chosen, or every strain that was reached if several may be.
     """
     along = selections_along(selections, [STRAIN])
-    strains = case_file[STRAIN].values
-    reached = np.zeros(len(strains), bool)
-    if "position" in case_file:
-        positions = case_file["position"].transpose(STRAIN, ...).values
-        reached = np.isfinite(positions).all(axis=(1, 2, 3))
+    strains, reached = case_file[STRAIN].values, has_shape(case_file)
     reason = case_file.attrs.get("reason", "")
     if not reached.any():
         title = str(case_file.attrs.get("title", "test"))

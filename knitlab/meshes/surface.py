@@ -49,9 +49,8 @@ class SurfaceMesh:
     def rim(self) -> tuple[Int[np.ndarray, "edge 2"], Int[np.ndarray, " edge"]]:
         """Edges of one face alone, in the direction of that face, and its number."""
         edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        _, first, count = np.unique(
-            np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
-        )
+        undirected = np.sort(edges, axis=1)
+        _, first, count = np.unique(undirected, return_index=True, return_counts=True, axis=0)
         alone = np.sort(first[count == 1])
         return edges[alone], alone // self.faces.shape[1]
 
@@ -98,14 +97,12 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
     wall = np.stack([end, start, start + count, end + count], axis=-1)
     # Beginning at the same corner, a face has the same diagonal on both sides.
     below = np.roll(sheet.faces[:, ::-1], 1, axis=1) + count
+    of_faces = sheet.face_fields.items()
     return SurfaceMesh(
         np.concatenate([sheet.nodes + offset, sheet.nodes - offset]),
         np.concatenate([sheet.faces, below, wall]),
-        {name: np.concatenate([values, values]) for name, values in sheet.node_fields.items()},
-        {
-            name: np.concatenate([values, values, values[beside]])
-            for name, values in sheet.face_fields.items()
-        },
+        {name: np.concatenate([values] * 2) for name, values in sheet.node_fields.items()},
+        {name: np.concatenate([values, values, values[beside]]) for name, values in of_faces},
     )
 
 
@@ -140,11 +137,8 @@ def largest_thickness(sheet: SurfaceMesh) -> float:
     side, other = (points[:, k] - points[:, 0] for k in (1, 2))
     turn, other_turn = (offsets[:, k] - offsets[:, 0] for k in (1, 2))
     normal = np.cross(side, other)
-    changes = (
-        normal,
-        np.cross(turn, other) + np.cross(side, other_turn),
-        np.cross(turn, other_turn),
-    )
+    first_order = np.cross(turn, other) + np.cross(side, other_turn)
+    changes = (normal, first_order, np.cross(turn, other_turn))
     area, linear, square = ((normal * change).sum(axis=1) for change in changes)
     turned = min(
         _smallest_positive_root(area, sign * linear, square).min(initial=np.inf) for sign in (1, -1)

@@ -45,7 +45,7 @@ def files(folder):
 
 def counts(folder):
     record = read_plan(folder)
-    return folder_status(folder, record, planned_designs(record), check=True).counts
+    return folder_status(folder, record["dims"], planned_designs(record), check=True).counts
 
 
 @pytest.fixture(scope="module")

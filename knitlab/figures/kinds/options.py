@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.cells import cell, remove_frame
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import MINUS, TWO_COLUMNS, name_rows
 from knitlab.io.errors import fault
 from knitlab.validation.claims import TOPICS, read_claims
@@ -27,11 +27,7 @@ UNSTATED = {"drag": 0}  # labels of options that are stated only if they have an
 
 
 def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
-    """Which of the paper's claims each set of model options meets, the best set first.
-
-    Claims are rows, sets of options are columns, and each cell gives the margin of a claim. Sets
-    are ranked by :func:`.ranked_options`; the best :data:`MOST` are shown.
-    """
+    """Which of the paper's claims each set of model options meets, the best set first."""
     claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.topic))
     ranked = ranked_options(cubes, claims)
     shown = ranked[:MOST]
