@@ -22,15 +22,16 @@ def atomic_write(path: Path) -> Iterator[Path]:
         temporary = folder / path.name
         yield temporary
         temporary.replace(path)
-    except OSError as error:
-        # On a full disk netCDF may report a missing permission; a plain file gives the reason.
-        reason = _refusal(folder) if folder is not None else None
-        raise _cannot_write(path, reason or error) from error
-    except RuntimeError as error:
-        # HDF5 does not report why it could not write; a plain file does.
-        if folder is not None and (reason := _refusal(folder)):
-            raise _cannot_write(path, reason) from error
-        raise
+    except (OSError, RuntimeError) as error:
+        # On a full disk netCDF may report a missing permission, and HDF5 gives no reason; a plain
+        # file does.
+        reason = (folder and _refusal(folder)) or error
+        if not isinstance(reason, OSError):
+            raise
+        why = (reason.strerror or str(reason)).lower()
+        remedy = "free some space" if "space" in why or "quota" in why else "choose another folder"
+        problem = f"cannot be written ({why}); {remedy}; the previous file is unchanged"
+        raise CannotWrite([Fault(str(path), problem)]) from error
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -48,10 +49,3 @@ def _refusal(folder: Path) -> OSError | None:
     except OSError as error:
         return error
     return None
-
-
-def _cannot_write(path: Path, error: OSError) -> CannotWrite:
-    why = (error.strerror or str(error)).lower()
-    remedy = "free some space" if "space" in why or "quota" in why else "choose another folder"
-    problem = f"cannot be written ({why}); {remedy}; the previous file is unchanged"
-    return CannotWrite([Fault(str(path), problem)])

@@ -148,9 +148,8 @@ def make_plan(
             parameters, files = with_pattern_files(design, parameters, text)
             inputs += files
             space = design_space(design, parameters, text.source)
-    with faults:
-        if parameters and (stripes := text.section("stripes")):
-            space = stripe_space(stripes, parameters, text.source)
+        elif parameters and (pure := text.section("stripes")):
+            space = stripe_space(pure, parameters, text.source)
     with faults:
         if parameters and read and not faults.all:
             made = {

@@ -188,7 +188,7 @@ def _others_run(results: Path, shard: Shard) -> bool:
 
 def _check_same_plan(plan: Plan, results: Path) -> None:
     record = results_folder.read_plan(results)
-    if (set(record["cases"]), record.get("code")) != (set(plan.cases), code_fingerprint()):
+    if record["cases"].keys() != plan.cases.keys() or record.get("code") != code_fingerprint():
         problem = "is that of the shards that run in this folder, and has other cases or was made"
         problem += " by other code; wait for them, or name another results folder"
         raise fault(str(results / PLAN), problem)
