@@ -41,8 +41,7 @@ def draw_figure(
 ) -> Path:
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
-    A figure of a single case shows the most auxetic design of the selection that has its case file
-    beside the cube. BadInput if a cube, a selection, an option or the suffix is at fault.
+    BadInput if a cube, a selection, an option or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
@@ -56,9 +55,9 @@ def draw_figure(
 
 
 def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
-    """Draw a workflow's figures into its results folder, each for print and for the screen.
+    """Draw a workflow's figures into its results folder, unless they are up to date.
 
-    Figures that are up to date are kept. Returned are the files, and why some could not be drawn.
+    Returned are the files, and why some could not be drawn.
     """
     files, faults = list[Path](), list[Fault]()
     cube = cube_file.open_cube(folder)
