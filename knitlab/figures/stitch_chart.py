@@ -78,14 +78,20 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
         colours = np.where((plated == electrode)[..., None], of_bed, colours)
     extent = (columns.start, columns.stop, rows.start, rows.stop)
     axes.imshow(colours, origin="lower", extent=extent, aspect=0.5, interpolation="nearest")
+    left, right, low, high = extent
     if stitch >= NARROWEST_MARKED:
-        _draw_stitches(axes, front, extent, stitch)
+        # Thin lines between stitches, and a dash for every purl.
+        axes.hlines(np.arange(low + 1, high), left, right, colors="0.85", lw=0.25)
+        axes.vlines(np.arange(left + 1, right), low, high, colors="0.85", lw=0.25)
+        course, wale = np.nonzero(~front)
+        y, x = low + course + 0.5, left + wale
+        axes.hlines(y, x + 0.3, x + 0.7, colors="black", lw=4 * stitch, alpha=0.8)
     _draw_patches(axes, chart, extent, stitch)
     _draw_electrodes(axes, chart, plated, extent)
     _draw_repeat(axes, chart, extent)
-    axes.set(xlim=extent[:2], ylim=extent[2:])
+    axes.set(xlim=(left, right), ylim=(low, high))
     axes.set(xlabel="wale, numbered as its needle", ylabel="course, in the order of knitting")
-    for axis, start, stop in ((axes.xaxis, *extent[:2]), (axes.yaxis, *extent[2:])):
+    for axis, start, stop in ((axes.xaxis, left, right), (axes.yaxis, low, high)):
         # The first and the last are numbered, and others that are not too near to these.
         near = (stop - start) / 16
         others = MaxNLocator(8, integer=True).tick_values(start, stop)
@@ -115,16 +121,6 @@ def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
 
 
 Extent = tuple[int, int, int, int]  # first and last wale and course drawn, as borders of stitches
-
-
-def _draw_stitches(axes: Axes, front: np.ndarray, extent: Extent, stitch: float) -> None:
-    """A dash for every purl, and thin lines between stitches."""
-    left, right, low, high = extent
-    axes.hlines(np.arange(low + 1, high), left, right, colors="0.85", lw=0.25)
-    axes.vlines(np.arange(left + 1, right), low, high, colors="0.85", lw=0.25)
-    course, wale = np.nonzero(~front)
-    y, x = low + course + 0.5, left + wale
-    axes.hlines(y, x + 0.3, x + 0.7, colors="black", lw=4 * stitch, alpha=0.8)
 
 
 def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float) -> None:

@@ -88,10 +88,11 @@ def _trend(
     wrong = [step for step, margin in margins.items() if margin is not None and margin < 0]
     text = f"all {len(steps)} steps between {len(values)} {samples.counted}"
     if wrong:
-        text = f"{len(wrong)} of {len(steps)} steps do not: " + ", ".join(
+        shown = [
             f"{name_of(one)} to {name_of(next_)}: {values[one]:.3g} to {values[next_]:.3g}"
             for one, next_ in wrong[:MOST_LISTED]
-        )
+        ]
+        text = f"{len(wrong)} of {len(steps)} steps do not: {', '.join(shown)}"
     elif len(values) <= MOST_LISTED:
         text += ": " + ", ".join(f"{name_of(each)} {values[each]:.3g}" for each in ordered)
     return samples.result(worst(margins.values()), text, values)
@@ -151,10 +152,9 @@ def weakest_significant(count: int, significant: float) -> float:
 def sample_order(
     cubes: Sequence[xr.Dataset], of: str, less: SampleList, more: SampleList
 ) -> CheckResult:
-    """A value is lower for each of some checkerboards and stripes than for each of others.
+    """A value is lower for each of some samples than for each of others.
 
-    Samples are named as (n_stripe, n_subunit) or (knit, n), and may be in different cubes. If
-    several cubes have a sample, the one whose sample is nearest the paper's is used.
+    They are (n_stripe, n_subunit) or (knit, n); of several cubes, that nearest the paper's is used.
     """
     measured = {
         (number, labels): value

@@ -79,12 +79,11 @@ def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judg
 
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     checked = [(path, cube, claim.check([cube])) for path, cube in slices]
-
-    def rank(one: tuple[Path, xr.Dataset, CheckResult]) -> tuple[object, ...]:
-        _, cube, result = one
-        return result.margin is None, result.wanted == 0, *preference(cube, result.at)
-
-    path, cube, result = min(checked, key=rank)
+    ranks = [
+        (result.margin is None, result.wanted == 0, *preference(cube, result.at))
+        for _, cube, result in checked
+    ]
+    path, cube, result = checked[ranks.index(min(ranks))]
     samples = JudgedSamples.of(path, cube, result.at)
     factors = QUARTER if claim.knitlab else ()
     quarters = tuple(claim.check([cube], factor).verdict for factor in factors)

@@ -41,20 +41,15 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What the check of a claim finds.
+    """The result of the check of a claim, which was judged on some of the samples that it wants."""
 
-    Its margin is ``None`` if the claim could not be measured; then ``text`` says what is missing.
-    It was ``judged`` on so many of ``wanted`` things ``counted``: on the samples with the labels
-    ``at``, which a check of several cubes took from those with the indices ``cubes``.
-    """
-
-    margin: float | None
-    text: str
+    margin: float | None  # None if the claim could not be measured
+    text: str  # what was measured, or what is missing
     judged: int = 0
     wanted: int = 0
-    counted: str = "designs"
-    at: tuple[Labels, ...] = ()
-    cubes: tuple[int, ...] = ()
+    counted: str = "designs"  # the things whose number was judged and wanted
+    at: tuple[Labels, ...] = ()  # labels of the samples
+    cubes: tuple[int, ...] = ()  # indices of their cubes, of a check of several
 
     @property
     def grade(self) -> Grade:
