@@ -20,18 +20,11 @@ from knitlab.cube.selection import (
 )
 from knitlab.io.errors import fault
 
-NO_CASE_FILE = {
-    Status.failed: "failed and has no shape; knitlab status says why",
-    Status.pending: "is planned but has not run; run it first",
-}
-"""Why a design has no case file, by its status."""
-
 
 def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
     """Contents of the case file of the one design of a cube that selections leave.
 
-    Selections along the strain are left to :func:`chosen_strains`. BadInput if they leave no design
-    or several, or the folder has no sound case file of it.
+    BadInput if they leave no design or several, or the folder has no sound case file of it.
     """
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
@@ -57,8 +50,12 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
         raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
     if stored is StoredCase.nothing:
         missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
+        reasons = {
+            Status.failed: "failed and has no shape; knitlab status says why",
+            Status.pending: "is planned but has not run; run it first",
+        }
         remedy = f"{missing}; run the design into this folder"
-        raise fault(name, NO_CASE_FILE.get(Status(designs["status"].item()), remedy))
+        raise fault(name, reasons.get(Status(designs["status"].item()), remedy))
     return read_case(folder, case_id)
 
 

@@ -1,9 +1,8 @@
 """Checks of claims that every sample must satisfy on its own; the worst sample decides.
 
 Each is a function of a cube at one value of every swept setting. Its other arguments are the keys
-of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable. It
-returns a :class:`~knitlab.validation.margin.CheckResult`, or raises
-:class:`~knitlab.validation.margin.NotMeasured`. Samples without a complete test are ignored.
+of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable.
+Samples without a complete test are ignored; NotMeasured if too few are left.
 """
 
 from collections.abc import Callable
