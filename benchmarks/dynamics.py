@@ -29,7 +29,7 @@ from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.fingerprint import provenance
 from knitlab.simulation.case import Case
-from knitlab.simulation.simulate import dynamic_tests, moving_fabrics
+from knitlab.simulation.simulate import moving_fabrics, tensile_tests
 from knitlab.sweep.plan import make_plan
 
 STEPS, STEP = 50, 1e-4
@@ -78,10 +78,10 @@ def whole_test_seconds(workflow: str, *settings: str, together: bool = True) -> 
         )
         for case in batches[0]
     ]
-    dynamic_tests(short, lambda *_: None)
+    tensile_tests(short, lambda *_: None)
     began = time.perf_counter()
     for batch in batches:
-        dynamic_tests(batch, lambda *_: None)
+        tensile_tests(batch, lambda *_: None)
     return time.perf_counter() - began
 
 

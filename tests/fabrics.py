@@ -30,12 +30,13 @@ from knitlab.fabric.energy import (
 from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.inertia import inertia
 from knitlab.fabric.layout import fabric_layout
-from knitlab.fabric.network import Network
+from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.pattern import PatchGrid, graded_pattern
 from knitlab.fabric.settings import FoldAngle, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import Knit, Stripe, StripePair
 from knitlab.fabric.zigzag import tension
 from knitlab.io.shipped import shipped
+from knitlab.measure.unit_cells import CellGrid
 from knitlab.sweep.parameters import read_parameters
 
 PARAMETERS = read_parameters(shipped("params"))
@@ -227,3 +228,11 @@ def shaken(configuration: Configuration, amplitude: float, seed: int = 0) -> Con
     return jax.tree.map(
         lambda part: part + amplitude * random.normal(size=part.shape), configuration
     )
+
+
+def even_cells(shape: MeshShape, unit_cells: tuple[int, int]) -> CellGrid:
+    """Equal unit cells, with their numbers along (y, x)."""
+    along_y, along_x = unit_cells
+    rows = range(0, shape.cells_y + 1, shape.cells_y // along_y)
+    columns = range(0, shape.cells_x + 1, shape.cells_x // along_x)
+    return CellGrid(tuple(rows), tuple(columns))

@@ -38,7 +38,7 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
     folder = results / made.workflow
     with held(folder):
         made.write(folder / PLAN)
-    status = folder_status(folder, made.record(), made.designs, check=False)
+    status = folder_status(folder, made.dims, made.designs, check=False)
     click.echo(made.title)
     for number, batch in enumerate(made.batches[: options.MOST_LINES], start=1):
         click.echo(

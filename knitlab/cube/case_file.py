@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.schema import INTEGERS, MISSING, encoding
-from knitlab.io.atomic_write import write_atomically
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.fingerprint import file_digest
 
 if TYPE_CHECKING:  # imports JAX
@@ -49,8 +49,10 @@ def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
     )
     path = case_path(results, case_id)
     checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n"
-    write_atomically(checksum_path(results, case_id), checksum.encode())
-    write_atomically(path, contents)
+    with atomic_write(checksum_path(results, case_id)) as temporary:
+        temporary.write_bytes(checksum.encode())
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(contents)
 
 
 def check_case_file(results: Path, case_id: str) -> StoredCase:

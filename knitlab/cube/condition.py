@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from knitlab.cube.schema import VARIABLES
+from knitlab.cube.schema import STRAIN, VARIABLES
 from knitlab.cube.strain_window import reduced_columns
 from knitlab.io.errors import fault, unknown
 
@@ -44,7 +44,9 @@ def no_column(name: str, table: pd.DataFrame) -> str:
     along = set(table.attrs.get("dims", {}).get(name, ())) - set(table.columns)
     if along:
         selections = " and ".join(f"{dim}=VALUE" for dim in sorted(along))
-        return f"{name} runs along {', '.join(sorted(along))}; select {selections} to have it"
+        reduced = f", or reduce it, as mean({name}, 0.05:0.25)" if along == {STRAIN} else ""
+        runs = f"{name} runs along {', '.join(sorted(along))}"
+        return f"{runs}; select {selections} to have it{reduced}"
     if name in VARIABLES:
         return f"these designs have no {name}; it is a result of other workflows or settings"
     return unknown(name, map(str, table.columns), "column")

@@ -8,10 +8,11 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import Float
 
+from knitlab.cube.condition import computed
 from knitlab.cube.cube_file import design_dims
 from knitlab.cube.query import designs_of_all
 from knitlab.cube.schema import STRAIN, Status
-from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, root_mean_square
+from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
 from knitlab.cube.target import Target, check_window
 from knitlab.io.errors import fault, unknown
 
@@ -87,11 +88,16 @@ def find_designs(
         raise fault("targets", "none is given; give a target")
     if not cubes:
         raise fault("cubes", "none is given; name a cube or its results folder")
-    designs = designs_of_all(cubes)
+    expressions = [target for target in (*targets, *subject_to) if not target.name.isidentifier()]
+    known = with_columns(cubes, [target.name for target in expressions])
+    designs = designs_of_all(known)
     ok = (designs["status"] == Status.ok.name).to_numpy()
     if not ok.any():
         raise fault("cubes", "hold no design that is ok; run a workflow first")
     designs = designs[ok].reset_index(drop=True)
+    for target in expressions:
+        values = computed(target.name, designs, f"target {target.text}")
+        designs = designs.assign(**{target.name: values})
     required = [_reached(cubes, designs, target) for target in subject_to]
     reached = [_reached(cubes, designs, target) for target in targets]
     allowed = np.all([constraint.off_by == 0 for constraint in required], axis=0)

@@ -1,4 +1,7 @@
-"""Selections: a value or a sequence of values by coordinate, along which a cube is sliced."""
+"""Selections: a value or a sequence of values by coordinate, along which a cube is sliced.
+
+Applied strains between those of the cube are interpolated, as in windows of strain.
+"""
 
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
@@ -6,15 +9,64 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from knitlab.cube.schema import INTEGERS, STRAIN
+from knitlab.cube.strain_window import StrainWindow
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 
 
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Keep the selected values of coordinates and all dimensions; BadInput if one is not there."""
+    """Keep the selected values of coordinates and all dimensions; BadInput if one is not there.
+
+    Curves are linear between two strains; codes and counts are missing unless both agree.
+    """
+    if STRAIN in selections and STRAIN in cube.dims:
+        cube = _with_strains(cube, _values(selections[STRAIN]))
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
     return cube.isel(chosen_indices(coordinates, selections))
+
+
+def _with_strains(cube: xr.Dataset, wanted: list[Any]) -> xr.Dataset:
+    """The cube at its strains and at further ones between them."""
+    strains = np.asarray(cube[STRAIN].values, float)
+    numbers = [value for each in wanted if np.isfinite(value := _number(each))]
+    between = sorted(
+        {
+            value
+            for value in numbers
+            if strains[0] < value < strains[-1] and np.abs(strains - value).min() > 1e-9
+        }
+    )
+    if not between:
+        return cube
+    moved = {}
+    for name, variable in cube.data_vars.items():
+        if STRAIN in variable.dims:
+            dims = [*(dim for dim in variable.dims if dim != STRAIN), STRAIN]
+            values = np.asarray(variable.transpose(*dims).values, float)
+            curves = values.reshape(-1, len(strains))
+            read = np.stack([_read(name, strains, curves, at) for at in between], axis=1)
+            moved[name] = (dims, read.reshape(*values.shape[:-1], len(between)), variable.attrs)
+    further = cube.drop_vars(moved).isel({STRAIN: [0] * len(between)})
+    further = further.assign_coords({STRAIN: (STRAIN, between, cube[STRAIN].attrs)}).assign(moved)
+    both = xr.concat([cube, further], STRAIN, data_vars="minimal", coords="minimal")
+    return both.sortby(STRAIN).assign_attrs(cube.attrs)
+
+
+def _read(name: Hashable, strains: np.ndarray, curves: np.ndarray, at: float) -> np.ndarray:
+    above = int(np.searchsorted(strains, at))
+    if name in INTEGERS:
+        low, high = curves[:, above - 1], curves[:, above]
+        return np.where(low == high, low, np.nan)
+    return StrainWindow(at, at).read(strains, curves)[1][:, 0]
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return np.nan
 
 
 def selections_along(selections: Mapping[str, Any], names: Iterable[Hashable]) -> dict[str, Any]:

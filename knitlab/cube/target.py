@@ -26,11 +26,19 @@ _TWO_SIDED = re.compile(
     rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_SUBJECT}\s*<=?\s*(?P<high>{_NUMBER}){_WINDOW}\s*"
 )
 _CURVE = re.compile(rf"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<path>.*\.csv){_TOLERANCE}\s*")
+_EXPRESSION = r"(?P<name>[^<>=@]+?)"  # an expression over columns, as in a condition
+_EXPRESSION_ONE_SIDED = re.compile(
+    rf"\s*{_EXPRESSION}\s*(?P<relation><=|>=|=|<|>)\s*(?P<wanted>{_NUMBER}){_TOLERANCE}\s*"
+)
+_EXPRESSION_TWO_SIDED = re.compile(
+    rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_EXPRESSION}\s*<=?\s*(?P<high>{_NUMBER})\s*"
+)
 CURVE_EXAMPLE = "write it as in 'strain,poisson_ratio' with numbers below"
 FORMS = (
     "NAME = VALUE @ STRAIN:STRAIN, NAME < VALUE @ STRAIN, VALUE < NAME < VALUE,"
-    " mean(NAME) > VALUE @ STRAIN:STRAIN, NAME = CURVE.csv"
+    " mean(NAME) > VALUE @ STRAIN:STRAIN, NAME = CURVE.csv, EXPRESSION > VALUE"
 )
+_PATTERNS = (_CURVE, _ONE_SIDED, _TWO_SIDED, _EXPRESSION_TWO_SIDED, _EXPRESSION_ONE_SIDED)
 Numbers = Annotated[tuple[float, ...], Field(strict=False, min_length=1)]
 
 
@@ -39,7 +47,7 @@ class Target:
     """A wanted value or range of one variable, in its unit."""
 
     text: str
-    name: str
+    name: str  # of a variable, or in `find` an expression over columns, one number for each design
     low: float  # equal to high for one value, or infinite; of a curve its range
     high: float
     tolerance: float | None = None  # unit of distance; None for the scatter among the designs
@@ -143,7 +151,7 @@ def read_target(
 
 
 def _target_of_text(text: str, where: str, folder: Path) -> Target:
-    match = _CURVE.fullmatch(text) or _ONE_SIDED.fullmatch(text) or _TWO_SIDED.fullmatch(text)
+    match = next((match for form in _PATTERNS if (match := form.fullmatch(text))), None)
     if match is None:
         raise fault(where, f"cannot be read; write one of {FORMS}")
     groups: dict[str, Any] = match.groupdict()
@@ -153,11 +161,11 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
     if "path" in groups:
         target = _curve_of_file(groups["name"], folder / groups["path"])
         return replace(target, text=text.strip(), tolerance=tolerance)
-    reduction = groups["reduction"]
+    reduction = groups.get("reduction")
     if reduction is not None and reduction not in REDUCTIONS:
         known = ", ".join(REDUCTIONS)
         raise fault(where, f"there is no reduction {reduction!r}; choose from {known}")
-    window = None if groups["window"] is None else StrainWindow.of(groups["window"], where)
+    window = None if groups.get("window") is None else StrainWindow.of(groups["window"], where)
     if reduction in ("slope", "linearity") and (window is None or window.single):
         raise fault(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
     if "relation" in groups:
@@ -167,7 +175,7 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
         low, high = float(groups["low"]), float(groups["high"])
         if low > high:
             raise fault(where, f"no value is above {low:g} and below {high:g}; exchange them")
-    name = groups["reduced"] or groups["name"]
+    name = groups.get("reduced") or groups["name"].strip()
     return Target(text, name, low, high, tolerance, window, reduction)
 
 

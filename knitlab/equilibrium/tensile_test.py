@@ -3,12 +3,11 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
+from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import Loading, all_free, between_walls, rigidly_aligned, tensile
 from knitlab.equilibrium.search import Drag, SearchRules
 from knitlab.equilibrium.settings import Solver
@@ -159,30 +158,6 @@ def imperfect_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
     noise = np.random.default_rng(seed).normal(size=flat.positions.shape)
     moved = np.asarray(flat.positions) + 0.02 * float(sides.min()) * noise
     return Configuration(moved, np.asarray(flat.lengths))
-
-
-def starts_from_periodic(
-    samples: Sequence[tuple[Network, Fabric]],
-    cells: Sequence[tuple[Network, Fabric]],
-    settings: Sequence[Solver],
-    seed: int | None = None,
-    contacts: Sequence["Barrier | None"] = (),
-) -> list[Configuration | None]:
-    """Samples tiled with relaxed periodic ``cells``, or None; with a seed these are imperfect."""
-    searches = [
-        partial(
-            relax,
-            settings=own,
-            start=None if seed is None else imperfect_sheet(*cell, seed),
-            contact=contact,
-        )
-        for cell, own, contact in zip(cells, settings, contacts or [None] * len(cells), strict=True)
-    ]
-    relaxed = run_each(cells[0][0].shape, [fabric for _, fabric in cells], searches)
-    return [
-        tiled(*sample, net, state.configuration) if state.converged else None
-        for sample, (net, _), state in zip(samples, cells, relaxed, strict=True)
-    ]
 
 
 def tiled(net: Network, fabric: Fabric, cell: Network, relaxed: Configuration) -> Configuration:

@@ -34,7 +34,7 @@ SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS  # parameters of the energy of a chunk
 WORTH_SHARING = 8  # number of chunks from which a second thread pays off
 
-Places = Int[np.ndarray, " place"]
+Indices = Int[np.ndarray, " entry"]
 Unknowns = Float[np.ndarray, " unknown"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
 """Vectors of the springs of a chunk, vectors of its hinges, and heights of its nodes [mm]."""
@@ -74,8 +74,8 @@ def chunks_of(shape: MeshShape) -> tuple[ThreadChunks, ...]:
     ]
     rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     # SciPy would keep 64-bit indices, which take as much memory as the values.
-    places = rows.astype(np.int32), columns.astype(np.int32)
-    incidence = sp.csr_array((values, places), shape=(count * VECTORS, shape.unknowns))
+    indices = rows.astype(np.int32), columns.astype(np.int32)
+    incidence = sp.csr_array((values, indices), shape=(count * VECTORS, shape.unknowns))
     incidence.eliminate_zeros()
     ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
     parts = [
@@ -86,7 +86,7 @@ def chunks_of(shape: MeshShape) -> tuple[ThreadChunks, ...]:
 
 def _terms(
     elements: Elements, chunks: int, per_chunk: int, offset: int
-) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
+) -> Iterator[tuple[Indices, Indices, Float[np.ndarray, " entry"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""
     slot = np.arange(chunks * per_chunk)
     # Padding may repeat any element, as it has no stiffness.

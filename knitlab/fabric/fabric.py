@@ -18,15 +18,12 @@ class Configuration(eqx.Module):
 
     With JAX arrays, functions of the shape can be differentiated; NumPy arrays need no compilation.
     A velocity, or a gradient with respect to the shape, is also a ``Configuration``.
-
-    Attributes:
-        positions: (x, y, z) of every node, x along the courses and y along the wales; row 0 is the
-            bottom course, column 0 the left wale [mm].
-        lengths: sides L_x and L_y of the cell of periodic fabric; unused in a sample with open
-            edges, and usually its flat size [mm].
+    Row 0 is the bottom course, column 0 the left wale.
     """
 
+    # (x, y, z) of every node, x along the courses and y along the wales [mm]
     positions: Float[Array | np.ndarray, "*state node_y node_x 3"]
+    # L_x and L_y of periodic fabric; unused in a sample, and usually its flat size [mm]
     lengths: Float[Array | np.ndarray, "*state 2"]
 
     @classmethod
@@ -40,10 +37,8 @@ class Configuration(eqx.Module):
     @classmethod
     def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":
         """Configurations of one mesh shape as the states of one configuration, in NumPy."""
-        positions, lengths = zip(
-            *((state.positions, state.lengths) for state in states), strict=True
-        )
-        return cls(np.stack(positions), np.stack(lengths))
+        positions = np.stack([state.positions for state in states])
+        return cls(positions, np.stack([state.lengths for state in states]))
 
     def flattened(self) -> Float[Array | np.ndarray, "*state unknown"]:
         """Unknowns as a vector: (x, y, z) by nodes from the bottom left, then L_x and L_y [mm]."""

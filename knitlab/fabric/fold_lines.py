@@ -40,7 +40,7 @@ class Ridge:
         self.fold_parts = _parts(self.refinement, fraction)
         self._flank_parts = _parts(self.refinement, 1 - fraction)
 
-    def stiffness_by_place(self, fold_phase: FoldPhase) -> Float[np.ndarray, " cell"]:
+    def stiffness_by_position(self, fold_phase: FoldPhase) -> Float[np.ndarray, " cell"]:
         """Factor on k_t of a hinge, by its position in the period; all 1 on the paper's grid.
 
         A hinge with the share s of a fold's compliance is 1/s times as stiff, and its edge is
@@ -156,11 +156,11 @@ def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByE
 def fold_stiffness_factors(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
     """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere."""
     periodic = options.boundary == "periodic"
-    by_place = ridge_of(options).stiffness_by_place(options.fold_phase)
+    by_position = ridge_of(options).stiffness_by_position(options.fold_phase)
     rib, garter = (
         np.where(
             inside_runs(like, periodic),
-            by_place[_number_in_run(like, periodic) % len(by_place)],
+            by_position[_number_in_run(like, periodic) % len(by_position)],
             1.0,
         )
         for like in (pattern.cells_of("rib"), pattern.cells_of("garter").T)

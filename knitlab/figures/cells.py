@@ -1,6 +1,8 @@
 """Maps of cells, each coloured by a value, or marked by status where there is none."""
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -50,18 +52,16 @@ def draw_map(
 ) -> tuple[set[Status], bool]:
     """Draw a map of cells over n_stripe and P, with its colour bar.
 
-    Every n_stripe has designs at the same few P, but at different n_subunit. A measured design has
-    a dashed frame; if it is simulated too, the measurement is the strip at the bottom of its cell.
-    Returned are the statuses that are marked, and whether there are gaps between the cells. Several
-    experiments on one design are refused.
+    A measured design has a dashed frame; if it is simulated too, the measurement is the strip at
+    the bottom of its cell. Returned are the statuses that are marked, and whether there are gaps
+    between the cells. Several experiments on one design are refused.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = ValueColours.of(np.concatenate([np.empty(0), *values]), signed)
-    cells: dict[tuple[int, float], list[xr.Dataset]] = {}
-    for cube in sorted(cubes, key=is_measured):
-        for design in designs_of(cube):
-            n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
-            cells.setdefault((n_stripe, n_subunit / (2 * n_stripe)), []).append(design)
+    cells = defaultdict[tuple[int, float], list[xr.Dataset]](list)
+    for design in chain.from_iterable(map(designs_of, sorted(cubes, key=is_measured))):
+        n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
+        cells[n_stripe, n_subunit / (2 * n_stripe)].append(design)
     if any(sum(map(is_measured, designs)) > 1 for designs in cells.values()):
         raise fault("experiments", "there are several on one design; show one of them")
     stripes, periods = (sorted({each[k] for each in cells}) for k in (0, 1))
@@ -105,11 +105,6 @@ def designs_of(cube: xr.Dataset) -> list[xr.Dataset]:
         cube.isel(n_stripe=row, n_subunit=column)
         for row, column in np.argwhere(status != Status.excluded).tolist()
     ]
-
-
-def row_count(cubes: Sequence[xr.Dataset]) -> int:
-    """Rows of a map of cubes: every n_stripe that has a design in any of them."""
-    return len({int(design["n_stripe"]) for cube in cubes for design in designs_of(cube)})
 
 
 def design_name(design: xr.Dataset) -> str:

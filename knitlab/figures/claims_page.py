@@ -1,7 +1,4 @@
-"""The page of claims, as Markdown: what a user may rely on, by which margin, with figures.
-
-Near misses are separate from claims that fail by more.
-"""
+"""The page of claims, as Markdown: what a user may rely on, by which margin, with figures."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -15,7 +12,6 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.validation.claims import TOPICS
 from knitlab.validation.judgement import Judgement, contrary, summary
 from knitlab.validation.margin import GOOD, NEAR, Grade, signed
-from knitlab.validation.samples import JudgedSamples
 
 SUFFIX = ".md"
 Key = tuple[str, tuple[Path, ...]]  # kind of figure and cubes, which identify the figure of a claim
@@ -69,7 +65,7 @@ def _quoted(one: Judgement) -> str:
         f"but it {contrary(one.contrary, cube_name)}" if one.contrary else "",
     ]
     noted = ", ".join(filter(None, notes))
-    return f"“{one.claim.quoted}”" + (f" ({noted})" if noted else "")
+    return f"“{one.claim.quoted}” ({noted})" if noted else f"“{one.claim.quoted}”"
 
 
 def cube_name(path: Path) -> str:
@@ -81,16 +77,13 @@ def cube_name(path: Path) -> str:
 
 def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, str]:
     """The cells of a claim by the heading of their column, with model options by their letter."""
-
-    def described(sample: JudgedSamples) -> str:
-        letter = letters.get(sample.options)
-        size = f"{sample.size} unit cells" if sample.size else ""
-        options = f"options {letter}" if letter else ""
-        texts = cube_name(sample.cube), sample.experiment, sample.boundary, size, options
-        return ", ".join(filter(None, texts))
-
     claim, result = one.claim, one.result
-    judged_on = [result.count, *map(described, one.samples)]
+    judged_on = [result.count]
+    for each in one.samples:
+        size = f"{each.size} unit cells" if each.size else ""
+        options = f"options {letters[each.options]}" if each.options in letters else ""
+        texts = cube_name(each.cube), each.experiment, each.boundary, size, options
+        judged_on.append(", ".join(filter(None, texts)))
     if one.contrary:
         judged_on.append(f"but it {contrary(one.contrary, cube_name)}")
     cells = {
@@ -122,8 +115,15 @@ def write_page(
     Returned are the files, and why some figures could not be drawn.
     """
     check_suffix(page)
-    folder = page.with_suffix("")
-    figures, faults = _draw_figures(judgements, folder, selections)
+    folder, figures, faults = page.with_suffix(""), dict[Key, Path](), list[Fault]()
+    keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
+    for kind, cubes in dict.fromkeys(keys):
+        label = cube_name(cubes[0]).replace("/", "-")
+        name = f"{label}-{kind}.png" if len(cubes) == 1 else f"{kind}.png"
+        try:
+            figures[kind, cubes] = draw_figure(kind, cubes, folder / name, selections)
+        except BadInput as error:
+            faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
     links = {key: f"{folder.name}/{path.name}" for key, path in figures.items()}
     with atomic_write(page) as temporary:
         temporary.write_text("\n\n".join(_blocks(judgements, links)) + "\n", encoding="utf-8")
@@ -165,19 +165,3 @@ def _table(rows: Sequence[Mapping[str, str]]) -> str:
 
 def _key(one: Judgement) -> Key:
     return one.claim.figure or "", one.cubes
-
-
-def _draw_figures(
-    judgements: Sequence[Judgement], folder: Path, selections: Mapping[str, Any]
-) -> tuple[dict[Key, Path], list[Fault]]:
-    """Draw the figures of claims that were measured, or say why some cannot be drawn."""
-    files, faults = dict[Key, Path](), list[Fault]()
-    keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
-    for kind, cubes in dict.fromkeys(keys):
-        label = cube_name(cubes[0]).replace("/", "-")
-        name = f"{label}-{kind}.png" if len(cubes) == 1 else f"{kind}.png"
-        try:
-            files[kind, cubes] = draw_figure(kind, cubes, folder / name, selections)
-        except BadInput as error:
-            faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
-    return files, faults

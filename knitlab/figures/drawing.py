@@ -18,9 +18,10 @@ from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
+from knitlab.meshes.chosen_case import has_shape
 from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
 
 FIGURES: dict[str, FigureKind] = {}
@@ -40,8 +41,7 @@ def draw_figure(
 ) -> Path:
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
-    A figure of a single case shows the most auxetic design of the selection that has its case file
-    beside the cube. BadInput if a cube, a selection, an option or the suffix is at fault.
+    BadInput if a cube, a selection, an option or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
@@ -55,9 +55,9 @@ def draw_figure(
 
 
 def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
-    """Draw a workflow's figures into its results folder, each for print and for the screen.
+    """Draw a workflow's figures into its results folder, unless they are up to date.
 
-    Figures that are up to date are kept. Returned are the files, and why some could not be drawn.
+    Returned are the files, and why some could not be drawn.
     """
     files, faults = list[Path](), list[Fault]()
     cube = cube_file.open_cube(folder)
@@ -119,9 +119,14 @@ def draw(
     refuse_others(selections, known, problem)
     folder = Path(cubes[0].encoding.get("source", "")).parent
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
-    slices: Iterable[str] = ()
+    slices = dict[str, None]()
     if name not in COMPARING:
-        slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
+        for cube in cubes:
+            if several := [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]:
+                problem = f"shows one value of each swept setting; select {choices(cube, several)}"
+                raise fault(name, problem)
+            values = (f"{dim} = {cube[dim].item()}" for dim in swept_dims(cube))
+            slices[", ".join(values)] = None
         cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
     if kind.needs is not None:
         cases = _cases(kind, cubes[0], folder)
@@ -138,8 +143,8 @@ def draw(
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
     """Check that a kind can show the dimensions of cubes, and those that were measured."""
     for cube in cubes:
-        if kind.dims not in (None, base_dims(cube)):
-            able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
+        able = [each for each, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
+        if name not in able:
             problem = "does not show designs along the dimensions of this cube"
             raise fault(name, f"{problem}; draw {', '.join(able)}")
     measured = [cube for cube in cubes if is_measured(cube)]
@@ -151,29 +156,17 @@ def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> No
         raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
 
 
-def _swept_values(name: str, cube: xr.Dataset) -> str:
-    swept = swept_dims(cube)
-    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
-    return ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
-
-
 def _draw_cases(
     kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
 ) -> Figure:
     """Draw the selected strains of cases, of which their files must hold the shapes."""
     sliced = [selected(case, selections) for case in cases]
     for case, shown in zip(cases, sliced, strict=True):
-        if not selections or "position" not in case:
-            continue
-        strains = case["applied_strain"].values
-        kept = strains[np.isfinite(case["position"].values).all(axis=(1, 2, 3))]
-        if not np.isin(shown["applied_strain"].values, kept).all():
+        kept = case["applied_strain"].values[has_shape(case)]
+        if selections and not np.isin(shown["applied_strain"].values, kept).all():
             known = ", ".join(f"{strain:g}" for strain in kept)
-            raise fault(
-                f"selections {', '.join(as_given(selections))}",
-                f"has no shape, which this case file keeps at {known}; choose one of these",
-            )
+            problem = f"has no shape, which this case file keeps at {known}; choose one of these"
+            raise fault(f"selections {', '.join(as_given(selections))}", problem)
     with print_style():
         return kind.draw(sliced if kind.designs else sliced[0])
 
@@ -181,23 +174,21 @@ def _draw_cases(
 def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
     """The case files that a figure shows: of its designs, or of the most auxetic design."""
     designs = cube[["case_id", "poisson_ratio_min"]].stack(design=base_dims(cube))
-    planned = dict(zip(designs["design"].values, designs["case_id"].values, strict=True))
-    stored = {
-        design: case_id
-        for design, case_id in planned.items()
-        if case_id and case_path(folder, case_id).is_file()
-    }
+    designs = designs.isel(design=designs["case_id"].values != "")
+    is_stored = [case_path(folder, each).is_file() for each in designs["case_id"].values]
+    stored = designs.isel(design=np.flatnonzero(is_stored))
     if kind.designs:
-        shown = [stored[design] for design in kind.designs if design in stored]
-        shown = shown or [*stored.values()][: len(kind.designs)]
+        case_ids = dict(zip(stored["design"].values, stored["case_id"].values, strict=True))
+        shown = [case_ids[design] for design in kind.designs if design in case_ids]
+        shown = shown or [*case_ids.values()][: len(kind.designs)]
         if not shown:
             raise fault(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
         return [read_case(folder, case_id) for case_id in shown]
     needs = VARIABLES[str(kind.needs)]
-    for design in designs.sortby("poisson_ratio_min")["design"].values:
-        if design in stored and kind.needs in (case := read_case(folder, stored[design])):
+    for case_id in stored.sortby("poisson_ratio_min")["case_id"].values:
+        if kind.needs in (case := read_case(folder, case_id)):
             return [case]
-    if not any(planned.values()):
+    if not designs.sizes["design"]:
         raise fault("selections", "no design of this selection is planned; choose others")
     how = "run them with method=dynamics" if needs.of == "dynamics" else NO_CASE_FILES
     raise fault(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")

@@ -1,19 +1,15 @@
 """Fits of the stripes: to the tension curve of a stripe, and to a test of a fabric."""
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from knitlab.figures.kinds.curves import ROWS
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, name_rows
 from knitlab.laboratory.fit import Fit
 from knitlab.measure.calibration import Calibration
 
-LABELS = (
-    "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
-    "axial strain\nmean $\\varepsilon_{yy}$ [1]",
-    "reaction force [N]",
-)
+LABELS = (ROWS["mean_strain_xx"], ROWS["mean_strain_yy"], "reaction force [N]")
 FITTED, LINEAR = CATEGORY_COLOURS[:2]
 BEFORE, SHADE = "0.55", "0.9"
 
@@ -64,19 +60,15 @@ def fit_figure(fit: Fit, title: str) -> Figure:
         if column == 0:
             below.set_ylabel("difference\nover error [1]")
             handles = above.get_legend_handles_labels()[0]
-    _draw_factors(figure.add_subplot(grid[:, 3]), fit)
+    factors, names = figure.add_subplot(grid[:, 3]), list(fit.factors)
+    for row, name in enumerate(names):
+        factor, reach = fit.factors[name], np.exp(2 * fit.standard_errors[name])
+        factors.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
+        factors.plot(factor, row, "o", color=FITTED, ms=4)
+    factors.axvline(1, color=BEFORE, lw=0.8)
+    name_rows(factors, names)
+    factors.set_xlabel("fitted / table [1]\n± 2 standard errors")
     handles.append(Patch(color=SHADE, label="difference within one error"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     figure.suptitle(title, fontsize=8)
     return figure
-
-
-def _draw_factors(axes: Axes, fit: Fit) -> None:
-    names = list(fit.factors)
-    for row, name in enumerate(names):
-        factor, reach = fit.factors[name], np.exp(2 * fit.standard_errors[name])
-        axes.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
-        axes.plot(factor, row, "o", color=FITTED, ms=4)
-    axes.axvline(1, color=BEFORE, lw=0.8)
-    name_rows(axes, names)
-    axes.set_xlabel("fitted / table [1]\n± 2 standard errors")

@@ -23,7 +23,7 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
     """A row of panels for each target: what is wanted in green, and the nearest designs.
 
     With ``bands`` the range over the siblings of a design is shaded, and curves have a panel for
-    each design, with those of the others in grey behind it: bands would cover each other.
+    each design, as bands would cover each other.
     """
     names = [_name(found, number) for number in range(min(MOST_SHOWN, len(found.table)))]
     rows = len(found.reached)
@@ -56,11 +56,9 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
 
 
 def _draw_band(panel: Axes, reached: Reached, number: int, shown: int) -> None:
-    label: str | None = "the other designs"
-    for other in range(shown):
-        if other != number:
-            panel.plot(reached.at, reached.values[other], color=OTHERS, lw=0.8, label=label)
-            label = None
+    others = np.delete(reached.values[:shown], number, axis=0)
+    for line in panel.plot(reached.at, others.T, color=OTHERS, lw=0.8)[:1]:
+        line.set_label("the other designs")
     low, high = (edge[number] for edge in reached.band)
     panel.fill_between(reached.at, low, high, color=OWN, alpha=0.25, lw=0, label=RANGE)
     panel.plot(reached.at, reached.values[number], color=OWN, label="this design")
@@ -99,23 +97,14 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
     if target.curve is None and target.low != target.high:
         ends = [end for end in (target.low, target.high) if np.isfinite(end)]
         limits = [*panel.get_ylim(), *ends]
-        below, above = min(limits), max(limits)
-        panel.set_ylim(below, above)
+        below, above = panel.set_ylim(min(limits), max(limits))
         panel.axhspan(max(target.low, below), min(target.high, above), label="wanted", **shade)
         return
-    line: Look = {"color": WANTED, "lw": 2, "label": "wanted", "zorder": 3}
-    tolerance = target.tolerance
-    if target.curve is not None:
-        strains, wanted = map(np.asarray, target.curve)
-        panel.plot(strains, wanted, **line)
-        if tolerance is not None:
-            low, high = wanted - tolerance, wanted + tolerance
-            panel.fill_between(strains, low, high, label="its tolerance", **shade)
-    else:
-        panel.axhline(target.low, **line)
-        if tolerance is not None:
-            ends = [target.low - tolerance, target.low + tolerance]
-            panel.axhspan(*ends, label="its tolerance", **shade)
+    strains, wanted = target.curve or (panel.get_xlim(), (target.low, target.low))
+    panel.plot(strains, wanted, color=WANTED, lw=2, label="wanted", zorder=3)
+    if (tolerance := target.tolerance) is not None:
+        low, high = (np.add(wanted, sign * tolerance) for sign in (-1, 1))
+        panel.fill_between(strains, low, high, label="its tolerance", **shade)
 
 
 def pareto_figure(

@@ -12,6 +12,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from knitlab.figures.style import Look
+from knitlab.meshes.surface import grid_surface
 
 FABRIC = "0.85"  # colour of a sheet
 LIGHT = np.array([-0.5, 0.5, 0.7])  # direction of the light on a sheet in plan
@@ -31,20 +32,13 @@ def state_text(strain: float) -> str:
 
 def draw_sheet(axes: Axes3D, nodes: np.ndarray, colours: Sequence[str] = (FABRIC,)) -> None:
     """Draw nodes (y, x, component) in perspective, in one colour or one for every face."""
-    rows, columns = nodes.shape[0] - 1, nodes.shape[1] - 1
-    faces = np.broadcast_to(to_rgba_array(list(colours)), (rows * columns, 4))
-    axes.plot_surface(
-        *np.moveaxis(nodes, -1, 0),
-        rcount=nodes.shape[0],
-        ccount=nodes.shape[1],
-        facecolors=faces.reshape(rows, columns, 4),
-        # Edges in the colour of their face cover the gaps between faces.
-        linewidth=0.3,
-        antialiased=False,
-        shade=True,
-        lightsource=LightSource(azdeg=225, altdeg=45),
-        rasterized=True,
-    )
+    rows, columns, _ = nodes.shape
+    faces = np.broadcast_to(to_rgba_array(list(colours)), ((rows - 1) * (columns - 1), 4))
+    look: Look = {"facecolors": faces.reshape(rows - 1, columns - 1, 4), "rasterized": True}
+    look |= {"shade": True, "lightsource": LightSource(azdeg=225, altdeg=45)}
+    # Edges in the colour of their face cover the gaps between faces.
+    look |= {"linewidth": 0.3, "antialiased": False}
+    axes.plot_surface(*np.moveaxis(nodes, -1, 0), rcount=rows, ccount=columns, **look)
 
 
 def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
@@ -67,8 +61,8 @@ def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
 
 def faces_of(nodes: Float[np.ndarray, "y x 3"]) -> Float[np.ndarray, "face 4 3"]:
     """Corners of the grid cells of a sheet of nodes."""
-    corners = np.stack([nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]], axis=2)
-    return corners.reshape(-1, 4, 3)
+    surface = grid_surface(nodes)
+    return surface.nodes[surface.faces]
 
 
 def shaded(
@@ -90,11 +84,9 @@ def draw_faces(
     """Draw faces [mm] in their RGBA colours from above, without seams between them."""
     # A fold hides what lies under it.
     from_below = np.argsort(faces[:, :, 2].mean(axis=1))
+    look: Look = {"facecolors": colours[from_below], "rasterized": True}
     # Smoothed edges let the background through between two faces.
-    edges: Look = {"edgecolors": "face", "lw": 0.2, "antialiaseds": False}
-    shown = list(faces[from_below, :, :2])
-    axes.add_collection(
-        PolyCollection(shown, facecolors=colours[from_below], rasterized=True, **edges)
-    )
+    look |= {"edgecolors": "face", "lw": 0.2, "antialiaseds": False}
+    axes.add_collection(PolyCollection(list(faces[from_below, :, :2]), **look))
     axes.set(xlabel="x, weft [mm of network]", ylabel="y, warp [mm of network]", aspect="equal")
     axes.autoscale_view()

@@ -78,14 +78,27 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
         colours = np.where((plated == electrode)[..., None], of_bed, colours)
     extent = (columns.start, columns.stop, rows.start, rows.stop)
     axes.imshow(colours, origin="lower", extent=extent, aspect=0.5, interpolation="nearest")
+    left, right, low, high = extent
     if stitch >= NARROWEST_MARKED:
-        _draw_stitches(axes, front, extent, stitch)
+        # Thin lines between stitches, and a dash for every purl.
+        axes.hlines(np.arange(low + 1, high), left, right, colors="0.85", lw=0.25)
+        axes.vlines(np.arange(left + 1, right), low, high, colors="0.85", lw=0.25)
+        course, wale = np.nonzero(~front)
+        y, x = low + course + 0.5, left + wale
+        axes.hlines(y, x + 0.3, x + 0.7, colors="black", lw=4 * stitch, alpha=0.8)
     _draw_patches(axes, chart, extent, stitch)
     _draw_electrodes(axes, chart, plated, extent)
-    _draw_repeat(axes, chart, extent)
-    axes.set(xlim=extent[:2], ylim=extent[2:])
+    (height, width), named = chart.repeat, "whole sample" if chart.is_whole_sample else "repeat"
+    outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
+    axes.add_patch(outline)
+    beside: Look = {"textcoords": "offset points", "annotation_clip": False}
+    above: Look = {"xytext": (0, 4), "ha": "center", "va": "bottom"} | beside
+    beside |= {"xytext": (4, 0), "ha": "left", "va": "center", "rotation": 90}
+    axes.annotate(f"{named}: {width} wales", (left + width / 2, high), **above)
+    axes.annotate(f"{named}: {height} courses", (right, low + height / 2), **beside)
+    axes.set(xlim=(left, right), ylim=(low, high))
     axes.set(xlabel="wale, numbered as its needle", ylabel="course, in the order of knitting")
-    for axis, start, stop in ((axes.xaxis, *extent[:2]), (axes.yaxis, *extent[2:])):
+    for axis, start, stop in ((axes.xaxis, left, right), (axes.yaxis, low, high)):
         # The first and the last are numbered, and others that are not too near to these.
         near = (stop - start) / 16
         others = MaxNLocator(8, integer=True).tick_values(start, stop)
@@ -117,16 +130,6 @@ def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
 Extent = tuple[int, int, int, int]  # first and last wale and course drawn, as borders of stitches
 
 
-def _draw_stitches(axes: Axes, front: np.ndarray, extent: Extent, stitch: float) -> None:
-    """A dash for every purl, and thin lines between stitches."""
-    left, right, low, high = extent
-    axes.hlines(np.arange(low + 1, high), left, right, colors="0.85", lw=0.25)
-    axes.vlines(np.arange(left + 1, right), low, high, colors="0.85", lw=0.25)
-    course, wale = np.nonzero(~front)
-    y, x = low + course + 0.5, left + wale
-    axes.hlines(y, x + 0.3, x + 0.7, colors="black", lw=4 * stitch, alpha=0.8)
-
-
 def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float) -> None:
     left, right, low, high = extent
     rows, columns = chart.row_borders.tolist(), chart.column_borders.tolist()
@@ -156,19 +159,6 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent:
             box: Look = {"fc": "white", "ec": "black", "lw": 0.6, "pad": 1.5}
             look: Look = {"ha": "center", "va": "bottom", "fontweight": "bold", "bbox": box}
             axes.text(x, y, electrode_name(electrode), zorder=4, **look)
-
-
-def _draw_repeat(axes: Axes, chart: StitchChart, extent: Extent) -> None:
-    left, right, low, high = extent
-    height, width = chart.repeat
-    named = "whole sample" if chart.is_whole_sample else "repeat"
-    outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
-    axes.add_patch(outline)
-    beside: Look = {"textcoords": "offset points", "annotation_clip": False}
-    above: Look = {"xytext": (0, 4), "ha": "center", "va": "bottom"} | beside
-    beside |= {"xytext": (4, 0), "ha": "left", "va": "center", "rotation": 90}
-    axes.annotate(f"{named}: {width} wales", (left + width / 2, high), **above)
-    axes.annotate(f"{named}: {height} courses", (right, low + height / 2), **beside)
 
 
 def specification_sheet(specification: "Specification") -> Figure:

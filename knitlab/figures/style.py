@@ -28,6 +28,16 @@ DOTS_PER_INCH = 320  # resolution of PNG files, and of what vector files hold as
 # smallest it would depend on a single value, such as a force of 1e-10 N at zero strain.
 DECADES = 30.0
 
+PRINT: dict[Any, Any] = {
+    **{"backend": "Agg", "font.family": "sans-serif"},
+    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), 8),
+    **dict.fromkeys(("legend.fontsize", "xtick.labelsize", "ytick.labelsize"), 7),
+    **dict.fromkeys(("legend.frameon", "axes.spines.top", "axes.spines.right"), False),
+    **{"axes.linewidth": 0.6, "lines.linewidth": 1.2, "hatch.linewidth": 0.5},
+    **{"savefig.dpi": DOTS_PER_INCH, "pdf.fonttype": 42, "svg.fonttype": "none"},
+}
+"""Settings of matplotlib for print."""
+
 Colour = tuple[float, float, float, float]
 Look = dict[str, Any]  # keyword arguments of an artist of matplotlib
 
@@ -56,27 +66,7 @@ def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
 
 def print_style() -> AbstractContextManager[None]:
     """Matplotlib settings for print, restored afterwards."""
-    return mpl.rc_context(
-        {
-            "backend": "Agg",
-            "font.family": "sans-serif",
-            "font.size": 8,
-            "axes.titlesize": 8,
-            "axes.labelsize": 8,
-            "legend.fontsize": 7,
-            "legend.frameon": False,
-            "xtick.labelsize": 7,
-            "ytick.labelsize": 7,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.linewidth": 0.6,
-            "lines.linewidth": 1.2,
-            "hatch.linewidth": 0.5,
-            "savefig.dpi": DOTS_PER_INCH,
-            "pdf.fonttype": 42,
-            "svg.fonttype": "none",
-        }
-    )
+    return mpl.rc_context(PRINT)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from knitlab.cube.cube_file import CUBE, open_cube, write_cube
-from knitlab.cube.find import Found, find_designs
+from knitlab.cube.find import CROSSINGS, Found, find_designs
 from knitlab.inverse import candidates
 from knitlab.inverse.objective import Objective, all_met, check_targets
 from knitlab.inverse.request import DesignRequest
@@ -208,12 +208,15 @@ def summary(designed: Designed) -> Iterator[str]:
     """Lines about each candidate, the best first, and about targets that could not be met."""
     dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
     searches = [(n, designed.searches[n - 1]) for n in map(int, designed.table["candidate"])]
+    crossings = designed.table.set_index("candidate").get(CROSSINGS)
     for number, search in searches:
         best = search.winner.values if search.winner else {}
         values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
         yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
         how = " then ".join(search.methods) or "as it is"
         yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
+        if crossings is not None and crossings[number] > 0:
+            yield "  passes through itself where its ratio is lowest, as no real fabric can"
         if search.held_by:
             yield f"  at the bound {', '.join(search.held_by)}"
         determined = search.determined_to
@@ -222,6 +225,13 @@ def summary(designed: Designed) -> Iterator[str]:
     if not designed.met:
         others = (search for search in designed.searches if search.winner)
         yield from _unmet(designed, searches[0][1] if searches else next(others))
+    apart = [name for name in designed.request.bounds if name.startswith(("rib_", "garter_"))]
+    if apart:
+        both = ", ".join(
+            dict.fromkeys(name.partition("_")[2] for name in apart if "factor" in name)
+        )
+        remedy = f"; vary {both}, if both are knitted alike" if both else ""
+        yield f"{', '.join(apart)} change one knit alone, but yarn and stitch size both{remedy}"
     if designed.unknown:
         labels = "; ".join(_labels(dims, design) for design in designed.unknown)
         yield f"not considered, as no cube has results of them: {labels}"

@@ -2,14 +2,13 @@
 
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from secrets import token_hex
 from tempfile import mkdtemp
 
 from knitlab.io.errors import CannotWrite, Fault
 
-UNFINISHED = ".writing-"  # prefix of unfinished files, or of their folders
+UNFINISHED = ".writing-"  # prefix of the folders of unfinished files
 PROBE_BYTES = 1 << 20
 
 
@@ -23,40 +22,25 @@ def atomic_write(path: Path) -> Iterator[Path]:
         temporary = folder / path.name
         yield temporary
         temporary.replace(path)
-    except OSError as error:
-        # On a full disk netCDF may report a missing permission; a plain file gives the reason.
-        reason = _refusal(folder) if folder is not None else None
-        raise _cannot_write(path, reason or error) from error
-    except RuntimeError as error:
-        # HDF5 does not report why it could not write; a plain file does.
-        if folder is not None and (reason := _refusal(folder)):
-            raise _cannot_write(path, reason) from error
-        raise
+    except (OSError, RuntimeError) as error:
+        # On a full disk netCDF may report a missing permission, and HDF5 gives no reason; a plain
+        # file does.
+        reason = (folder and _refusal(folder)) or error
+        if not isinstance(reason, OSError):
+            raise
+        why = (reason.strerror or str(reason)).lower()
+        remedy = "free some space" if "space" in why or "quota" in why else "choose another folder"
+        problem = f"cannot be written ({why}); {remedy}; the previous file is unchanged"
+        raise CannotWrite([Fault(str(path), problem)]) from error
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def write_atomically(path: Path, contents: bytes) -> None:
-    """Replace a small file by known contents, faster than by a folder; CannotWrite as above."""
-    temporary = path.parent / f"{UNFINISHED}{token_hex(8)}"
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(contents)
-        temporary.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise _cannot_write(path, error) from error
-
-
 def clear_unfinished(folder: Path) -> None:
-    """Remove unfinished files of killed processes from a folder and its subfolders."""
+    """Remove the unfinished files of killed processes from a folder and its subfolders."""
     for unfinished in (*folder.glob(f"{UNFINISHED}*"), *folder.glob(f"*/{UNFINISHED}*")):
-        if unfinished.is_dir():
-            shutil.rmtree(unfinished, ignore_errors=True)
-        else:
-            unfinished.unlink(missing_ok=True)
+        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def _refusal(folder: Path) -> OSError | None:
@@ -65,11 +49,3 @@ def _refusal(folder: Path) -> OSError | None:
     except OSError as error:
         return error
     return None
-
-
-def _cannot_write(path: Path, error: OSError) -> CannotWrite:
-    why = (error.strerror or str(error)).lower()
-    remedy = "free some space" if "space" in why or "quota" in why else "choose another folder"
-    return CannotWrite(
-        [Fault(str(path), f"cannot be written ({why}); {remedy}; the previous file is unchanged")]
-    )

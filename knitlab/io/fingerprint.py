@@ -88,9 +88,7 @@ def file_digest(path: Path) -> str:
 
 def digests(paths: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of files by absolute path; empty for a missing file."""
-    return {
-        str(path.resolve()): file_digest(path) if path.is_file() else "" for path in sorted(paths)
-    }
+    return {str(path.resolve()): file_digest(path) if path.is_file() else "" for path in paths}
 
 
 @cache

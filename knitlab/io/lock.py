@@ -42,24 +42,21 @@ def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def gate(folder: Path) -> Iterator[None]:
+def gate(folder: Path) -> AcquireReturnProxy:
     """Exclude the other processes of a results folder for a moment; errors as of a lock."""
-    with _acquired(folder, GATE_NAME, GATE_SECONDS):
-        yield
+    return _acquired(folder, GATE_NAME, GATE_SECONDS)
 
 
 def running_shards(folder: Path) -> list[tuple[int, int]]:
     """The shards (number, count) that run in a folder."""
     running = []
     for path in sorted(folder.glob(".lock-shard-*")):
-        if not (name := SHARD_LOCK.fullmatch(path.name)):
-            continue
-        try:
-            with FileLock(path, blocking=False):
-                pass
-        except Timeout:
-            running.append((int(name[1]), int(name[2])))
+        if shard := SHARD_LOCK.fullmatch(path.name):
+            try:
+                with FileLock(path, blocking=False):
+                    pass
+            except Timeout:
+                running.append((int(shard[1]), int(shard[2])))
     return running
 
 
@@ -86,19 +83,15 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AcquireReturnPro
         "as": f" (shard {shard[1]} of {shard[2]})" if shard else "",
     }
     with suppress(OSError):  # the lock works without the file that names its holder
-        _holder_path(folder, name).write_text(json.dumps(holder))
+        # Beside the lock: a locked file itself cannot be read on Windows.
+        (folder / f"{name}.json").write_text(json.dumps(holder))
     return lock
 
 
 def _in_use(folder: Path, name: str) -> BadInput:
     try:
-        holder = json.loads(_holder_path(folder, name).read_text())
+        holder = json.loads((folder / f"{name}.json").read_text())
         by = "process {process} of {user} on {host} since {since}{as}".format(**holder)
     except (OSError, ValueError, KeyError):
         by = "another process"
     return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")
-
-
-def _holder_path(folder: Path, name: str) -> Path:
-    """The file that names who holds a lock; a locked file itself cannot be read on Windows."""
-    return folder / f"{name}.json"

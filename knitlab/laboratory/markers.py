@@ -17,7 +17,7 @@ from knitlab.laboratory.description import Description, MarkersTable, SampleTabl
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.track_checks import Dropped, without_implausible
 from knitlab.laboratory.track_formats import Trajectories, read_tracks
-from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
+from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
 from knitlab.measure.records import resampled
 from knitlab.measure.unit_cells import (
     central_mean,
@@ -309,6 +309,6 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
             raise fault(f"{places}: column marker", problem)
         rows, columns = np.full((2, len(first)), -1)
         rows[marker], columns[marker] = row, column
-        return grid_of_places(rows, columns)
+        return grid_of_positions(rows, columns)
     except NoGrid as error:
         raise fault(str(places or path), str(error)) from error

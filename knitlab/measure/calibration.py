@@ -58,37 +58,26 @@ Unknowns = Float[np.ndarray, " fitted"]
 class Calibration:
     """A fitted stripe, and how well the curve determines it.
 
-    Attributes:
-        period: relaxed peak-to-peak distance of the stripe, as given [mm].
-        values: k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs, the stiffening
-            strain [1], by name.
-        standard_errors, intervals: standard error and 95 % confidence interval of each.
-        correlations: those of the parameters, in the order of ``values``.
-        strain, force, fitted_force: the curve, the mean of all repeats, and forces of the fitted
-            zigzag; on one row, or over the width [1, N or N/mm].
-        per_width: whether forces are over the width.
-        repeats: number of repeats; from 3 on, errors are those of the mean of their own fits.
-        starts: number of starts, and number of starts that ended at this fit.
-        converged: whether the optimiser met its tolerances.
-        iterations: number of Jacobians from the best start.
-        warnings: warnings about parameters that the curve does not determine.
+    Numbers by name are those of k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs,
+    the stiffening strain [1]. Forces are on one row [N] or, if ``per_width``, over the width
+    [N/mm].
     """
 
-    period: float
+    period: float  # relaxed peak-to-peak distance of the stripe, as given [mm]
     values: dict[str, float]
     standard_errors: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    correlations: Float[np.ndarray, "fitted fitted"]
+    intervals: dict[str, tuple[float, float]]  # of 95 % confidence
+    correlations: Float[np.ndarray, "fitted fitted"]  # in the order of ``values``
     strain: Points
-    force: Points
+    force: Points  # of the curve, the mean of all repeats
     fitted_force: Points
-    starts: tuple[int, int]
-    converged: bool
-    iterations: int
-    warnings: tuple[str, ...]
+    starts: tuple[int, int]  # number of starts, and of those that ended at this fit
+    converged: bool  # whether the optimiser met its tolerances
+    iterations: int  # number of Jacobians from the best start
+    warnings: tuple[str, ...]  # about parameters that the curve does not determine
     law: Law = "linear"
     per_width: bool = False
-    repeats: int = 1
+    repeats: int = 1  # from 3 on, errors are those of the mean of their own fits
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())

@@ -50,7 +50,7 @@ class MarkerGrid:
         return np.concatenate([trajectories, nowhere], axis=1)[:, self.marker]
 
 
-def grid_of_places(
+def grid_of_positions(
     rows: Int[np.ndarray, " marker"], columns: Int[np.ndarray, " marker"]
 ) -> MarkerGrid:
     """The grid of markers with given rows and columns, of which negative ones mark strays."""
@@ -80,16 +80,16 @@ def find_grid(points: Points) -> MarkerGrid:
             " shows all of them"
         )
     steps = _steps_of_grid(points[seen])
-    places = _followed(points[seen], steps)
-    if len(places) < max(FEWEST, (1 - MOST_STRAYS) * len(seen)):
+    positions = _followed(points[seen], steps)
+    if len(positions) < max(FEWEST, (1 - MOST_STRAYS) * len(seen)):
         raise NoGrid(
-            f"{len(seen) - len(places)} of {len(seen)} markers are not on one regular grid;"
+            f"{len(seen) - len(positions)} of {len(seen)} markers are not on one regular grid;"
             " give a table of their places"
         )
     rows_columns = np.full((2, len(points)), NONE)
-    lines = np.array(list(places.values())).T
-    rows_columns[:, seen[list(places)]] = lines - lines.min(axis=1, keepdims=True)
-    grid = grid_of_places(*rows_columns)
+    lines = np.array(list(positions.values())).T
+    rows_columns[:, seen[list(positions)]] = lines - lines.min(axis=1, keepdims=True)
+    grid = grid_of_positions(*rows_columns)
     if min(grid.marker.shape) < 2:
         raise NoGrid(ONE_LINE)
     _check_even(grid.corners(points[None])[0])
@@ -130,13 +130,13 @@ def _followed(points: Points, steps: Steps) -> dict[int, Step]:
     start = int(nearest[0].sum(axis=1).argmin())
     expected = points[:, None] + np.array(STEPS) @ steps[::-1]
     distances, neighbours = tree.query(expected, distance_upper_bound=reach)
-    places: dict[int, Step] = {}
+    positions: dict[int, Step] = {}
     queue = [(0.0, start, (0, 0))]
     while queue:
         _, point, position = heapq.heappop(queue)
-        if point in places or position in places.values():
+        if point in positions or position in positions.values():
             continue
-        places[point] = position
+        positions[point] = position
         for (rows, columns), distance, neighbour in zip(
             STEPS, distances[point], neighbours[point], strict=True
         ):
@@ -145,7 +145,7 @@ def _followed(points: Points, steps: Steps) -> dict[int, Step]:
                 late = reach * (abs(rows) + abs(columns) - 1)
                 step_to = position[0] + rows, position[1] + columns
                 heapq.heappush(queue, (distance + late, int(neighbour), step_to))
-    return places
+    return positions
 
 
 def _check_even(corners: Float[np.ndarray, "row column 2"]) -> None:

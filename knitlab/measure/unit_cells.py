@@ -28,14 +28,6 @@ class CellGrid:
     rows: tuple[int, ...]
     columns: tuple[int, ...]
 
-    @classmethod
-    def even(cls, shape: MeshShape, unit_cells: tuple[int, int]) -> "CellGrid":
-        """Equal unit cells, with their numbers along (y, x)."""
-        along_y, along_x = unit_cells
-        rows = range(0, shape.cells_y + 1, shape.cells_y // along_y)
-        columns = range(0, shape.cells_x + 1, shape.cells_x // along_x)
-        return cls(tuple(rows), tuple(columns))
-
     @property
     def count(self) -> tuple[int, int]:
         """Number of unit cells along (y, x)."""

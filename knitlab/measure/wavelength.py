@@ -78,12 +78,12 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
         raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")
     if not np.isfinite(line).all():
         raise ValueError("a point of the line is not finite; leave it out")
-    places, group = np.unique(line[:, 0], return_inverse=True)
-    if len(places) < 4 * waves:
-        raise ValueError(f"{len(places)} points cannot resolve {waves:g} waves; give 4 for each")
+    points, group = np.unique(line[:, 0], return_inverse=True)
+    if len(points) < 4 * waves:
+        raise ValueError(f"{len(points)} points cannot resolve {waves:g} waves; give 4 for each")
     offsets = np.bincount(group.ravel(), line[:, 1]) / np.bincount(group.ravel())
-    along = np.linspace(places[0], places[-1], POINTS)
-    raw = np.interp(along, places, offsets)
+    along = np.linspace(points[0], points[-1], POINTS)
+    raw = np.interp(along, points, offsets)
     extent = float(along[-1] - along[0])
     wavelength = expected = extent / waves
     for _ in range(ROUNDS):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool
 
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
@@ -19,18 +20,11 @@ from knitlab.cube.selection import (
 )
 from knitlab.io.errors import fault
 
-NO_CASE_FILE = {
-    Status.failed: "failed and has no shape; knitlab status says why",
-    Status.pending: "is planned but has not run; run it first",
-}
-"""Why a design has no case file, by its status."""
-
 
 def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
     """Contents of the case file of the one design of a cube that selections leave.
 
-    Selections along the strain are left to :func:`chosen_strains`. BadInput if they leave no design
-    or several, or the folder has no sound case file of it.
+    BadInput if they leave no design or several, or the folder has no sound case file of it.
     """
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
@@ -56,9 +50,21 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
         raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
     if stored is StoredCase.nothing:
         missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
+        reasons = {
+            Status.failed: "failed and has no shape; knitlab status says why",
+            Status.pending: "is planned but has not run; run it first",
+        }
         remedy = f"{missing}; run the design into this folder"
-        raise fault(name, NO_CASE_FILE.get(Status(designs["status"].item()), remedy))
+        raise fault(name, reasons.get(Status(designs["status"].item()), remedy))
     return read_case(folder, case_id)
+
+
+def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
+    """Whether a case has its shape at every applied strain."""
+    if "position" not in case_file:
+        return np.zeros(case_file.sizes[STRAIN], bool)
+    positions = case_file["position"].transpose(STRAIN, ...).values
+    return np.isfinite(positions).all(axis=(1, 2, 3))
 
 
 def chosen_strains(
@@ -69,11 +75,7 @@ def chosen_strains(
     By default the relaxed state is chosen, or every strain that was reached if several may be.
     """
     along = selections_along(selections, [STRAIN])
-    strains = case_file[STRAIN].values
-    reached = np.zeros(len(strains), bool)
-    if "position" in case_file:
-        positions = case_file["position"].transpose(STRAIN, ...).values
-        reached = np.isfinite(positions).all(axis=(1, 2, 3))
+    strains, reached = case_file[STRAIN].values, has_shape(case_file)
     reason = case_file.attrs.get("reason", "")
     if not reached.any():
         title = str(case_file.attrs.get("title", "test"))

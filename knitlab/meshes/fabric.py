@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,11 +49,9 @@ def fabric_meshes(
     folds = _fold_angles(case, shown, relaxed.shape[:2])
     fixed = _fixed_fields(case, repeats)
     of_unit_cells: dict[str, np.ndarray] = {}
-    rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
     for name in UNIT_CELL_STRAINS:
         values = shown[name].transpose("applied_strain", "cell_y", "cell_x").values
-        on_cells = values.repeat(rows, axis=1).repeat(columns, axis=2)
-        of_unit_cells[f"{name} [1]"] = np.tile(on_cells, (1, *repeats))
+        of_unit_cells[f"{name} [1]"] = np.tile(on_grid_cells(case, values), (1, *repeats))
     meshes = []
     for number, nodes in enumerate(closed_nodes(shown, repeats)):
         strain = np.full(nodes.shape[:2], float(shown["applied_strain"][number]))
@@ -69,6 +68,14 @@ def fabric_meshes(
             )
         )
     return meshes
+
+
+def on_grid_cells(
+    case: "Case", values: Float[np.ndarray, "*states cell_y cell_x"]
+) -> Float[np.ndarray, "*states grid_y grid_x"]:
+    """The value of its unit cell for every grid cell."""
+    rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
+    return values.repeat(rows, axis=-2).repeat(columns, axis=-1)
 
 
 def is_periodic(case_file: xr.Dataset) -> bool:
@@ -124,27 +131,16 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
 
 def _plated(case: "Case") -> Float[np.ndarray, "electrode cell_y cell_x"]:
     """The fraction of every grid cell that each of the two electrodes of a case covers."""
+    from knitlab.fabric.electrodes import split_by_cells
+
     shape = case.mesh_shape
     plated = np.zeros((2, shape.cells_y, shape.cells_x))
     for of_electrode, strips in zip(plated, case.electrodes.strips, strict=True):
-        for strip in strips:
-            across, along = (
-                _overlap(extent, cells, shape.periodic)
-                for extent, cells in zip(strip.extents, (shape.cells_x, shape.cells_y), strict=True)
-            )
-            of_electrode += along[:, None] * across
+        for piece in chain.from_iterable(map(split_by_cells, strips)):
+            # Over a seam a strip goes on at the other end.
+            row, column = math.floor(piece.bottom), math.floor(piece.left)
+            of_electrode[row % shape.cells_y, column % shape.cells_x] += piece.area
     return plated
-
-
-def _overlap(extent: tuple[float, float], cells: int, periodic: bool) -> Float[np.ndarray, " cell"]:
-    """Length of an extent within every cell of a line; over a seam it goes on at the other end."""
-    low, high = extent
-    start = np.arange(cells)
-    turns = (-cells, 0, cells) if periodic else (0,)
-    return sum(
-        np.clip(np.minimum(high + turn, start + 1) - np.maximum(low + turn, start), 0, 1)
-        for turn in turns
-    )
 
 
 def _side_lengths(

@@ -57,16 +57,13 @@ def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
     import trimesh
 
     # A material of two sides: of a sheet the back is seen too.
-    material = trimesh.visual.material.PBRMaterial(
-        name="fabric", doubleSided=True, metallicFactor=0.0, roughnessFactor=1.0
-    )
+    look: dict[str, Any] = {"doubleSided": True, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    material = trimesh.visual.material.PBRMaterial(name="fabric", **look)
     visual = trimesh.visual.TextureVisuals(material=material)
     light = np.rint(255 * linear(node_colours(mesh))).astype(np.uint8)
     visual.vertex_attributes["color"] = np.insert(light, 3, 255, axis=1)  # opaque
-    scene = trimesh.Scene()
-    scene.add_geometry(
-        _trimesh(mesh, visual), geom_name="fabric", node_name="fabric", transform=METRES_OF_Z_UP
-    )
+    scene, solid = trimesh.Scene(), _trimesh(mesh, visual)
+    scene.add_geometry(solid, node_name="fabric", geom_name="fabric", transform=METRES_OF_Z_UP)
     scene.export(path, "glb")
 
 
@@ -89,10 +86,9 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
 
 
 def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
-    """Write a mesh for each applied strain into a folder, and the collection that lists them.
+    """Write a mesh for each applied strain into a folder, then the collection that lists them.
 
-    The collection is a ``.pvd`` file of ParaView, with the strain as its time, written last; the
-    folder beside it has its name. Returns it, then the meshes; CannotWrite if that fails.
+    That is a ``.pvd`` file of ParaView, with the strain as its time. Returns it, then the meshes.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
@@ -126,5 +122,4 @@ def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:
     import trimesh
 
     # Unprocessed, it keeps the numbers of the nodes.
-    faces = mesh.triangulated().faces
-    return trimesh.Trimesh(mesh.nodes, faces, visual=visual, process=False)
+    return trimesh.Trimesh(mesh.nodes, mesh.triangulated().faces, visual=visual, process=False)

@@ -49,9 +49,8 @@ class SurfaceMesh:
     def rim(self) -> tuple[Int[np.ndarray, "edge 2"], Int[np.ndarray, " edge"]]:
         """Edges of one face alone, in the direction of that face, and its number."""
         edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        _, first, count = np.unique(
-            np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
-        )
+        undirected = np.sort(edges, axis=1)
+        _, first, count = np.unique(undirected, return_index=True, return_counts=True, axis=0)
         alone = np.sort(first[count == 1])
         return edges[alone], alone // self.faces.shape[1]
 
@@ -61,10 +60,9 @@ def grid_surface(
     node_fields: Mapping[str, np.ndarray] = {},
     face_fields: Mapping[str, np.ndarray] = {},
 ) -> SurfaceMesh:
-    """The surface of a grid of nodes: a quad for each grid cell, technical face outside.
+    """The surface of a grid of nodes [mm]: a quad for each grid cell, technical face outside.
 
-    Positions are x along the courses and y along the wales [mm]; fields are values on the grid of
-    nodes (node_y, node_x) and on that of cells (cell_y, cell_x), by their name and unit.
+    Fields are values on the grid of nodes (node_y, node_x) and on that of cells (cell_y, cell_x).
     """
     number = np.arange(nodes.shape[0] * nodes.shape[1]).reshape(nodes.shape[:2])
     corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
@@ -77,11 +75,10 @@ def grid_surface(
 
 
 def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
-    """The solid of a sheet: half of its thickness [mm] lies on either side.
+    """The solid of a sheet: half of its thickness [mm] lies on either side, along mitred normals.
 
-    Both sides are offset along mitred normals, so that flanks keep their thickness next to a fold,
-    and joined by a wall along the rim, with the fields of the face beside it. BadInput if the
-    thickness is not above 0, or above :func:`largest_thickness`.
+    A wall along the rim has the fields of the face beside it. BadInput if the thickness is not
+    above 0, or above :func:`largest_thickness`.
     """
     if not thickness > 0:
         raise fault(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")
@@ -98,14 +95,12 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
     wall = np.stack([end, start, start + count, end + count], axis=-1)
     # Beginning at the same corner, a face has the same diagonal on both sides.
     below = np.roll(sheet.faces[:, ::-1], 1, axis=1) + count
+    of_faces = sheet.face_fields.items()
     return SurfaceMesh(
         np.concatenate([sheet.nodes + offset, sheet.nodes - offset]),
         np.concatenate([sheet.faces, below, wall]),
-        {name: np.concatenate([values, values]) for name, values in sheet.node_fields.items()},
-        {
-            name: np.concatenate([values, values, values[beside]])
-            for name, values in sheet.face_fields.items()
-        },
+        {name: np.concatenate([values] * 2) for name, values in sheet.node_fields.items()},
+        {name: np.concatenate([values, values, values[beside]]) for name, values in of_faces},
     )
 
 
@@ -140,11 +135,8 @@ def largest_thickness(sheet: SurfaceMesh) -> float:
     side, other = (points[:, k] - points[:, 0] for k in (1, 2))
     turn, other_turn = (offsets[:, k] - offsets[:, 0] for k in (1, 2))
     normal = np.cross(side, other)
-    changes = (
-        normal,
-        np.cross(turn, other) + np.cross(side, other_turn),
-        np.cross(turn, other_turn),
-    )
+    first_order = np.cross(turn, other) + np.cross(side, other_turn)
+    changes = (normal, first_order, np.cross(turn, other_turn))
     area, linear, square = ((normal * change).sum(axis=1) for change in changes)
     turned = min(
         _smallest_positive_root(area, sign * linear, square).min(initial=np.inf) for sign in (1, -1)

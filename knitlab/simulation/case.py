@@ -213,18 +213,13 @@ class Case:
     @property
     def electrodes(self) -> Electrodes:
         """What is plated on it; BadLayout if the fabric cannot carry it."""
-        layout = self.capacitor_given.layout
+        layout = self._given(self.capacitor, "capacitor").layout
         return place_electrodes(layout, self.sample, self.options, self.stitches_per_cell)
 
     def _given(self, value: Given | None, name: str) -> Given:
         if value is None:
             raise TypeError(f"case {self.case_id} has no {name}")
         return value
-
-    @property
-    def capacitor_given(self) -> Capacitor:
-        """Its capacitor; a TypeError if it has none."""
-        return self._given(self.capacitor, "capacitor")
 
     @property
     def stitches_per_cell(self) -> StitchCounts:

@@ -99,7 +99,7 @@ def measured(
         if case.sensitivities:
             values |= sensitivities(case, reached)
         if case.capacitor is not None:
-            values |= _capacitor_values(case, reached, test.unloaded)
+            values |= _capacitor_values(case, case.capacitor, reached, test.unloaded)
         if case.robustness:
             results = [_results(sibling.case, sibling.test) for sibling in siblings]
             energies = [sibling.branch_energy for sibling in siblings]
@@ -190,10 +190,10 @@ def _relaxed_patches(case: Case, relaxed: Configuration) -> dict[str, Any]:
 
 
 def _capacitor_values(
-    case: Case, reached: Sequence[State], unloaded: Sequence[State]
+    case: Case, capacitor: model.Capacitor, reached: Sequence[State], unloaded: Sequence[State]
 ) -> dict[str, Any]:
     """Capacitance along loading, and unloading from the last strain but one, by schema names."""
-    capacitor, electrodes = case.capacitor_given, case.electrodes
+    electrodes = case.electrodes
     configurations = Configuration.stacked([state.configuration for state in reached])
     capacitances = partial(
         model.capacitances,

@@ -20,9 +20,10 @@ from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.state import Outcome, TensileTest
 from knitlab.equilibrium.tensile_test import (
     imperfect_sheet,
+    relax,
     relax_near,
-    starts_from_periodic,
     stretch,
+    tiled,
 )
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.zigzag import zigzag
@@ -117,14 +118,20 @@ def tensile_tests(
 
     From imperfections, by this seed, they are by equilibria whatever the method.
     """
+
+    def report(number: int, states: float) -> None:
+        progress(cases[number].case_id, states)
+
     if cases[0].method == "dynamics" and imperfection is None:
-        return dynamic_tests(cases, progress)
+        from knitlab.dynamics.damped_test import stretch_by_dynamics
+
+        strains = [case.applied_strain for case in cases]
+        return stretch_by_dynamics(moving_fabrics(cases), strains, report)
     sheets = starts(cases, imperfection)
     moved: list[Relaxed | None] = [None] * len(cases)
     if cases[0].relaxes_by_dynamics:
         from knitlab.dynamics.damped_test import relax_by_dynamics
 
-        report = _by_number(cases, progress)
         moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets)]
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
     searches = [
@@ -184,24 +191,30 @@ def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Confi
     shapes: list[Configuration | None] = [None] * len(cases)
     if imperfection is not None:
         shapes = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
-    tiled = {
+    cells = {
         number: case.periodic_cell
         for number, case in enumerate(cases)
         if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
     }
-    if not tiled:
+    if not cells:
         return shapes
-    tilings = starts_from_periodic(
-        [cases[number].assemble() for number in tiled],
-        [cell.assemble() for cell in tiled.values()],
-        [cell.equilibrium_solver for cell in tiled.values()],
-        imperfection,
-        [contact_of(cell) for cell in tiled.values()],
-    )
-    for number, tiling in zip(tiled, tilings, strict=True):
-        contact = contact_of(cases[number])
-        if tiling and (contact is None or contact.holds(np.asarray(tiling.flattened()))):
-            shapes[number] = tiling
+    fabrics = [cell.assemble() for cell in cells.values()]
+    searches = [
+        partial(
+            relax,
+            settings=cell.equilibrium_solver,
+            start=None if imperfection is None else imperfect_sheet(*fabric, imperfection),
+            contact=contact_of(cell),
+        )
+        for cell, fabric in zip(cells.values(), fabrics, strict=True)
+    ]
+    relaxed = run_each(fabrics[0][0].shape, [fabric for _, fabric in fabrics], searches)
+    for number, (net, _), state in zip(cells, fabrics, relaxed, strict=True):
+        if state.converged:
+            tiling = tiled(*cases[number].assemble(), net, state.configuration)
+            contact = contact_of(cases[number])
+            if contact is None or contact.holds(np.asarray(tiling.flattened())):
+                shapes[number] = tiling
     return shapes
 
 
@@ -217,18 +230,6 @@ def contact_of(case: Case) -> "Barrier | None":
     cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
     sheet, refinement = case.sheet, case.options.cells_per_period
     return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
-
-
-def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
-    """Tensile tests by damped dynamics, all cases in one vmapped program."""
-    from knitlab.dynamics.damped_test import stretch_by_dynamics
-
-    strains, report = [case.applied_strain for case in cases], _by_number(cases, progress)
-    return stretch_by_dynamics(moving_fabrics(cases), strains, report)
-
-
-def _by_number(cases: Sequence[Case], progress: Progress) -> Callable[[int, float], None]:
-    return lambda number, states: progress(cases[number].case_id, states)
 
 
 def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":

@@ -71,8 +71,7 @@ def batched(cases: Mapping[str, Case]) -> tuple[Batch, ...]:
     alike: dict[tuple[Any, ...], list[str]] = defaultdict(list)
     for case_id, case in cases.items():
         dynamics = case.dynamics
-        if dynamics is not None:
-            # Mass and damping are numbers of each fabric in a batch.
+        if dynamics is not None:  # mass and damping are numbers of each fabric in a batch
             dynamics = replace(dynamics, damping_ratio=0.0, surface_density=1.0)
         key = case.mesh_shape, case.options.fold_angle, case.spring_kinds, dynamics
         alike[key].append(case_id)
@@ -104,8 +103,7 @@ def seconds(cases: Iterable[Case]) -> float:
 def work(case: Case, states: float) -> float:
     """Work in the first states of a case and its siblings: steps of 1000 unknowns, or of a node."""
     if case.method == "dynamics":
-        time_step = _time_step(case, case.motion)
-        return _time(case, case.motion, states) / time_step * case.mesh_shape.nodes
+        return _time_steps(case, case.motion, states) * case.mesh_shape.nodes
     tests, states = divmod(states, len(case.applied_strain))
     steps_of_test = len(case.applied_strain) + RELAXATION_STEPS - 1
     begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
@@ -116,24 +114,20 @@ def work(case: Case, states: float) -> float:
     return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
 
 
-def _time(case: Case, motion: Dynamics, states: float) -> float:
-    """Time that passes in the first states of a test by dynamics [ms]."""
-    at_rest, rate = motion.ending == "rest", motion.strain_rate
-    relaxation = TIME_TO_REST if at_rest else motion.relax_time
-    if motion.ending == "steps":
-        stable = _time_step(case, motion) / motion.step_safety
-        relaxation, rate = motion.relax_steps * stable, motion.step_strain / stable
-    strain = float(np.interp(states - 1, range(len(case.applied_strain)), case.applied_strain))
-    waiting = TIME_TO_REST * max(states - 1, 0.0) if at_rest else 0.0
-    return relaxation * min(states, 1.0) + strain / rate + waiting
-
-
-def _time_step(case: Case, motion: Dynamics) -> float:
-    """About the time step of the leapfrog [ms]."""
+def _time_steps(case: Case, motion: Dynamics, states: float) -> float:
+    """About the number of time steps of the leapfrog in the first states of a test."""
     stiffest = max(case.weft.k_s, case.warp.k_s)
     mass = motion.surface_density * case.weft.period * case.warp.period
     mass *= (case.options.length_scale / case.options.cells_per_period) ** 2
-    return float(2 * motion.step_safety * np.sqrt(mass / (STIFFNESS_OF_NODE * stiffest)))
+    stable = 2 * math.sqrt(mass / (STIFFNESS_OF_NODE * stiffest))  # the longest time step [ms]
+    at_rest, rate = motion.ending == "rest", motion.strain_rate
+    relaxation = TIME_TO_REST if at_rest else motion.relax_time
+    if motion.ending == "steps":
+        relaxation, rate = motion.relax_steps * stable, motion.step_strain / stable
+    strain = float(np.interp(states - 1, range(len(case.applied_strain)), case.applied_strain))
+    waiting = TIME_TO_REST * max(states - 1, 0.0) if at_rest else 0.0
+    time = relaxation * min(states, 1.0) + strain / rate + waiting
+    return time / (motion.step_safety * stable)
 
 
 def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:
@@ -154,7 +148,15 @@ def split(
 ) -> list[tuple[Batch, ...]]:
     """The batches of each shard of a plan: the longest first, to the shard that has least to do."""
     share = math.fsum(batch.estimated_seconds for batch in batches) / count
-    parts = [part for batch in batches for part in _parts(batch, cases, share / PARTS_OF_SHARE)]
+    longest = share / PARTS_OF_SHARE  # unless a single case takes longer
+    parts: list[Batch] = []
+    for batch in batches:
+        times = _rounded(batch.estimated_seconds / longest) if longest else 1.0
+        pieces = min(len(batch.cases), max(1, math.ceil(times)))
+        borders = [len(batch.cases) * k // pieces for k in range(pieces + 1)]
+        parts += [
+            _batch_of(batch.cases[first:last], cases) for first, last in itertools.pairwise(borders)
+        ]
     costs = {part: _rounded(part.estimated_seconds) for part in parts}
     shards: list[list[Batch]] = [[] for _ in range(count)]
     loads = [(0.0, number) for number in range(count)]
@@ -163,18 +165,6 @@ def split(
         heapq.heapreplace(loads, (load + costs[part], number))
         shards[number].append(part)
     return [tuple(shard) for shard in shards]
-
-
-def _parts(batch: Batch, cases: Mapping[str, Case], longest: float) -> list[Batch]:
-    """A batch, cut into parts that take at most a time [s], or into single cases."""
-    times = _rounded(batch.estimated_seconds / longest) if longest else 1.0
-    count = min(len(batch.cases), max(1, math.ceil(times)))
-    if count == 1:
-        return [batch]
-    borders = [len(batch.cases) * k // count for k in range(count + 1)]
-    return [
-        _batch_of(batch.cases[first:last], cases) for first, last in itertools.pairwise(borders)
-    ]
 
 
 def _rounded(time: float) -> float:

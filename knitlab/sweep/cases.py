@@ -68,19 +68,16 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
         pairs = _members(section, name, sets[name].pairs, source)
     else:
         pairs = sorted({(n, m) for n in section.n_stripe for m in section.n_subunit})
-    reasons = {pair: _impossible(parameters, *pair) for pair in pairs}
-    excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
+    of_material = f" (material {parameters.material!r})" if parameters.material else ""
+    excluded: dict[Design, str] = {
+        pair: f"{reason}{of_material}"
+        for pair in pairs
+        if (reason := parameters.stripes.impossible(*pair))
+    }
     if len(excluded) == len(pairs):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
         raise BadInput(Fault(asked, reason) for reason in dict.fromkeys(excluded.values()))
     return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
-
-
-def _impossible(parameters: Parameters, n_stripe: int, n_subunit: int) -> str | None:
-    reason = parameters.stripes.impossible(n_stripe, n_subunit)
-    if reason is None or parameters.material is None:
-        return reason
-    return f"{reason} (material {parameters.material!r})"
 
 
 def _members(

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable, Collection
-from functools import cache
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import Field, PositiveFloat, ValidationError, create_model
@@ -13,6 +12,7 @@ from knitlab.io.toml import StrictModel
 
 Types = dict[str, Any]  # declared types of settings, with range and unit, by name
 Fields = dict[str, tuple[Any, Any]]  # types and defaults of a schema, by name; ... where required
+FACTOR = "_factor"  # suffix of a setting that multiplies another quantity
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 
@@ -25,13 +25,6 @@ class ParameterValue(StrictModel):
     source: str = Field(min_length=1)
 
 
-@dataclasses.dataclass(frozen=True)
-class FactorOn:
-    """Marks a setting that multiplies another quantity, by the name of that."""
-
-    quantity: str
-
-
 def declared(table: type, without: Collection[str] = ()) -> Types:
     """The settings that a dataclass declares, but for some of its fields."""
     hints, fields = get_type_hints(table, include_extras=True), dataclasses.fields(table)
@@ -40,7 +33,7 @@ def declared(table: type, without: Collection[str] = ()) -> Types:
 
 def factors(quantities: Types) -> Types:
     """A factor on each quantity."""
-    return {f"{name}_factor": Annotated[PositiveFloat, FactorOn(name)] for name in quantities}
+    return {f"{name}{FACTOR}": PositiveFloat for name in quantities}
 
 
 def parts(kind: Any) -> tuple[Any, ...]:
@@ -66,9 +59,10 @@ def optional(types: Types) -> Fields:
 def with_defaults(table: type) -> Fields:
     """Fields with the defaults of a dataclass."""
     defaults = {field.name: field.default for field in dataclasses.fields(table)}
-    defaults = {name: one for name, one in defaults.items() if one is not dataclasses.MISSING}
-    types = required(declared(table))
-    return {name: (kind, defaults.get(name, ...)) for name, (kind, _) in types.items()}
+    return {
+        name: (kind, missing if defaults[name] is dataclasses.MISSING else defaults[name])
+        for name, (kind, missing) in required(declared(table)).items()
+    }
 
 
 def entries(types: Types) -> Fields:
@@ -108,16 +102,10 @@ def checked(name: str, table: Table, kind: type[Table]) -> Table:
         if dataclasses.is_dataclass(value):
             values[field] = checked(f"{name}.{field}", value, type(value))
     try:
-        # mypy takes the hash of an instance for that of its class.
-        read = _schema(kind).model_validate(values)  # type: ignore[arg-type]
+        read = with_fields(required(declared(kind)))(StrictModel).model_validate(values)
     except ValidationError as error:
         raise BadInput(faults_of(error, name)) from error
     return kind(**dict(read))
-
-
-@cache
-def _schema(table: type) -> type[StrictModel]:
-    return with_fields(required(declared(table)))(StrictModel)
 
 
 def _of_toml(kind: Any) -> Any:

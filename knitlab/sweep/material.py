@@ -1,7 +1,7 @@
 """Materials: the stripes of one yarn and the lengths that go with them, as a file or an object."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,7 +20,7 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
 from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.stripe_tables import QUANTITIES, UNITS, StripeRow, StripeTable, StripeTables
-from knitlab.sweep.workflow import SETTINGS, ModelSection, Workflow
+from knitlab.sweep.workflow import SETTINGS, Workflow
 from knitlab.sweep.workflow_text import WorkflowText
 
 SCALED = {
@@ -32,6 +32,8 @@ SCALED = {
     "ground_distance": "capacitor",
 }
 """Lengths that go with a yarn, by the attribute of the parameters that holds each."""
+UNIT_OF = dict.fromkeys(SCALED, "mm") | {"surface_density": "g/mm^2"}
+"""Numbers of a yarn beside its stripes, and their units."""
 MATERIAL = "model.material"
 DIGITS = 6
 """Digits of the numbers of a calibrated stripe in a file."""
@@ -54,6 +56,8 @@ class Material:
         stitch_height: height of a stitch along the wale [mm].
         clearance: distance below which electrodes touch [mm].
         ground_distance: distance of a grounded plane below the fabric [mm].
+        surface_density: mass of the flat fabric per area, for dynamics [g/mm²]; by default the
+            paper's.
         plain: stiffness of plain knit; a pattern with plain knit is refused without it.
         interpolate: whether stripes between two of these are interpolated.
         source: where the numbers come from.
@@ -77,6 +81,7 @@ class Material:
     stitch_height: Annotated[PositiveFloat, Unit("mm")] | None = None
     clearance: Annotated[PositiveFloat, Unit("mm")] | None = None
     ground_distance: Annotated[PositiveFloat, Unit("mm")] | None = None
+    surface_density: Annotated[PositiveFloat, Unit("g/mm^2")] | None = None
     plain: PlainKnit | None = None
     interpolate: bool = False
     source: str = "given in Python"
@@ -93,12 +98,17 @@ class Material:
                 StripeRow.of(stripe)
             except ValidationError as error:
                 faults += faults_of(error, f"{stripe.knit} {stripe.n}")
-        for name in SCALED:
-            value = getattr(self, name)
-            if value is not None and not 0 < value < math.inf:
-                faults.append(Fault(name, f"is {value!r}; give a length above 0 in mm"))
+        for name, number in self.numbers.items():
+            if not 0 < number < math.inf:
+                problem = f"is {number!r}; give a number above 0 in {UNIT_OF[name]}"
+                faults.append(Fault(name, problem))
         if faults:
             raise BadInput(faults)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The lengths that it gives [mm], and its surface density [g/mm²]."""
+        return {name: number for name in UNIT_OF if (number := getattr(self, name)) is not None}
 
     @classmethod
     def read(cls, path: str | Path) -> "Material":
@@ -112,16 +122,13 @@ class Material:
     def write(self, path: str | Path) -> None:
         """Write the material into a TOML file, for ``--material`` and the setting ``material``."""
         table: dict[str, Any] = {"name": self.name, "interpolate": self.interpolate}
-        table |= {
-            name: {"value": value, "unit": "mm", "source": self.source}
-            for name in SCALED
-            if (value := getattr(self, name)) is not None
-        }
+        for name, number in self.numbers.items():
+            table[name] = {"value": number, "unit": UNIT_OF[name], "source": self.source}
         if self.plain is not None:
+            units = {name: unit_of(kind) for name, kind in declared(PlainKnit).items()}
             table["plain"] = {
-                name: {"value": value, "unit": unit_of(kind), "source": self.source}
-                for name, kind in declared(PlainKnit).items()
-                for value in [getattr(self.plain, name)]
+                name: {"value": getattr(self.plain, name), "unit": unit, "source": self.source}
+                for name, unit in units.items()
             }
         for stripe in sorted(self.stripes, key=lambda each: (each.knit, each.n)):
             _add_row(table, stripe, self.source)
@@ -129,7 +136,7 @@ class Material:
             temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
 
-_ENTRIES = entries({name: Annotated[PositiveFloat, Unit("mm")] for name in SCALED})
+_ENTRIES = entries({name: Annotated[PositiveFloat, Unit(unit)] for name, unit in UNIT_OF.items()})
 
 
 @with_fields(entries(declared(PlainKnit)))
@@ -147,36 +154,31 @@ class MaterialFile(StrictModel):
     garter: StripeTable | None = None
     plain: _PlainEntries | None = None
 
-    def _sources(self) -> Iterator[str]:
-        for table in filter(None, (self.rib, self.garter)):
-            yield from (row.source or table.source for row in table.n.values())
-
     def material(self, name: str) -> Material:
         """The material, with this name if the file has none."""
         tables = StripeTables(rib=self.rib, garter=self.garter)
         knits: tuple[Knit, ...] = ("rib", "garter")
-        lengths = {length: getattr(self, length) for length in SCALED}
-        plain = None
-        if self.plain is not None:
-            plain = PlainKnit(**{field: entry.value for field, entry in self.plain})
+        sources = [
+            row.source or table.source
+            for table in (self.rib, self.garter)
+            if table is not None
+            for row in table.n.values()
+        ]
+        numbers, plain = {number: getattr(self, number) for number in UNIT_OF}, self.plain
         return Material(
             tuple(tables.stripe(knit, n) for knit in knits for n in tables.rows(knit)),
             name=self.name or name,
-            plain=plain,
+            plain=PlainKnit(**{name: entry.value for name, entry in plain}) if plain else None,
             interpolate=self.interpolate,
-            source="; ".join(dict.fromkeys(self._sources())),
-            **{length: entry.value for length, entry in lengths.items() if entry is not None},
+            source="; ".join(dict.fromkeys(sources)),
+            **{number: entry.value for number, entry in numbers.items() if entry is not None},
         )
 
 
 def add_stripe(
     path: Path, stripe: Stripe, source: str, covariance: Mapping[str, Any] | None = None
 ) -> None:
-    """Add a stripe to a material file, or replace it there; the file is made if there is none.
-
-    Raises:
-        BadInput: with every fault of a file that is there.
-    """
+    """Add a stripe to a material file, or replace it there; BadInput has every fault of a file."""
     table: dict[str, Any] = {}
     if path.exists():
         read_checked(MaterialFile, path)
@@ -224,69 +226,50 @@ def period_ratio(stripes: Sequence[Stripe], reference: StripeTables) -> float:
 def with_material(parameters: Parameters, material: Material) -> Parameters:
     """The parameters with a material in place of the paper's yarn."""
     ratio = period_ratio(material.stripes, parameters.stripes)
-    changes: dict[str, dict[str, float]] = {"sheet": {}, "gauge": {}, "capacitor": {}}
-    scaled = {}
-    for name, table in SCALED.items():
-        value = getattr(material, name)
-        if value is None:
-            value = ratio * getattr(getattr(parameters, table), name)
-            scaled[name] = value
-        changes[table][name] = value
+    given = material.numbers
+    scaled = {
+        name: ratio * getattr(getattr(parameters, table), name)
+        for name, table in SCALED.items()
+        if name not in given
+    }
+    tables: dict[str, Any] = {}
+    for name, number in (scaled | given).items():
+        table = SCALED.get(name, "dynamics")
+        tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
     stripes = StripeTables(interpolate=material.interpolate).with_stripes(material.stripes)
-    return replace(
-        parameters,
-        stripes=stripes,
-        plain=material.plain,
-        material=material.name,
-        scaled=scaled,
-        **{name: replace(getattr(parameters, name), **given) for name, given in changes.items()},
-    )
+    tables |= {"stripes": stripes, "plain": material.plain}
+    return replace(parameters, material=material.name, scaled=scaled, **tables)
 
 
 def with_material_file(
-    section: ModelSection, parameters: Parameters, text: WorkflowText
-) -> tuple[Parameters, WorkflowText, list[Path]]:
-    """The parameters with the stripes that a workflow names, the workflow, and their file.
+    path: Path, parameters: Parameters, text: WorkflowText
+) -> tuple[Parameters, WorkflowText]:
+    """The parameters with the material of a file that a workflow names, and the workflow.
 
     Lengths of a workflow's file that another material replaces are those of the paper's yarn, and
     scaled like the parameters; lengths of overrides, or beside the material in the file, are not.
     """
-    files: list[Path] = []
-    if section.material is not None:
-        parameters, text, files = _with_file(section.material, parameters, text)
-    if section.interpolate_stripes is not None:
-        update = {"interpolate": section.interpolate_stripes}
-        parameters = replace(parameters, stripes=parameters.stripes.model_copy(update=update))
-    return parameters, text, files
-
-
-def _with_file(
-    name: str, parameters: Parameters, text: WorkflowText
-) -> tuple[Parameters, WorkflowText, list[Path]]:
-    path = text.folder(MATERIAL) / name
     material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
     changed = with_material(parameters, material)
     scaled = dict(changed.scaled)
     tables = {table: dict(given) for table, given in text.table.items() if isinstance(given, dict)}
     axes = {axis.name: axis for axis in text.axes}
     for name, attribute in SCALED.items():
-        key = f"{SETTINGS[name].section}.{name}"
-        given = tables.get(SETTINGS[name].section, {})
+        section = SETTINGS[name].section
+        given = tables.get(section, {})
         if name not in given:
             continue
         scaled.pop(name, None)
-        of_the_paper = MATERIAL in text.sources and key not in text.sources
+        of_the_paper = MATERIAL in text.sources and f"{section}.{name}" not in text.sources
         # Others are faults, which the workflow's check reports.
         values = axes[name].values if name in axes else (given[name],)
-        if not of_the_paper or not all(isinstance(value, int | float) for value in values):
-            continue
-        new, old = (getattr(getattr(each, attribute), name) for each in (changed, parameters))
-        ratio = new / old
-        given[name] = scaled[name] = ratio * given[name]
-        if name in axes:
-            axes[name] = replace(axes[name], values=tuple(ratio * value for value in values))
+        if of_the_paper and all(isinstance(value, int | float) for value in values):
+            new, old = (getattr(getattr(each, attribute), name) for each in (changed, parameters))
+            given[name] = scaled[name] = new / old * given[name]
+            if name in axes:
+                axes[name] = replace(axes[name], values=tuple(new / old * each for each in values))
     text = replace(text, table=text.table | tables, axes=tuple(axes.values()))
-    return replace(changed, scaled=scaled), text, [path]
+    return replace(changed, scaled=scaled), text
 
 
 def scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -> list[str]:

@@ -1,7 +1,7 @@
 """Merging: results folders of one workflow become one, unless they contradict each other."""
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -60,10 +60,10 @@ class FolderContents:
         if cube is not None and cube_file.is_measured(cube):
             raise fault(str(path), "holds an experiment; only simulations are merged")
         record = results_folder.read_plan(path) if (path / PLAN).exists() else None
-        names = [file.stem for file in (path / CASES).glob("*.nc")]
-        states = {name: case_file.check_case_file(path, name) for name in names}
-        sound = {name for name in names if states[name] is case_file.StoredCase.sound}
-        damaged = tuple(case_file.case_path(path, name) for name in names if name not in sound)
+        files = {file.stem: file for file in (path / CASES).glob("*.nc")}
+        intact = case_file.StoredCase.sound
+        sound = {name for name in files if case_file.check_case_file(path, name) is intact}
+        damaged = tuple(file for name, file in files.items() if name not in sound)
         return cls(path, record, cube, frozenset(sound), damaged)
 
     @property
@@ -99,14 +99,6 @@ class FolderContents:
         gauge = {name: self.cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
         return parameters_of(self.cube) | gauge
 
-    @property
-    def codes(self) -> set[str]:
-        """Fingerprints of the codes that computed its cases."""
-        return {
-            cell.code if cell else case_file.read_code(self.path, case_id) or ""
-            for case_id, cell in self.results.items()
-        }
-
     def numbers(self, case_id: str) -> xr.Dataset:
         """What is compared of a case: from its file, or else from the cube."""
         if case_id in self.sound:
@@ -137,19 +129,18 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
         if _holds_results(target):
             merged = [FolderContents.of(target), *merged]
         _check_agreement(merged, any_code)
-        copied = tuple(_copied(merged, target))
-        cube = _joined(merged, target)
-        cube_file.write_cube(cube, target / CUBE)
+        copied = _copied(merged, target)
         failures: dict[str, Failure] = {}
         for source in reversed(merged):
             failures |= results_folder.earlier_failures(source.path)
+        cube = _joined(merged, target, failures)
+        cube_file.write_cube(cube, target / CUBE)
         bad = cube["status"].isin([Status.not_converged, Status.failed]).values
         not_ok = [failures[name] for name in cube["case_id"].values[bad] if name in failures]
         results_folder.write_failures(target, not_ok)
     sound = {case_id for source in merged for case_id in source.sound}
     damaged = {path for source in sources for path in source.damaged if path.stem not in sound}
-    sources_paths = tuple(source.path for source in sources)
-    return Merge(results / target.name, cube, sources_paths, copied, tuple(sorted(damaged)))
+    return Merge(results / target.name, cube, tuple(paths), copied, tuple(sorted(damaged)))
 
 
 def _results_folders(path: Path) -> list[Path]:
@@ -166,20 +157,21 @@ def _holds_results(path: Path) -> bool:
     return any((path / name).exists() for name in (PLAN, CUBE, CASES))
 
 
-def _copied(merged: Sequence[FolderContents], target: Path) -> Iterator[str]:
-    """Copy the case files that the target lacks; yields their identifiers."""
+def _copied(merged: Sequence[FolderContents], target: Path) -> tuple[str, ...]:
+    """Copy the case files that the target lacks; their identifiers."""
     owners = {case_id: source.path for source in reversed(merged) for case_id in source.sound}
-    for case_id, owner in sorted(owners.items()):
-        if owner == target:
-            continue
+    copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
+    for case_id, owner in copied.items():
         # The checksum first, as where a case is simulated.
         for path in (case_file.checksum_path, case_file.case_path):
             with atomic_write(path(target, case_id)) as temporary:
                 shutil.copyfile(path(owner, case_id), temporary)
-        yield case_id
+    return tuple(copied)
 
 
-def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
+def _joined(
+    merged: Sequence[FolderContents], target: Path, failures: Mapping[str, Failure]
+) -> xr.Dataset:
     """The cube of all folders and of the case files in the target, which gets their joint plan."""
     cubes = [source.cube for source in merged if source.cube is not None]
     old = cube_file.joined_cubes(cubes) if cubes else None
@@ -192,13 +184,7 @@ def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
     states = results_folder.survey(plan.designs, target, results_folder.cells(old), check=False)
-    failed = {
-        case_id
-        for source in merged
-        for case_id, entry in results_folder.earlier_failures(source.path).items()
-        if entry["status"] == Status.failed.name
-    }
-    return build_cube(plan, target, old, states, failed)
+    return build_cube(plan, target, old, states, results_folder.without_results(failures))
 
 
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
@@ -217,7 +203,8 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
             faults.append(Fault(str(other.path), problem))
     codes: dict[str, Path] = {}
     for folder in folders if not any_code else ():
-        for code in folder.codes:
+        for case_id, cell in folder.results.items():
+            code = cell.code if cell else case_file.read_code(folder.path, case_id) or ""
             codes.setdefault(code, folder.path)
     if len(codes) > 1:
         listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
@@ -238,16 +225,19 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
         for design, cell in folder.cells.items():
             owner, known = of_design.setdefault(design, (folder, cell))
             if known.case_id != cell.case_id:
-                pairs = zip(folder.dims, design, strict=True)
-                labels = "  ".join(f"{name} {label}" for name, label in pairs)
+                labels = results_folder.labelled(folder.dims, design)
                 problem = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
                 problem += f" {known.case_id}, computed with other settings;"
                 problem += " merge it into another folder"
                 faults[cell.case_id] = Fault(str(folder.path), problem)
         for case_id in folder.results:
             owner = of_case.setdefault(case_id, folder)
-            if owner is folder or case_id in faults or _same_file(case_id, owner, folder):
+            if owner is folder or case_id in faults:
                 continue
+            if case_id in owner.sound & folder.sound:
+                files = (case_file.checksum_path(each.path, case_id) for each in (owner, folder))
+                if len({file.read_text() for file in files}) == 1:
+                    continue
             agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:
                 problem = f"has other numbers in {folder.path} than in {owner.path}"
@@ -258,10 +248,3 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
     if len(faults) > MOST_NAMED:
         named.append(Fault("folders", f"contradict each other in {len(faults)} cases in all"))
     return named
-
-
-def _same_file(case_id: str, *folders: FolderContents) -> bool:
-    if not all(case_id in folder.sound for folder in folders):
-        return False
-    paths = [case_file.checksum_path(folder.path, case_id) for folder in folders]
-    return len({path.read_text() for path in paths}) == 1

@@ -125,40 +125,40 @@ class Pattern(StrictModel):
         problems: list[str] = []
         made = []
         for lines, count in ((COLUMNS, len(rows[0])), (ROWS, len(rows))):
-            n = self._given(f"{lines.name}_n_stripe", lines, n_stripe, count, problems)
-            periods = self._given(f"{lines.name}_periods", lines, 1, count, problems)
-            if getattr(self, f"{lines.name}_periods") is None:
-                default = lines.stitches * n_subunit
-                sizes = self._given(f"{lines.name}_{lines.unit}", lines, default, count, problems)
-                periods = tuple(lines.periods(sizes, n, problems))
-            made.append((tuple(periods), tuple(lines.stripes(n, stripe, problems))))
+            n, sizes = self._sizes(lines, count, n_stripe, n_subunit, problems)
+            periods = tuple(lines.periods(sizes, n, problems))
+            made.append((periods, tuple(lines.stripes(n, stripe, problems))))
         if problems:
             raise BadPattern(problems)
         (column_periods, rib), (row_periods, garter) = made
         return Grading(row_periods, column_periods, garter, rib)
 
-    def _given(
-        self, key: str, lines: "_Lines", default: int, count: int, problems: list[str]
-    ) -> Sequence[int]:
-        """Values of all lines; the default if no values are given, or not one for each line."""
-        values: Sequence[int] | None = getattr(self, key)
-        if values is not None and len(values) != count:
-            problem = f"{key} gives {len(values)} values, but the pattern has {count}"
-            problems.append(f"{problem} {lines.name}s; give one for each")
-            values = None
-        return values or (default,) * count
+    def _sizes(
+        self, lines: "_Lines", count: int, n_stripe: int, n_subunit: int, problems: list[str]
+    ) -> tuple[Sequence[int], Sequence[int]]:
+        """The n_stripe of every line, and its size in stitches or courses."""
+
+        def given(key: str, default: int) -> Sequence[int]:
+            values: Sequence[int] | None = getattr(self, f"{lines.name}_{key}")
+            if values is not None and len(values) != count:
+                problem = f"{lines.name}_{key} gives {len(values)} values, but the pattern has"
+                problems.append(f"{problem} {count} {lines.name}s; give one for each")
+                values = None
+            return values or (default,) * count
+
+        n = given("n_stripe", n_stripe)
+        if getattr(self, f"{lines.name}_periods") is None:
+            return n, given(lines.unit, lines.stitches * n_subunit)
+        periods = given("periods", 1)
+        return n, [lines.of_period(of_line) * p for of_line, p in zip(n, periods, strict=True)]
 
     def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
         """Courses and wales of the whole pattern, of given rows of letters and one design."""
-
-        def total(lines: _Lines, count: int) -> int:
-            if periods := getattr(self, f"{lines.name}_periods"):
-                n = getattr(self, f"{lines.name}_n_stripe") or (n_stripe,) * count
-                return sum(lines.of_period(size) * p for size, p in zip(n, periods, strict=False))
-            sizes = getattr(self, f"{lines.name}_{lines.unit}")
-            return sum(sizes or (lines.stitches * n_subunit,) * count)
-
-        return total(ROWS, len(rows)), total(COLUMNS, len(rows[0]))
+        courses, wales = (
+            sum(self._sizes(lines, count, n_stripe, n_subunit, [])[1])
+            for lines, count in ((ROWS, len(rows)), (COLUMNS, len(rows[0])))
+        )
+        return courses, wales
 
 
 @dataclass(frozen=True)
@@ -184,11 +184,9 @@ class _Lines:
             count, rest = divmod(size, period)
             if rest or not count:
                 near = sorted({max(1, count) * period, (count + 1) * period})
-                stripes = f"{2 * size / period:g} stripes of n_stripe {n}"
+                stripes = f"{size} {self.unit} are {2 * size / period:g} stripes of n_stripe {n}"
                 rule = f"a patch holds an even number of them; take {' or '.join(map(str, near))}"
-                problems.append(
-                    f"{self.title} {number}: {size} {self.unit} are {stripes}, and {rule}"
-                )
+                problems.append(f"{self.title} {number}: {stripes}, and {rule}")
             yield max(1, count)
 
     def stripes(

@@ -31,7 +31,7 @@ from knitlab.sweep.cases import (
     unusual_values,
     with_pattern_files,
 )
-from knitlab.sweep.material import with_material_file
+from knitlab.sweep.material import MATERIAL, with_material_file
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
@@ -135,8 +135,12 @@ def make_plan(
         parameters = read_parameters(folder)
     with faults:
         if parameters and (model := text.section("model")):
-            parameters, text, files = with_material_file(model, parameters, text)
-            inputs += files
+            if model.material is not None:
+                inputs.append(text.folder(MATERIAL) / model.material)
+                parameters, text = with_material_file(inputs[-1], parameters, text)
+            if (interpolate := model.interpolate_stripes) is not None:
+                stripes = parameters.stripes.model_copy(update={"interpolate": interpolate})
+                parameters = replace(parameters, stripes=stripes)
     with faults:
         read, axes = text.checked()
     with faults:
@@ -144,9 +148,8 @@ def make_plan(
             parameters, files = with_pattern_files(design, parameters, text)
             inputs += files
             space = design_space(design, parameters, text.source)
-    with faults:
-        if parameters and (stripes := text.section("stripes")):
-            space = stripe_space(stripes, parameters, text.source)
+        elif parameters and (pure := text.section("stripes")):
+            space = stripe_space(pure, parameters, text.source)
     with faults:
         if parameters and read and not faults.all:
             made = {
@@ -166,7 +169,7 @@ def make_plan(
         excluded=space.excluded,
         coordinates={axis.name: workflow_text.coordinate(axis.setting) for axis in axes},
         overrides=text.overrides,
-        inputs=digests(inputs),
+        inputs=digests(sorted(inputs)),
         stripes=_stripes_fingerprint(parameters, read, axes),
         gauge=overridden(parameters.gauge, read.gauge),
         material=parameters.material,

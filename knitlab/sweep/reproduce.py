@@ -47,16 +47,15 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         with suppress(BadInput, OSError):  # a folder that cannot be read holds no case
             for name, record in _records(folder, case_id):
                 matches.setdefault(name, (folder, record))
-    if case_id in matches:
-        matches = {case_id: matches[case_id]}
     if not matches:
         where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
         raise fault(case_id, where)
-    if len(matches) > 1:
+    if len(matches) > 1 and case_id not in matches:
         some = ", ".join(list(matches)[:MOST_NAMED])
         more = ", …" if len(matches) > MOST_NAMED else ""
         raise fault(case_id, f"{len(matches)} cases begin so ({some}{more}); give more characters")
-    ((name, (folder, record)),) = matches.items()
+    name = case_id if case_id in matches else next(iter(matches))
+    folder, record = matches[name]
     try:
         return RecordedCase(case_of(record), name, folder)
     except (ValidationError, KeyError, TypeError) as error:
@@ -96,10 +95,8 @@ def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
         return False
     results = measured(case, test)
     say(HEADER)
-    measures = zip(results["poisson_ratio"].values, results["reaction_force"].values, strict=True)
-    for strain, state, (ratio, force) in zip(
-        case.applied_strain, test.states, measures, strict=False
-    ):
+    curves = results["poisson_ratio"].values, results["reaction_force"].values
+    for strain, state, ratio, force in zip(case.applied_strain, test.states, *curves, strict=False):
         say(
             f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
             f" {float(state.energy.total):14.7g} {ratio:9.5f} {force:10.5g}"

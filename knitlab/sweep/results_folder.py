@@ -74,22 +74,26 @@ def survey(
     states = {}
     for case_id, design in designs.items():
         cell = stored.get(design)
-        same = cell is not None and cell.case_id == case_id
+        own = cell if cell and cell.case_id == case_id else None
+        code = None
         if case_path(folder, case_id).name not in names:
-            stale = cell is not None and not same and cell.has_results
+            stale = cell is not None and own is None and cell.has_results
             states[case_id] = CaseState.stale_parameters if stale else CaseState.pending
             continue
-        code = None
-        if checksum_path(folder, case_id).name in names and not (
-            check and check_case_file(folder, case_id) is not StoredCase.sound
+        if checksum_path(folder, case_id).name in names and (
+            not check or check_case_file(folder, case_id) is StoredCase.sound
         ):
-            code = cell.code if cell and same and cell.code else read_code(folder, case_id)
+            code = (own and own.code) or read_code(folder, case_id)
         if code is None:
             states[case_id] = CaseState.damaged
         else:
-            current = code == code_fingerprint()
-            states[case_id] = CaseState.done if current else CaseState.stale_code
+            states[case_id] = CaseState.done if code == code_fingerprint() else CaseState.stale_code
     return states
+
+
+def labelled(dims: Iterable[str], design: Design) -> str:
+    """A design as text."""
+    return "  ".join(f"{name} {label}" for name, label in zip(dims, design, strict=True))
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
@@ -128,6 +132,11 @@ def earlier_failures(folder: Path) -> dict[str, Failure]:
         return {}  # every run rewrites the file, and no result depends on it
 
 
+def without_results(failures: Mapping[str, Failure]) -> set[str]:
+    """The cases among failures that could not be computed at all."""
+    return {name for name, entry in failures.items() if entry["status"] == Status.failed.name}
+
+
 def write_failures(folder: Path, failures: Iterable[Failure]) -> None:
     """Replace the entries for designs that are not ok."""
     with atomic_write(folder / FAILURES) as temporary:
@@ -155,8 +164,7 @@ class FolderStatus:
 
     def label(self, case_id: str) -> str:
         """The design of a case as text."""
-        labels = zip(self.dims, self.designs[case_id], strict=True)
-        return "  ".join(f"{name} {value}" for name, value in labels)
+        return labelled(self.dims, self.designs[case_id])
 
     def record(self) -> dict[str, Any]:
         """The status as a JSON object."""
@@ -181,22 +189,25 @@ def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
     """Progress of the last plan of a workflow, planned again if an input changed; else BadInput."""
     folder = results / Path(workflow).stem
     record = read_plan(folder)
-    designs = planned_designs(record)
-    if changed_inputs(record):
+    designs, changed = planned_designs(record), changed_inputs(record)
+    if changed:
         from knitlab.sweep.plan import make_plan  # imports JAX, which only this case needs
 
         designs = make_plan(workflow, record["overrides"]).designs
-    return folder_status(folder, record, designs, check)
+    return folder_status(folder, tuple(record["dims"]), designs, check, changed)
 
 
 def folder_status(
-    folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
+    folder: Path,
+    dims: tuple[str, ...],
+    designs: dict[str, Design],
+    check: bool,
+    changed: tuple[str, ...] = (),
 ) -> FolderStatus:
     """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
     cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
-    stored = cells(cube)
-    failures = earlier_failures(folder)
-    statuses = {}
+    stored, statuses = cells(cube), {}
+    failures = {case_id: entry["reason"] for case_id, entry in earlier_failures(folder).items()}
     for case_id, state in survey(designs, folder, stored, check).items():
         cell = stored.get(designs[case_id])
         if state is CaseState.done:
@@ -206,13 +217,7 @@ def folder_status(
             statuses[case_id] = Status.failed.name
         else:
             statuses[case_id] = state.value
-    return FolderStatus(
-        designs=dict(designs),
-        dims=tuple(record["dims"]),
-        statuses=statuses,
-        failures={case_id: entry["reason"] for case_id, entry in failures.items()},
-        changed=changed_inputs(record),
-    )
+    return FolderStatus(designs, dims, statuses, failures, changed)
 
 
 def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[str, Any] | None:
@@ -227,7 +232,7 @@ def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[st
             and str(path.resolve()) in record["inputs"]
             and not changed_inputs(record)
         ):
-            status = folder_status(folder, record, planned_designs(record), check=True)
+            status = folder_status(folder, record["dims"], planned_designs(record), check=True)
             return record if set(status.counts) == {Status.ok.name} else None
     except (BadInput, OSError):
         pass

@@ -110,10 +110,8 @@ class Run:
         for entry in self.failures:
             label = "  ".join(f"{name} {entry[name]}" for name in dims)
             lines.append(f"{entry['status']}: {label}: {entry['reason']}")
-        lines += [
-            f"damaged: {case_path(folder, case_id)} was not as it had been written"
-            for case_id in self.in_state(CaseState.damaged)
-        ]
+        for case_id in self.in_state(CaseState.damaged):
+            lines.append(f"damaged: {case_path(folder, case_id)} was not as it had been written")
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
@@ -180,9 +178,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                     stored = results_folder.cells(now)
                     states_now = results_folder.survey(plan.designs, results, stored, check=True)
                     _join(plan, results, now, states_now, simulated, failed)
-    changed = () if old is None else differences(parameters_of(old), plan.common)
-    listed = tuple(map(str, changed))
-    return Run(cube, simulated, states, failures, done.stopped, listed, joined)
+    changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
+    return Run(cube, simulated, states, failures, done.stopped, tuple(changed), joined)
 
 
 def _others_run(results: Path, shard: Shard) -> bool:
@@ -191,7 +188,7 @@ def _others_run(results: Path, shard: Shard) -> bool:
 
 def _check_same_plan(plan: Plan, results: Path) -> None:
     record = results_folder.read_plan(results)
-    if (set(record["cases"]), record.get("code")) != (set(plan.cases), code_fingerprint()):
+    if record["cases"].keys() != plan.cases.keys() or record.get("code") != code_fingerprint():
         problem = "is that of the shards that run in this folder, and has other cases or was made"
         problem += " by other code; wait for them, or name another results folder"
         raise fault(str(results / PLAN), problem)
@@ -241,14 +238,16 @@ def _simulate(
                 if error and len(batch) > 1:
                     again += [[case] for case in batch]
                     continue
-                for case in batch:
-                    bar.ended(case.case_id)
+                for case_id in (case.case_id for case in batch):
+                    bar.ended(case_id)
                     if error:
-                        done.failed[case.case_id] = error
+                        done.failed[case_id] = error
                     else:
-                        done.ended.add(case.case_id)
-                if options.fail_fast and (error or not _all_ok(results, batch)):
-                    done.stopped = True
+                        done.ended.add(case_id)
+                    if options.fail_fast:
+                        ok = not error and read_case(results, case_id)["status"] == Status.ok
+                        done.stopped |= not ok
+                if done.stopped:
                     return done
             batches, attempts = again, attempts + 1
     return done
@@ -267,10 +266,6 @@ def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
         bar.write("stopping: the dask scheduler ended or cannot be reached")
 
 
-def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
-    return all(read_case(results, case.case_id)["status"] == Status.ok for case in batch)
-
-
 def _join(
     plan: Plan,
     results: Path,
@@ -280,8 +275,7 @@ def _join(
     failed: Failed,
 ) -> tuple[xr.Dataset, tuple[Failure, ...]]:
     """Write the cube and the failures of a folder, with the states of its cases before the run."""
-    earlier = earlier_failures(results).values()
-    failed_earlier = {each["case_id"] for each in earlier if each["status"] == Status.failed.name}
+    failed_earlier = results_folder.without_results(earlier_failures(results))
     after = states | dict.fromkeys(simulated, CaseState.pending)
     cube = build_cube(plan, results, old, after, failed_earlier | failed.keys())
     failures = _failures(plan, results, cube, simulated, failed)
@@ -304,14 +298,8 @@ def _failures(
         elif case := plan.cases.get(case_id):
             error = failed.get(case_id)
             reason = error.reason if error else read_case(results, case_id).attrs["reason"]
-            entries.append(
-                {
-                    "case_id": case_id,
-                    **case.design,
-                    "status": (Status.failed if error else Status.not_converged).name,
-                    "reason": str(reason),
-                    "trace": error.trace if error else "",
-                    "case": case.record,
-                }
-            )
+            status = Status.failed if error else Status.not_converged
+            entry = {"case_id": case_id, **case.design, "status": status.name}
+            entry |= {"reason": str(reason), "trace": error.trace if error else ""}
+            entries.append(entry | {"case": case.record})
     return tuple(entries)

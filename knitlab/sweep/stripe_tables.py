@@ -116,20 +116,14 @@ class StripeTables(StrictModel):
         return tabulated
 
     def stripe(self, knit: Knit, stitches: int) -> Stripe:
-        """One stripe of the tables.
-
-        Raises:
-            KeyError: if there is none.
-            BadInput: if it lies between two whose springs are not linear.
-        """
+        """One stripe; KeyError if there is none, BadInput between two with springs not linear."""
         rows = self.rows(knit)
         if stitches not in self.sizes(knit):
             raise KeyError(stitches)
         if row := rows.get(stitches):
             numbers: dict[str, Any] = {name: getattr(row, name) for name in QUANTITIES}
             numbers["stiffening_strain"] = row.stiffening_strain
-            if row.spring_curve is not None:
-                numbers["spring_curve"] = row.spring_curve.curve
+            numbers["spring_curve"] = row.spring_curve and row.spring_curve.curve
             return Stripe(knit, stitches, **numbers)
         smaller, larger = max(n for n in rows if n < stitches), min(n for n in rows if n > stitches)
         if any(getattr(rows[n], law) is not None for n in (smaller, larger) for law in SPRING_LAWS):
@@ -137,13 +131,13 @@ class StripeTables(StrictModel):
             raise fault(f"{knit} {stitches}", f"{problem}; calibrate it")
         fraction = (stitches - smaller) / (larger - smaller)
 
-        def between(name: str) -> float:
+        interpolated: dict[str, Any] = {}
+        for name in QUANTITIES:
             first, last = getattr(rows[smaller], name), getattr(rows[larger], name)
+            value = first + (last - first) * fraction
             if name in ("k_s", "k_t"):
-                return float(first * (last / first) ** fraction)
-            return float(first + (last - first) * fraction)
-
-        interpolated: dict[str, Any] = {name: between(name) for name in QUANTITIES}
+                value = first * (last / first) ** fraction
+            interpolated[name] = value
         return Stripe(knit, stitches, **interpolated)
 
     def with_stripes(self, stripes: Iterable[Stripe]) -> "StripeTables":

@@ -36,9 +36,7 @@ WORKER_ENVIRONMENT = ONE_THREAD | {
 }
 PROGRESS_TOPIC = "knitlab-progress"
 TIMED_OUT = ".timed-out-"  # prefix of the marker files that workers leave on a timeout
-ENDING = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)
+ENDING = [each for each in signal.Signals if each.name in ("SIGINT", "SIGTERM", "SIGHUP")]
 """Ctrl-C; what a batch system or ``kill`` sends; and a closed terminal."""
 QUIET = """import logging, signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -108,10 +106,8 @@ def pool_of(
 ) -> Iterator[Pool]:
     """The pool for a run: a dask scheduler, processes of this machine, or with 0 this process."""
     if scheduler is not None or workers:
-        with (
-            _client(workers, scheduler, dashboard) as client,
-            _dask_pool(client, task, progress) as pool,
-        ):
+        client = connected(scheduler) if scheduler is not None else _started(workers, dashboard)
+        with client as connection, _dask_pool(connection, task, progress) as pool:
             yield pool
         return
     if task.case_timeout is not None and not hasattr(signal, "setitimer"):
@@ -156,10 +152,15 @@ def _alarm(seconds: float | None) -> Iterator[None]:
 @contextmanager
 def _dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Pool]:
     """A pool on a dask cluster; progress is reported as events of the scheduler."""
-    from distributed import as_completed
+    from distributed import KilledWorker, as_completed
 
-    def receive(event: tuple[float, tuple[str, float]]) -> None:
-        progress(*event[1])
+    def explained(batch: Batch, error: BaseException) -> BatchError:
+        if not isinstance(error, KilledWorker):
+            return BatchError.of(error)
+        if not (marker := task.marker(batch)).exists():
+            return BatchError("its worker died: it was killed, or it ran out of memory", lost=True)
+        marker.unlink()
+        return task.late(batch)
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
         futures = {
@@ -170,28 +171,16 @@ def _dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Poo
                 if future.status not in ENDED:
                     raise SchedulerLost
                 batch, error = futures.pop(future), future.exception()
-                yield batch, _explained(task, batch, error) if error else None
+                yield batch, explained(batch, error) if error else None
         finally:
             client.cancel(list(futures), force=True)
 
-    client.subscribe_topic(PROGRESS_TOPIC, receive)
+    client.subscribe_topic(PROGRESS_TOPIC, lambda event: progress(*event[1]))
     try:
         yield simulated
     finally:
         with suppress(Exception):  # the scheduler may be gone already
             client.unsubscribe_topic(PROGRESS_TOPIC)
-
-
-def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
-    from distributed import KilledWorker
-
-    marker = task.marker(batch)
-    if not isinstance(error, KilledWorker):
-        return BatchError.of(error)
-    if not marker.exists():
-        return BatchError("its worker died: it was killed, or it ran out of memory", lost=True)
-    marker.unlink()
-    return task.late(batch)
 
 
 def simulate_on_worker(task: Task, batch: Batch) -> None:
@@ -203,8 +192,8 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
         # Not through the cluster's settings, which this process's own variables would override.
         os.environ["OMP_NUM_THREADS"] = str(task.threads)
 
-    def progress(case_id: str, states: float) -> None:
-        worker.log_event(PROGRESS_TOPIC, (case_id, states))
+    def progress(*event: str | float) -> None:
+        worker.log_event(PROGRESS_TOPIC, event)
 
     def give_up() -> None:
         task.marker(batch).touch()
@@ -233,13 +222,10 @@ def connected(scheduler: str) -> "Client":
 
 
 @contextmanager
-def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["Client"]:
+def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
+    """A client of processes on this machine, which end with it."""
     from distributed import Client, LocalCluster
 
-    if scheduler is not None:
-        with connected(scheduler) as client:
-            yield client
-        return
     settings = {
         "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
         "distributed.worker.multiprocessing-method": "spawn",

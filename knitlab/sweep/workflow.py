@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 from pydantic import (
     AfterValidator,
-    BeforeValidator,
     Field,
     PositiveFloat,
     PositiveInt,
@@ -31,7 +30,7 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Method
 from knitlab.sweep.declared_fields import (
-    FactorOn,
+    FACTOR,
     Types,
     declared,
     factors,
@@ -65,14 +64,6 @@ def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
     return tuple(round(step * strain_step, 12) for step in range(steps + 1))
 
 
-PatternText = Annotated[
-    tuple[str, ...],
-    Field(strict=False),
-    BeforeValidator(lambda given: (given,) if isinstance(given, str) else given),
-]
-"""Rows of patches, top course first, or the name of a pattern alone."""
-
-
 def pattern_name(rows: tuple[str, ...]) -> str | None:
     """The name of a ``pattern``, or None if it is rows of patches."""
     return rows[0] if len(rows) == 1 and is_pattern_name(rows[0]) else None
@@ -93,7 +84,7 @@ class DesignSection(StrictModel):
     set: str | None = None
     n_stripe: Sizes | None = None
     n_subunit: Sizes | None = None
-    pattern: PatternText = ("GR", "RG")
+    pattern: Annotated[tuple[str, ...], Field(strict=False)] = ("GR", "RG")
     pattern_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
     unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
     needles: PositiveInt | None = None
@@ -147,16 +138,11 @@ class ProtocolSection(StrictModel):
     robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
 
     @model_validator(mode="after")
-    def _has_these_in_equilibrium(self) -> "ProtocolSection":
+    def _is_a_possible_test(self) -> "ProtocolSection":
         for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
-                raise ValueError(
-                    f"method = {self.method} gives no {name}; take method = equilibrium"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
+                problem = f"method = {self.method} gives no {name}; take method = equilibrium"
+                raise ValueError(problem)
         if self.strain_max > LARGEST_STRAIN:
             fraction = f"strains are fractions, so that {self.strain_max:g} % is"
             raise ValueError(
@@ -208,18 +194,17 @@ SHEET_NUMBERS = declared(Sheet)
 PLAIN_NUMBERS = declared(PlainKnit) | factors(declared(PlainKnit))
 
 
-def _of_knit(knit: Knit) -> Types:
-    numbers = {f"{knit}_{name}": kind for name, kind in STRIPE_NUMBERS.items()}
-    return numbers | factors(numbers)
-
-
+RIB_NUMBERS = {f"rib_{name}": kind for name, kind in STRIPE_NUMBERS.items()}
+GARTER_NUMBERS = {f"garter_{name}": kind for name, kind in STRIPE_NUMBERS.items()}
 SPRING_LAW_CHANGES: Types = dict.fromkeys(
     (STIFFENING, f"rib_{STIFFENING}", f"garter_{STIFFENING}"), PositiveFloat
 )
 CHANGES: Types = {
     **factors(STRIPE_NUMBERS),
-    **_of_knit("rib"),
-    **_of_knit("garter"),
+    **RIB_NUMBERS,
+    **factors(RIB_NUMBERS),
+    **GARTER_NUMBERS,
+    **factors(GARTER_NUMBERS),
     **SHEET_NUMBERS,
     **factors(SHEET_NUMBERS),
     **SPRING_LAW_CHANGES,
@@ -297,14 +282,10 @@ class Workflow(StrictModel):
 
 
 SECTIONS: dict[str, type[StrictModel]] = {
-    "design": DesignSection,
-    "stripes": StripesSection,
-    "protocol": ProtocolSection,
-    "model": ModelSection,
-    "solver": SolverSection,
-    "dynamics": DynamicsSection,
-    "electrodes": ElectrodesSection,
-    "gauge": GaugeSection,
+    name: kind
+    for name, field in Workflow.model_fields.items()
+    for kind in parts(field.annotation)
+    if isinstance(kind, type) and issubclass(kind, StrictModel)
 }
 """The tables of a workflow file."""
 SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")  # single settings may be lists
@@ -330,7 +311,7 @@ class Setting:
     @property
     def factor_on(self) -> str | None:
         """The quantity that it multiplies, if it is a factor."""
-        return next((on.quantity for on in parts(self.kind) if isinstance(on, FactorOn)), None)
+        return self.name.removesuffix(FACTOR) if self.name.endswith(FACTOR) else None
 
     @property
     def takes_list(self) -> bool:

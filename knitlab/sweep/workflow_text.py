@@ -36,14 +36,6 @@ class SweepAxis:
         """Name of the setting, and of the cube's dimension."""
         return self.setting.name
 
-    @property
-    def labels(self) -> tuple[Label, ...]:
-        """Its values as labels; a sample of 5 by 3 unit cells is ``5x3``."""
-        return tuple(
-            "x".join(map(str, value)) if isinstance(value, tuple) else value
-            for value in self.values
-        )
-
 
 def coordinate(setting: Setting) -> Variable:
     """The cube's coordinate along the values of a setting."""
@@ -61,11 +53,13 @@ def combinations(
     workflow: Workflow, axes: tuple[SweepAxis, ...]
 ) -> Iterator[tuple[dict[str, Label], Workflow]]:
     """Every combination of the axes' values: its labels, and the workflow with these values."""
-    for chosen in itertools.product(*(zip(each.labels, each.values, strict=True) for each in axes)):
+    for chosen in itertools.product(*(axis.values for axis in axes)):
         labels: dict[str, Label] = {}
         changed = workflow
-        for axis, (label, value) in zip(axes, chosen, strict=True):
-            labels[axis.name], name = label, axis.setting.section
+        for axis, value in zip(axes, chosen, strict=True):
+            # A sample of 5 by 3 unit cells is ``5x3``.
+            labels[axis.name] = "x".join(map(str, value)) if isinstance(value, tuple) else value
+            name = axis.setting.section
             section = getattr(changed, name).model_copy(update={axis.name: value})
             changed = changed.model_copy(update={name: section})
         yield labels, changed
@@ -99,7 +93,8 @@ class WorkflowText:
             source = self.source(f"{section}.{axis.name}")
             for number, value in enumerate(axis.values, start=1):
                 try:
-                    read = SECTIONS[section].model_validate({axis.name: value})
+                    given = {axis.name: _listed(section, axis.name, value)}
+                    read = SECTIONS[section].model_validate(given)
                 except ValidationError as error:
                     problems = [entry.problem for entry in faults_of(error, "") if number > 1]
                     faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
@@ -147,26 +142,23 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
     applied: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for override in read:
-        setting = SETTINGS.get(override.name)
-        if setting is None:
-            problem = unknown(override.name, SETTINGS, "setting")
-            faults.append(Fault(override.source, problem))
+        name, value, source = override.name, override.value, override.source
+        if name not in SETTINGS:
+            faults.append(Fault(source, unknown(name, SETTINGS, "setting")))
             continue
-        key = f"{setting.section}.{setting.name}"
-        if override.key not in (setting.name, key):
-            problem = f"is in [{setting.section}]; give {key}"
-            faults.append(Fault(override.source, problem))
+        section = SETTINGS[name].section
+        if override.key not in (name, f"{section}.{name}"):
+            faults.append(Fault(source, f"is in [{section}]; give {section}.{name}"))
             continue
-        section = table.setdefault(setting.section, {})
-        if isinstance(section, dict):
-            section[setting.name] = _listed(setting.section, setting.name, override.value)
-        applied[setting.name], sources[key] = override.value, override.source
+        if isinstance(given := table.setdefault(section, {}), dict):
+            given[name] = _listed(section, name, value)
+        applied[name], sources[f"{section}.{name}"] = value, source
     axes = []
     for setting in SETTINGS.values():
-        section = table.get(setting.section)
-        if isinstance(section, dict) and setting.is_swept_by(section.get(setting.name)):
-            axes.append(SweepAxis(setting, tuple(section[setting.name])))
-            section[setting.name] = section[setting.name][0]
+        given = table.get(setting.section)
+        if isinstance(given, dict) and setting.is_swept_by(given.get(setting.name)):
+            axes.append(SweepAxis(setting, tuple(given[setting.name])))
+            given[setting.name] = _listed(setting.section, setting.name, given[setting.name][0])
     # By name, so that a cube's dimensions do not depend on the order of the settings in a file.
     axes.sort(key=lambda axis: axis.name)
     return WorkflowText(path, table, tuple(axes), applied, sources, tuple(faults))

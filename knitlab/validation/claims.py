@@ -80,10 +80,10 @@ class Claim(StrictModel):
 
         ``factor`` is on the arguments that were chosen for knitlab.
         """
-        own = {name: factor * number for name, number in self.knitlab.items()}
+        scaled = {name: factor * number for name, number in self.knitlab.items()}
         where = cubes if self.compares_cubes else cubes[0]
         try:
-            return CHECKS[self.test](where, **{**self.arguments, **own})
+            return CHECKS[self.test](where, **self.arguments | scaled)
         except NotMeasured as error:
             return error.result
 

@@ -60,28 +60,23 @@ def stripe_order(
 
     A stripe has stiffened where its slope first reaches the fraction ``stiffened`` of the largest.
     """
-
-    def value(stripe: xr.Dataset) -> float:
-        slopes = tangents(stripe)
-        if of == "initial_tangent":
-            return float(slopes[0])
-        first = int(np.argmax(slopes >= stiffened * slopes.max()))
-        return float(stripe["applied_strain"].values[first : first + 2].mean())
-
     samples = Samples.of(cube, about, "row_force")
-    values = {labels: value(one_sample(cube, labels)) for labels in samples.complete}
+    values = dict[Labels, float]()
+    for labels in samples.complete:
+        stripe = one_sample(cube, labels)
+        slopes = tangents(stripe)
+        first = int(np.argmax(slopes >= stiffened * slopes.max()))
+        strain = float(stripe["applied_strain"].values[first : first + 2].mean())
+        values[labels] = float(slopes[0]) if of == "initial_tangent" else strain
     return _trend(samples, values, 1, direction)
 
 
 def _trend(
     samples: Samples, values: dict[Labels, float], label: int, direction: Direction
 ) -> CheckResult:
-
-    def others(labels: Labels) -> Labels:
-        return (*labels[:label], *labels[label + 1 :])
-
-    ordered = sorted(values, key=lambda labels: (others(labels), labels[label]))
-    steps = [each for each in pairwise(ordered) if others(each[0]) == others(each[1])]
+    families = {each: (*each[:label], *each[label + 1 :]) for each in values}
+    ordered = sorted(values, key=lambda labels: (families[labels], labels[label]))
+    steps = [step for step in pairwise(ordered) if families[step[0]] == families[step[1]]]
     if not steps:
         raise samples.too_few(len(values))
     sign = 1 if direction == "rises" else -1
@@ -93,10 +88,11 @@ def _trend(
     wrong = [step for step, margin in margins.items() if margin is not None and margin < 0]
     text = f"all {len(steps)} steps between {len(values)} {samples.counted}"
     if wrong:
-        text = f"{len(wrong)} of {len(steps)} steps do not: " + ", ".join(
+        shown = [
             f"{name_of(one)} to {name_of(next_)}: {values[one]:.3g} to {values[next_]:.3g}"
             for one, next_ in wrong[:MOST_LISTED]
-        )
+        ]
+        text = f"{len(wrong)} of {len(steps)} steps do not: {', '.join(shown)}"
     elif len(values) <= MOST_LISTED:
         text += ": " + ", ".join(f"{name_of(each)} {values[each]:.3g}" for each in ordered)
     return samples.result(worst(margins.values()), text, values)
@@ -156,10 +152,9 @@ def weakest_significant(count: int, significant: float) -> float:
 def sample_order(
     cubes: Sequence[xr.Dataset], of: str, less: SampleList, more: SampleList
 ) -> CheckResult:
-    """A value is lower for each of some checkerboards and stripes than for each of others.
+    """A value is lower for each of some samples than for each of others.
 
-    Samples are named as (n_stripe, n_subunit) or (knit, n), and may be in different cubes. If
-    several cubes have a sample, the one whose sample is nearest the paper's is used.
+    They are (n_stripe, n_subunit) or (knit, n); of several cubes, that nearest the paper's is used.
     """
     measured = {
         (number, labels): value
@@ -224,8 +219,7 @@ def _lines(
     cube: xr.Dataset, n_stripe: Families, of: str, fewest: int, needed: int | None = None
 ) -> Lines:
     """The lines of n_stripe with enough complete tests: ``fewest`` of them, and the needed one."""
-    samples = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of)
-    values = samples.values(of)
+    values = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of).values(of)
     points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
     enough = {n: np.array(each) for n, each in points.items() if len(each) >= FEWEST_POINTS}
     lines = {n: linear_fit(*each.T) for n, each in enough.items()}

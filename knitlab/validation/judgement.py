@@ -54,9 +54,8 @@ def judged(
 ) -> list[Judgement]:
     """Judge claims by cubes, or by results folders that hold one.
 
-    If several cubes measure a claim, the one whose samples are nearest the paper's decides
-    (:func:`.preference`), or the first of equal ones. Selections are one value of each swept
-    setting; BadInput if they are not, or if a cube cannot be read.
+    If several cubes measure a claim, the one whose samples are nearest the paper's decides, or the
+    first of equal ones. BadInput if selections leave several values of a swept setting.
     """
     opened = [(path, open_cube(path)) for path in cubes]
     all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})
@@ -79,12 +78,11 @@ def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judg
 
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     checked = [(path, cube, claim.check([cube])) for path, cube in slices]
-
-    def rank(one: tuple[Path, xr.Dataset, CheckResult]) -> tuple[object, ...]:
-        _, cube, result = one
-        return result.margin is None, result.wanted == 0, *preference(cube, result.at)
-
-    path, cube, result = min(checked, key=rank)
+    ranks = [
+        (result.margin is None, result.wanted == 0, *preference(cube, result.at))
+        for _, cube, result in checked
+    ]
+    path, cube, result = checked[ranks.index(min(ranks))]
     samples = JudgedSamples.of(path, cube, result.at)
     factors = QUARTER if claim.knitlab else ()
     quarters = tuple(claim.check([cube], factor).verdict for factor in factors)

@@ -1,7 +1,6 @@
-"""Margins: how far what was measured is from the threshold of a claim, as one signed number.
+"""Margins: how far what was measured is from the threshold of a claim, as one number without unit.
 
-A margin is at least 0 if the claim holds and below 0 if it fails, and it has no unit. It is the
-distance from the value to its limit, towards the side that the claim wants, over a scale:
+It is the distance from the value to its limit, towards the side that the claim wants, over a scale:
 
 - a value and a limit, or the value of one sample and that of another: over the size of the limit,
   so that -0.25 misses it by a quarter of itself; over 1 if the limit is 0, which only plain numbers
@@ -13,8 +12,7 @@ distance from the value to its limit, towards the side that the claim wants, ove
 - a rank correlation: against the weakest correlation that is significant for so many designs.
 
 The margin of a claim over many designs or steps is that of the worst. Where a claim excludes the
-limit itself (an auxetic design has a ratio below 0), a value on the limit misses it by the least
-that a number can.
+limit itself, a value on the limit misses it by the least that a number can.
 """
 
 import math
@@ -41,20 +39,15 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What the check of a claim finds.
+    """The result of the check of a claim, which was judged on some of the samples that it wants."""
 
-    Its margin is ``None`` if the claim could not be measured; then ``text`` says what is missing.
-    It was ``judged`` on so many of ``wanted`` things ``counted``: on the samples with the labels
-    ``at``, which a check of several cubes took from those with the indices ``cubes``.
-    """
-
-    margin: float | None
-    text: str
+    margin: float | None  # None if the claim could not be measured
+    text: str  # what was measured, or what is missing
     judged: int = 0
     wanted: int = 0
-    counted: str = "designs"
-    at: tuple[Labels, ...] = ()
-    cubes: tuple[int, ...] = ()
+    counted: str = "designs"  # the things whose number was judged and wanted
+    at: tuple[Labels, ...] = ()  # labels of the samples
+    cubes: tuple[int, ...] = ()  # indices of their cubes, of a check of several
 
     @property
     def grade(self) -> Grade:
@@ -95,8 +88,7 @@ def above(
 ) -> float | None:
     """Margin of a value that must be at least a limit, or more than it if ``strict``.
 
-    The scale is by default the size of the limit, or 1 if that is 0. There is no margin if the
-    value, the limit or the scale is not finite.
+    The scale is by default the size of the limit, or 1 if that is 0; ``None`` if one is not finite.
     """
     scale = (abs(limit) or 1.0) if scale is None else scale
     if not all(map(math.isfinite, (value, limit, scale))):

@@ -1,6 +1,7 @@
 """Model options ranked by the paper's claims: under which of them most of the claims hold."""
 
 import itertools
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +17,7 @@ from knitlab.validation.judgement import Slice, judged_slices
 from knitlab.validation.margin import CheckResult, Grade
 from knitlab.validation.samples import by_labels, stated_options
 
-Options = dict[str, str | float]
-Key = tuple[tuple[str, str | float], ...]  # options as a key, in the order of NAMES
+Key = tuple[tuple[str, str | float], ...]  # options, in the order of NAMES
 
 OF_STRIPES = ("cell_size", "hinge_stiffness", "length_scale")
 """Options that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
@@ -32,7 +32,7 @@ CLIPPED = 1.0  # margins beyond count as this in a sum, so that no claim outweig
 class RankedOptions:
     """One set of model options, and the result of every check by the name of its claim."""
 
-    options: Options
+    options: dict[str, str | float]
     results: dict[str, CheckResult]
     designs: int  # checkerboards that it was judged on; fewer make it easier for claims to hold
 
@@ -54,33 +54,26 @@ class RankedOptions:
 
 
 def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list[RankedOptions]:
-    """Rank the model options of cubes by how many claims hold under them, the best first.
+    """Rank the model options of cubes by :attr:`RankedOptions.score`, the best first.
 
     Options are judged by all slices that were computed with them; slices of pure stripes serve all
-    options that do not differ in :data:`OF_STRIPES`. Ties are broken by near misses, then by the
-    sum of margins. The options are those of the checkerboards; without these, of the stripes.
+    options that do not differ in :data:`OF_STRIPES`.
     """
-    boards: dict[Key, list[Slice]] = {}
-    stripes: dict[Key, list[Slice]] = {}
+    boards, stripes = defaultdict[Key, list[Slice]](list), defaultdict[Key, list[Slice]](list)
     for cube in cubes:
         path, dims = Path(cube_name(cube)), swept_dims(cube)
         for indices in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
             one = cube.isel(dict(zip(dims, indices, strict=True)))
             key = tuple(options_of(one).items())
             if base_dims(one) == DESIGN_DIMS:
-                boards.setdefault(key, []).append((path, one))
+                boards[key].append((path, one))
             else:
-                stripes.setdefault(_of_stripes(key), []).append((path, one))
+                stripes[_of_stripes(key)].append((path, one))
     ranked = []
-    for key in boards or stripes:
-        of_boards = boards.get(key, [])
-        judgements = judged_slices(claims, [*of_boards, *stripes.get(_of_stripes(key), [])])
-        designs = {
-            design
-            for _, one in of_boards
-            for design, status in by_labels(one["status"]).items()
-            if status == Status.ok
-        }
+    for key in [*(boards or stripes)]:
+        judgements = judged_slices(claims, [*boards[key], *stripes[_of_stripes(key)]])
+        statuses = [by_labels(one["status"]).items() for _, one in boards[key]]
+        designs = {each for items in statuses for each, status in items if status == Status.ok}
         results = {each.claim.name: each.result for each in judgements}
         ranked.append(RankedOptions(dict(key), results, len(designs)))
     return sorted(ranked, key=lambda each: each.score, reverse=True)
@@ -91,7 +84,7 @@ def differing(ranked: Sequence[RankedOptions]) -> list[str]:
     return [name for name in NAMES if len({each.options.get(name) for each in ranked}) > 1]
 
 
-def options_of(cube: xr.Dataset) -> Options:
+def options_of(cube: xr.Dataset) -> dict[str, str | float]:
     """The model options of a cube at one value of every swept setting."""
     parameters = parameters_of(cube)
     motion = parameters.get("dynamics") or {}

@@ -1,9 +1,8 @@
 """Checks of claims that every sample must satisfy on its own; the worst sample decides.
 
 Each is a function of a cube at one value of every swept setting. Its other arguments are the keys
-of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable. It
-returns a :class:`~knitlab.validation.margin.CheckResult`, or raises
-:class:`~knitlab.validation.margin.NotMeasured`. Samples without a complete test are ignored.
+of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable.
+Samples without a complete test are ignored; NotMeasured if too few are left.
 """
 
 from collections.abc import Callable
@@ -14,6 +13,7 @@ from pydantic import PositiveFloat
 
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured, above, below, within, worst
 from knitlab.validation.samples import (
+    About,
     Checkerboards,
     PureStripes,
     Samples,
@@ -25,6 +25,7 @@ from knitlab.validation.samples import (
 MOST_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
 FEWEST_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve
 Measured = tuple[float | None, str]  # margin of one sample, and the measured value as text
+Measure = Callable[[xr.Dataset], Measured]
 
 
 def value_within(
@@ -44,12 +45,11 @@ def value_within(
         values = sample[of].values[np.isfinite(sample[of].values)]
         if not values.size:
             return None, ""
-        ends = float(values.min()), float(values.max())
-        margin = worst(within(end, lowest - slack, highest + slack) for end in ends)
-        curve = sample[of].ndim > 0
-        return margin, f"{ends[0]:.2f} to {ends[1]:.2f}" if curve else f"{ends[0]:.3g}"
+        least, most = float(values.min()), float(values.max())
+        margin = worst(within(end, lowest - slack, highest + slack) for end in (least, most))
+        return margin, f"{least:.2f} to {most:.2f}" if sample[of].ndim else f"{least:.3g}"
 
-    return _each(Samples.of(cube, about, of), measure)
+    return _each(cube, about, measure, of)
 
 
 def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> CheckResult:
@@ -59,7 +59,7 @@ def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> Che
         one, other = float(sample[of]), float(sample[than])
         return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
 
-    return _each(Samples.of(cube, about, of, than), measure)
+    return _each(cube, about, measure, of, than)
 
 
 def rises_and_falls(
@@ -77,7 +77,7 @@ def rises_and_falls(
         strain = float(curve["applied_strain"][top])
         return above(falls, fall), f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
 
-    return _each(Samples.of(cube, about, of), measure)
+    return _each(cube, about, measure, of)
 
 
 def follows(
@@ -98,7 +98,7 @@ def follows(
         margin = worst([below(off, tolerance), above(slope, 0, strict=True)])
         return margin, f"off by {off:.1%}" + ("" if slope > 0 else ", not monotonic")
 
-    return _each(Samples.of(cube, about, of), measure)
+    return _each(cube, about, measure, of)
 
 
 def largest_at_centre(
@@ -109,6 +109,8 @@ def largest_at_centre(
     from knitlab.measure.unit_cells import central
 
     def measure(sample: xr.Dataset) -> Measured:
+        if not np.isclose(sample["applied_strain"], applied_strain, 0, 1e-9).any():
+            raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
         field = sample[of].sel(applied_strain=applied_strain, method="nearest")
         along = field.dropna("cell_y", how="all").mean("cell_x").values
         if along.size < FEWEST_POINTS:
@@ -120,10 +122,7 @@ def largest_at_centre(
         margin = worst([positive, above(centre, beside, scale=scale)])
         return margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
 
-    samples = Samples.of(cube, about, of)
-    if not np.isclose(cube["applied_strain"], applied_strain, 0, 1e-9).any():
-        raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
-    return _each(samples, measure)
+    return _each(cube, about, measure, of)
 
 
 def stripe_toe(
@@ -137,7 +136,7 @@ def stripe_toe(
         j_shaped = below(ratio, softer_than, strict=True)
         return j_shaped if visible else above(ratio, softer_than), f"{ratio:.2f}"
 
-    return _each(Samples.of(cube, about, "row_force"), measure)
+    return _each(cube, about, measure, "row_force")
 
 
 def same_curves(
@@ -150,7 +149,7 @@ def same_curves(
         off = float(abs(sample[one].values - reference).max() / abs(reference).max())
         return below(off, tolerance), f"{off:.1%}"
 
-    return _each(Samples.of(cube, about, one, other), measure)
+    return _each(cube, about, measure, one, other)
 
 
 def tangents(stripe: xr.Dataset) -> np.ndarray:
@@ -158,7 +157,8 @@ def tangents(stripe: xr.Dataset) -> np.ndarray:
     return np.diff(stripe["row_force"].values) / np.diff(stripe["applied_strain"].values)
 
 
-def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> CheckResult:
+def _each(cube: xr.Dataset, about: About, measure: Measure, *variables: str) -> CheckResult:
+    samples = Samples.of(cube, about, *variables)
     margins, texts = dict[Labels, float](), dict[Labels, str]()
     for labels in samples.complete:
         margin, text = measure(one_sample(samples.cube, labels))

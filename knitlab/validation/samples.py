@@ -34,13 +34,8 @@ class Checkerboards(StrictModel):
 
     def among(self, planned: Iterable[Labels]) -> list[Labels]:
         """The designs that the claim is about, of those that are planned."""
-        if self.designs:
-            return list(self.designs)
-        return [
-            labels
-            for labels in planned
-            if labels[0] in (self.n_stripe or labels) and labels not in self.without
-        ]
+        of_family = [each for each in planned if each[0] in (self.n_stripe or each)]
+        return list(self.designs) or [each for each in of_family if each not in self.without]
 
 
 class PureStripes(StrictModel):
@@ -63,6 +58,9 @@ class PureStripes(StrictModel):
         ]
 
 
+About = Checkerboards | PureStripes
+
+
 @dataclass(frozen=True)
 class Samples:
     """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete."""
@@ -73,7 +71,7 @@ class Samples:
     counted: str
 
     @classmethod
-    def of(cls, cube: xr.Dataset, about: Checkerboards | PureStripes, *variables: str) -> "Samples":
+    def of(cls, cube: xr.Dataset, about: About, *variables: str) -> "Samples":
         """The samples of a cube that a claim is about; NotMeasured if there are none."""
         if base_dims(cube) != about.dims:
             raise NotMeasured(f"no {about.kind} in this cube")
@@ -140,22 +138,17 @@ class JudgedSamples:
     @classmethod
     def of(cls, path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> "JudgedSamples":
         """Describe the samples ``at`` of a cube at one value of every swept setting."""
-        known = {size for labels in at if (size := unit_cells(cube, labels)) is not None}
+        known = {size for labels in at if (size := _unit_cells(cube, labels)) is not None}
         sizes = sorted(known, key=lambda size: (size[0] * size[1], size))
         ends = [f"{cells_x} × {cells_y}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
-        boundaries = dict.fromkeys(boundary_of(cube, labels) for labels in at)
+        boundaries = dict.fromkeys(_boundary_of(cube, labels) for labels in at)
+        boundary, span = ", ".join(filter(None, boundaries)), " to ".join(dict.fromkeys(ends))
         options = ", ".join(
             f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
             for name, value in stated_options(cube).items()
             if name != "boundary"
         )
-        return cls(
-            path,
-            ", ".join(filter(None, boundaries)),
-            " to ".join(dict.fromkeys(ends)),
-            options,
-            source_of(cube) if is_measured(cube) else "",
-        )
+        return cls(path, boundary, span, options, source_of(cube) if is_measured(cube) else "")
 
 
 def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
@@ -163,12 +156,12 @@ def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float
 
     Clamped samples come first, then more before fewer, then larger ones by their mean unit cells.
     """
-    sizes = [np.prod(unit_cells(cube, labels) or 0) for labels in at]
-    another = any(boundary_of(cube, labels) != "clamped" for labels in at)
+    sizes = [np.prod(_unit_cells(cube, labels) or 0) for labels in at]
+    another = any(_boundary_of(cube, labels) != "clamped" for labels in at)
     return another, -len(at), -float(np.mean(sizes)) if sizes else 0.0
 
 
-def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
+def _boundary_of(cube: xr.Dataset, labels: Labels) -> str:
     """The boundary of one sample; an experiment's is clamped. Empty if the cube has none."""
     if is_measured(cube):
         return "clamped"
@@ -176,13 +169,12 @@ def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
     return str((stated_options(cube) | along).get("boundary", ""))
 
 
-def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
+def _unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
     """Unit cells of one sample along (weft, warp), as stated or counted in the local strains."""
-    counts = ("unit_cells_x", "unit_cells_y")
-    names = [name for name in (*counts, "strain_xx") if name in cube]
+    names = [name for name in ("unit_cells_x", "unit_cells_y", "strain_xx") if name in cube]
     sample = one_sample(cube[["status", *names]], labels)
-    stated = [float(sample[name]) for name in counts if name in sample]
-    if len(stated) == 2 and np.isfinite(stated).all():
+    stated = [float(sample.get(f"unit_cells_{axis}", np.nan)) for axis in "xy"]
+    if np.isfinite(stated).all():
         return int(stated[0]), int(stated[1])
     if "strain_xx" in sample:
         strained = sample["strain_xx"].notnull().any("applied_strain")

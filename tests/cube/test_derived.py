@@ -53,14 +53,14 @@ def test_intersections_count_where_the_ratio_is_lowest(crossing_at, expected):
     cube = with_derived(linear_cube(crossing_at))
     assert cube["intersections_at_min"].item() == expected
     texts = [text.get_text() for text in auxetic_map([cube]).axes[0].texts]
-    assert any(CROSSES in text for text in texts) == (expected > 0)
+    assert any(CROSSES[0] in text for text in texts) == (expected > 0)
 
 
 def test_a_lowest_ratio_at_the_last_strain_is_marked():
     cube = linear_cube()
     cube["applied_strain_at_min"][:] = STRAIN[-1]
     (axes, *_) = auxetic_map([with_derived(cube)]).axes
-    assert any(LAST in text.get_text() for text in axes.texts)
+    assert any(LAST[0] in text.get_text() for text in axes.texts)
 
 
 def test_energy_and_force_of_a_kept_cube_agree_with_its_elastic_energy():

@@ -5,6 +5,9 @@ import pytest
 import xarray as xr
 
 import knitlab as kl
+from knitlab.cube.cube_file import open_cube
+from knitlab.cube.find import find_designs
+from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import Status
 from knitlab.cube.target import read_target
 from knitlab.io.shipped import shipped
@@ -158,3 +161,20 @@ def test_a_figure_shows_targets_and_designs():
     sensor = shipped("params").parent / "results" / "reference" / "sensor"
     straight = kl.find(sensor, targets="linearity(capacitance) > 0.9 @ 0.05:0.25")
     assert found_figure(straight).axes[0].get_ylabel().endswith("[1]")
+
+
+def test_a_target_may_be_an_expression_over_columns():
+    cube = open_cube("results/reference/periodic")
+    text = "2 * poisson_ratio_min - mean(poisson_ratio, 0.05:0.25)"
+    found = find_designs([cube], [read_target(f"{text} < -0.65")])
+    table = query_cubes([cube], where=f"{text} < -0.65", columns=["n_stripe", "n_subunit"])
+    met = found.table[found.table["off_by_1"] == 0]
+    chosen = met[["n_stripe", "n_subunit"]].sort_values(["n_stripe", "n_subunit"])
+    assert len(chosen)
+    assert chosen.to_numpy().tolist() == table.to_numpy().tolist()
+
+
+def test_a_curve_in_an_expression_must_be_reduced():
+    cube = open_cube("results/reference/periodic")
+    with pytest.raises(kl.BadInput, match=r"or reduce it, as mean\(force_per_width"):
+        find_designs([cube], [read_target("force_per_width / 2 = 0.1")])

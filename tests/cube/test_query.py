@@ -4,11 +4,12 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cube.condition import holds
-from knitlab.cube.query import designs_of_all, designs_table, formatted, queried
+from knitlab.cube.query import designs_of_all, designs_table, formatted, queried, query_cubes
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import made_up_cube
 
@@ -209,3 +210,33 @@ def test_formats_hold_the_same_rows():
     assert as_json["poisson_ratio_min"][0] == TABLE["poisson_ratio_min"][0]
     assert formatted(TABLE, "table").count("\n") == len(TABLE)
     assert formatted(TABLE[:0], "table") == "no design matches"
+
+
+@given(st.floats(0.0, 1.0), st.integers(0, 3))
+def test_strains_between_those_of_the_cube_are_interpolated_as_in_windows(share, number):
+    cube = made_up_cube()
+    strains = cube["applied_strain"].values
+    at = float(strains[1] + share * (strains[-1] - strains[1]))
+    table = query_cubes([cube], {"applied_strain": at}, columns=["poisson_ratio", "n_stripe"])
+    reduced = query_cubes([cube], columns=[f"mean(poisson_ratio, {at}:{at})"])
+    np.testing.assert_allclose(
+        table["poisson_ratio"].to_numpy(float), reduced.iloc[:, 0].to_numpy(float), atol=1e-12
+    )
+
+
+def test_counts_between_two_strains_are_known_only_if_both_agree():
+    cube = made_up_cube()
+    strains = cube["applied_strain"].values
+    counts = xr.zeros_like(cube["poisson_ratio"], dtype=np.int32)
+    counts[..., 2] = 5
+    cube["self_intersections"] = counts
+    middles = [float(strains[k : k + 2].mean()) for k in (0, 1)]
+    read = cube.knitlab.select(applied_strain=middles)["self_intersections"]
+    assert read.sizes["applied_strain"] == 2
+    assert (read.isel(applied_strain=0) == 0).all()
+    assert read.isel(applied_strain=1).isnull().all()
+
+
+def test_strains_beyond_the_cube_are_refused():
+    with pytest.raises(BadInput, match="has no applied_strain"):
+        query_cubes([made_up_cube()], {"applied_strain": 9.0})

@@ -23,9 +23,8 @@ from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import StripePair
-from knitlab.measure.unit_cells import CellGrid
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
-from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, stripe
+from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, even_cells, stripe
 
 NAMES = (
     "poisson_ratio",
@@ -57,7 +56,7 @@ class Pulled:
 
     @property
     def cells(self):
-        return CellGrid.even(self.layout.net.shape, self.unit_cells)
+        return even_cells(self.layout.net.shape, self.unit_cells)
 
     @property
     def measure(self):

@@ -4,9 +4,9 @@ import pytest
 from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.network import MeshShape
 from knitlab.measure.folds import widths_across_folds
-from knitlab.measure.unit_cells import CellGrid, nodes_at
+from knitlab.measure.unit_cells import nodes_at
 from knitlab.measure.wavelength import boundary_line, boundary_wave
-from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, relaxed
+from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, even_cells, relaxed
 
 
 def waved(net, fabric, cells, amplitude=0.4):
@@ -23,7 +23,7 @@ def waved(net, fabric, cells, amplitude=0.4):
 def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(options, cells):
     net, fabric = checkered(4, 2, options, cells)
     configuration, width = waved(net, fabric, cells[1])
-    wave = boundary_wave(net.shape, CellGrid.even(net.shape, cells), configuration, "x")
+    wave = boundary_wave(net.shape, even_cells(net.shape, cells), configuration, "x")
     assert wave.wavelength == pytest.approx(width, rel=0.01)
     assert wave.amplitude == pytest.approx(0.4, rel=0.05)
 
@@ -31,17 +31,17 @@ def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(options, cel
 def test_boundary_lies_between_unit_cells_next_to_the_middle():
     net, fabric = checkered(4, 2, CLAMPED, (4, 3))
     flat = flat_sheet(net, fabric)
-    across_x = boundary_line(net.shape, CellGrid.even(net.shape, (4, 3)), flat, "x")[:, 1]
+    across_x = boundary_line(net.shape, even_cells(net.shape, (4, 3)), flat, "x")[:, 1]
     nodes = flat.positions
     assert np.allclose(across_x, np.ptp(nodes[..., 1]) / 2 + nodes[..., 1].min())
-    across_y = boundary_line(net.shape, CellGrid.even(net.shape, (4, 3)), flat, "y")[:, 1]
+    across_y = boundary_line(net.shape, even_cells(net.shape, (4, 3)), flat, "y")[:, 1]
     assert np.allclose(across_y, np.ptp(nodes[..., 0]) / 3 + nodes[..., 0].min())
 
 
 def test_boundary_across_a_single_unit_cell_has_no_wave():
     net, fabric = checkered(4, 2, CLAMPED, (1, 1))
     flat = flat_sheet(net, fabric)
-    assert boundary_wave(net.shape, CellGrid.even(net.shape, (1, 1)), flat, "x") is None
+    assert boundary_wave(net.shape, even_cells(net.shape, (1, 1)), flat, "x") is None
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_wavelength_of_relaxed_periodic_fabric_is_its_unit_cell():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
     for direction, length in zip("xy", state.configuration.lengths, strict=True):
-        cells = CellGrid.even(net.shape, (1, 1))
+        cells = even_cells(net.shape, (1, 1))
         wave = boundary_wave(net.shape, cells, state.configuration, direction)
         assert wave.wavelength == pytest.approx(length, rel=2e-3)
         assert wave.amplitude > 0.5
@@ -60,7 +60,7 @@ def test_wavelength_of_relaxed_periodic_fabric_is_its_unit_cell():
 def test_central_cell_is_a_whole_unit_cell(options, cells):
     net, fabric = checkered(4, 2, options, cells)
     flat = flat_sheet(net, fabric)
-    middle = CellGrid.even(net.shape, cells).middle
+    middle = even_cells(net.shape, cells).middle
     lines = (np.arange(each.start, each.stop) for each in middle)
     cell = np.asarray(nodes_at(net.shape, flat, *lines))
     assert cell.shape == (17, 17, 3)
@@ -78,6 +78,6 @@ def test_widths_across_folds_differ_between_centre_and_edges_of_a_patch():
     cell[:, 16, 0] = cell[:, 8, 0] + (8 - 2 * bulge[:, 0])
     shape = MeshShape(16, 16, periodic=False)
     sheet = Configuration(cell, np.zeros(2))
-    widths = widths_across_folds(shape, checkerboard(2), CellGrid.even(shape, (1, 1)), sheet)
+    widths = widths_across_folds(shape, checkerboard(2), even_cells(shape, (1, 1)), sheet)
     assert widths["rib"] == pytest.approx((6, 8))
     assert widths["garter"] == pytest.approx((8, 8))

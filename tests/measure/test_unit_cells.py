@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.measure.unit_cells import (
-    CellGrid,
     central,
     central_mean,
     deformation_gradient,
@@ -15,7 +14,7 @@ from knitlab.measure.unit_cells import (
     poisson_ratio,
     unit_cell_corners,
 )
-from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered
+from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered, even_cells
 
 ENTRY = st.floats(-1, 1)
 MATRIX = st.tuples(ENTRY, ENTRY, ENTRY, ENTRY).map(
@@ -84,7 +83,7 @@ def test_poisson_ratio_is_undefined_without_axial_strain():
 def test_corners_of_the_flat_sheet_are_its_lattice(options):
     net, fabric = checkered(4, 1, options, unit_cells=(3, 2))
     corners = np.asarray(
-        unit_cell_corners(net.shape, CellGrid.even(net.shape, (3, 2)), flat_sheet(net, fabric))
+        unit_cell_corners(net.shape, even_cells(net.shape, (3, 2)), flat_sheet(net, fabric))
     )
     y, x = np.mgrid[:4, :3]
     assert np.allclose(corners, np.stack([x, y], axis=-1) * 8 * cell_of(fabric))

@@ -169,7 +169,7 @@ def test_results_of_other_parameters_stay_until_refreshed(tmp_path):
     assert kept.simulated == ()
     assert sorted(kept.stale_parameters) == sorted(other.cases)
     xr.testing.assert_identical(kept.cube.drop_attrs(), first.cube.drop_attrs())
-    words = folder_status(tmp_path, read_plan(tmp_path), other.designs, check=True).statuses
+    words = folder_status(tmp_path, other.dims, other.designs, check=True).statuses
     assert set(words.values()) == {CaseState.stale_parameters.value}
     fresh = ran(other, tmp_path, refresh=True)
     assert sorted(fresh.simulated) == sorted(other.cases)
@@ -219,7 +219,7 @@ def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, 
     kept = ran(plan, tmp_path)
     assert kept.simulated == ()
     assert sorted(kept.left_in(CaseState.stale_code)) == sorted(plan.cases)
-    words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).statuses
+    words = folder_status(tmp_path, plan.dims, plan.designs, check=False).statuses
     assert set(words.values()) == {CaseState.stale_code.value}
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
 
@@ -250,10 +250,10 @@ def test_the_status_of_a_folder_before_its_first_cube(tmp_path):
     plan = planned(*PAIRS)
     plan.write(tmp_path / "plan.json")
     stand_in.simulate(tmp_path, list(plan.cases.values())[:1], lambda *_: None)
-    counts = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=True).counts
+    counts = folder_status(tmp_path, plan.dims, plan.designs, check=True).counts
     assert counts == {"done, not yet in the cube": 1, "pending": 1}
     os.truncate(next((tmp_path / "cases").glob("*.nc")), 100)
-    assert folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=True).counts == {
+    assert folder_status(tmp_path, plan.dims, plan.designs, check=True).counts == {
         "damaged": 1,
         "pending": 1,
     }

@@ -239,3 +239,14 @@ def test_a_wrong_length_of_a_workflow_is_named_and_not_scaled(tmp_path):
     workflow.write_text('title = "mine"\n[design]\nn_stripe = [4]\n[gauge]\nstitch_width = "x"\n')
     with pytest.raises(BadInput, match=r"gauge\.stitch_width"):
         make_plan(str(workflow), {"material": path})
+
+
+def test_the_surface_density_of_a_material_is_that_of_its_dynamics(tmp_path):
+    heavy = kl.Material((longer(RIB, 7.0), longer(GARTER, 7.0)), surface_density=4e-4)
+    heavy.write(tmp_path / "heavy.toml")
+    assert kl.Material.read(tmp_path / "heavy.toml").surface_density == 4e-4
+    settings = {"n_stripe": 4, "n_subunit": 16, "material": str(tmp_path / "heavy.toml")}
+    (case,) = make_plan("relaxation", settings).cases.values()
+    assert case.motion.surface_density == 4e-4
+    with pytest.raises(kl.BadInput, match=r"surface_density: is -1; give a number above 0 in g/mm"):
+        replace(heavy, surface_density=-1)

@@ -34,7 +34,7 @@ def same(one, other):
 
 def counts(folder):
     record = read_plan(folder)
-    return folder_status(folder, record, planned_designs(record), check=True).counts
+    return folder_status(folder, record["dims"], planned_designs(record), check=True).counts
 
 
 def left(folder):

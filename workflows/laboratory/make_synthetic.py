@@ -150,7 +150,11 @@ def main(results: Path, folder: Path) -> None:
     cube = open_cube(results).sel(n_stripe=4, n_subunit=16)
     case = read_case(results, str(cube["case_id"].item()))
     shape = MeshShape(case.sizes["node_y"] - 1, case.sizes["node_x"] - 1, periodic=False)
-    corners = unit_cell_corners(shape, CellGrid.even(shape, UNIT_CELLS), configurations(case))
+    rows, columns = (
+        tuple(range(0, cells + 1, cells // count))
+        for cells, count in zip((shape.cells_y, shape.cells_x), UNIT_CELLS, strict=True)
+    )
+    corners = unit_cell_corners(shape, CellGrid(rows, columns), configurations(case))
     strains = case["applied_strain"].values
     end, length = strains[-1], float(np.ptp(corners[0, [0, -1], :, 1].mean(axis=1)))
     width = float(np.ptp(corners[0, :, [0, -1], 0].mean(axis=1)))

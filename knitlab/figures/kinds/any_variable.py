@@ -1,12 +1,10 @@
 """Any variable of a cube: a grid over two dimensions, or all designs along a swept setting."""
 
-from functools import partial
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, design_dims, swept_dims
@@ -14,7 +12,7 @@ from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.cube.strain_window import with_columns
 from knitlab.figures import cells
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import (
     CATEGORY_COLOURS,
     MARKERS,
@@ -36,13 +34,11 @@ def value_grid(
 ) -> Figure:
     """Any variable over any two dimensions of a cube, swept settings included.
 
-    There is no cell where no design can be, or none was planned; a design without a value is
-    marked by status. Every other dimension needs one selected value. Either dimension may be
-    ``periods`` for P = n_subunit / (2 n_stripe); without ``x`` and ``y`` they are those with more
-    than one value, with P in place of n_subunit. ``of`` may be a reduction, as in queries.
+    Either dimension may be ``periods`` for P = n_subunit / (2 n_stripe); without ``x`` and ``y``
+    they are those with more than one value, with P in place of n_subunit.
     """
-    cube = _with_variable(cube, of)
-    if of in FLAGS or cube[of].dtype.kind not in "iuf":
+    cube, is_number = _with_variable(cube, of)
+    if not is_number:
         raise fault("of", f"{of} is not a number; choose a variable with a unit")
     has_periods = base_dims(cube) == DESIGN_DIMS
     # Along n_subunit most cells would be missing where both numbers of a design vary.
@@ -50,9 +46,9 @@ def value_grid(
     if PERIODS in (x, y) or (x is y is None and both):
         if not has_periods:
             raise fault("x" if x == PERIODS else "y", "pure stripes have no P; choose n")
-        attributes = cube[of].attrs
-        cube = by_periods(cube if of != PERIODS else cube.rename({PERIODS: "P"}))
+        attributes, given = cube[of].attrs, of
         of = "P" if of == PERIODS else of
+        cube = by_periods(cube.rename({given: of}))
         cube[of].attrs |= attributes
     x, y = _axes(cube[of], x, y)
     values, status, fixed = _plane(cube, x, y, of)
@@ -65,23 +61,33 @@ def value_grid(
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
-    marked, gaps = _draw(axes, values, status, colours)
+    large = values.shape[1] <= MOST_COLUMNS and values.shape[0] <= MOST_ROWS
+    marked: set[Status] = set()
+    for row, column in np.ndindex(values.shape):
+        code, value = Status(int(status[row, column])), float(values[row, column])
+        if code in RUN and np.isfinite(value):
+            text = _text(value) if large else ""
+            cells.value_cell(axes, row, column, colours(value), text, fontsize=6)
+        elif code is not Status.excluded:
+            look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
+            cells.cell(axes, row, column, **look)
+            marked.add(code)
     names = ([_text(each, "g") for each in values[dim].values] for dim in (x, y))
     cells.name_columns_and_rows(axes, *names)
     label = f"{values.attrs.get('long_name', of)} [{values.attrs.get('units', '1')}]"
-    upright = partial(fill, width=26, break_long_words=False)
-    axes.set(xlabel=_axis_label(cube, x), ylabel=upright(_axis_label(cube, y)))
-    colours.bar(figure, axes, pad=0.01, label=upright(label))
-    cells.marks_legend(figure, marked, NO_VALUE, [cells.EMPTY] if gaps else [])
+    upright, label = (
+        fill(text, 26, break_long_words=False) for text in (_axis_label(cube, y), label)
+    )
+    axes.set(xlabel=_axis_label(cube, x), ylabel=upright)
+    colours.bar(figure, axes, pad=0.01, label=label)
+    gaps = [cells.EMPTY] if (status == Status.excluded).any() else []
+    cells.marks_legend(figure, marked, NO_VALUE, gaps)
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
 
 
 def by_periods(cube: xr.Dataset) -> xr.Dataset:
-    """A cube of checkerboards with the dimension ``periods`` in place of ``n_subunit``.
-
-    P = n_subunit / (2 n_stripe), so that every n_stripe has designs at the same few P.
-    """
+    """A cube of checkerboards with the dimension ``periods`` in place of ``n_subunit``."""
     cube = cube.drop_vars(PERIODS, errors="ignore")
     planned = cube["status"] != Status.excluded
     planned = planned.any([dim for dim in planned.dims if dim not in DESIGN_DIMS])
@@ -93,18 +99,18 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
         family = family.assign_coords({PERIODS: ("n_subunit", periods)})
         families.append(family.swap_dims(n_subunit=PERIODS))
     wanted = np.unique(np.concatenate([family[PERIODS].values for family in families]))
-    missing: dict[str, object] = {str(name): np.nan for name in cube.data_vars}
-    missing |= {"status": Status.excluded, "case_id": "", "code": ""}
-    missing = {name: value for name, value in missing.items() if name in cube}
+    texts = {"status": Status.excluded, "case_id": "", "code": ""}
+    missing = {str(name): texts.get(str(name), np.nan) for name in cube.data_vars}
     families = [family.reindex({PERIODS: wanted}, fill_value=missing) for family in families]
     return xr.concat(families, "n_stripe", coords="different", compat="equals")
 
 
-def _with_variable(cube: xr.Dataset, of: str) -> xr.Dataset:
+def _with_variable(cube: xr.Dataset, of: str) -> tuple[xr.Dataset, bool]:
+    """The cube with a variable or a reduction, and whether that is a number."""
     (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
-    return cube
+    return cube, of not in FLAGS and cube[of].dtype.kind in "iuf"
 
 
 def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, str]:
@@ -144,25 +150,6 @@ def _plane(
     return plane, status, fixed
 
 
-def _draw(
-    axes: Axes, values: xr.DataArray, status: xr.DataArray, colours: ValueColours
-) -> tuple[set[Status], bool]:
-    """Draw the cells, and return the statuses marked and whether there are gaps."""
-    rows, columns = values.shape
-    large = columns <= MOST_COLUMNS and rows <= MOST_ROWS
-    marked: set[Status] = set()
-    for row, column in np.ndindex(values.shape):
-        code, value = Status(int(status[row, column])), float(values[row, column])
-        if code in RUN and np.isfinite(value):
-            text = _text(value) if large else ""
-            cells.value_cell(axes, row, column, colours(value), text, fontsize=6)
-        elif code is not Status.excluded:
-            look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
-            cells.cell(axes, row, column, **look)
-            marked.add(code)
-    return marked, bool((status == Status.excluded).any())
-
-
 def _axis_label(cube: xr.Dataset, dim: str) -> str:
     if dim == PERIODS:
         return cells.PERIODS_LABEL
@@ -182,22 +169,19 @@ def _text(value: Any, form: str = ".3g") -> str:
 def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     """Any variable of every design, at each value of a swept setting.
 
-    A row is a design, and a mark is a value of the setting, such as a layout of electrodes. The
-    legend counts the designs that have no value there. Every other setting needs one value, and
-    ``of`` may be a reduction, as in queries: ``slope(capacitance, 0.1:0.3)``.
+    The legend counts the designs that have no value there. ``of`` may be a reduction, as in
+    queries: ``slope(capacitance, 0.1:0.3)``.
     """
-    cube = _with_variable(cube, of)
+    cube, is_number = _with_variable(cube, of)
     swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
     designs = base_dims(cube)
-    if of in FLAGS or cube[of].dtype.kind not in "iuf" or {*cube[of].dims} - {*swept, *designs}:
+    if not is_number or {*cube[of].dims} - {*swept, *designs}:
         raise fault("of", f"{of} is not a single number of a design; choose another, or reduce it")
-    if not swept:
-        problem = "the cube has no swept setting; give several values of one to a workflow"
-        raise fault("swept", problem)
-    setting, *others = swept
-    if others:
-        problem = f"the cube sweeps {', '.join(swept)}; select one value of all but one"
-        raise fault("swept", problem)
+    if len(swept) != 1:
+        problem = f"sweeps {', '.join(swept)}; select one value of all but one"
+        none = "has no swept setting; give several values of one to a workflow"
+        raise fault("swept", f"the cube {problem if swept else none}")
+    (setting,) = swept
     if cube.sizes[setting] > len(MARKERS):
         # More could not be distinguished.
         raise fault("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
@@ -225,12 +209,8 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     return figure
 
 
+SLICED = ("applied_strain", "stripe_parameter")
 FIGURES = {
-    "grid": FigureKind(
-        value_grid,
-        dims=None,
-        coordinates=("applied_strain", "stripe_parameter"),
-        options=("x", "y", "of"),
-    ),
-    "swept": FigureKind(swept_values, dims=None, options=("of",)),
+    "grid": FigureKind(value_grid, None, coordinates=SLICED, options=("x", "y", "of")),
+    "swept": FigureKind(swept_values, None, options=("of",)),
 }

@@ -1,7 +1,4 @@
-"""Capacitors side by side: their curves and slopes (paper, Fig. "capacitor testing").
-
-Pure stripes and checkerboards are in different cubes.
-"""
+"""Capacitors side by side: their curves and slopes (paper, Fig. "capacitor testing")."""
 
 from collections.abc import Sequence
 
@@ -13,8 +10,8 @@ from matplotlib.lines import Line2D
 
 from knitlab.cube.cube_file import base_dims, is_measured, source_of
 from knitlab.cube.schema import RUN
-from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.kinds.curves import break_note, broken, line_style, snapped_before
+from knitlab.figures.kinds import FigureKind
+from knitlab.figures.kinds.curves import break_note, broken, snapped_before
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
@@ -30,24 +27,22 @@ PAPER_SAMPLES = (("rib", 4), ("garter", 4), (4, 16), (4, 32))
 def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     """C/C0 against applied strain, and the slopes, side by side (paper, Fig. "capacitor testing").
 
-    Shows those of the paper's four samples that the cubes hold, and all measured ones. Thick lines
-    mark the central 20 % over which the slope is averaged; dots are unloading. There is no curve
-    where electrodes touch or the model passes through itself.
+    Shows those of the paper's four samples that the cubes hold, and all measured ones. There is no
+    curve where electrodes touch or the model passes through itself.
     """
     samples = [sample for cube in cubes for sample in _samples(cube)]
     if not samples:
-        raise fault(
-            "capacitors",
-            "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes, and no cube has one;"
-            " give cubes of the workflows sensor and sensor_stripes",
-        )
+        shown = "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes"
+        remedy = "give cubes of the workflows sensor and sensor_stripes"
+        raise fault("capacitors", f"{shown}, and no cube has one; {remedy}")
     figure = Figure(figsize=(TWO_COLUMNS, 3.1), layout="constrained")
     ratios, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
     names, cells = zip(*samples, strict=True)
     any_measured = any(map(is_measured, cells))
     for (label, cell), colour, dashes in zip(samples, CATEGORY_COLOURS, DASHES * 2, strict=False):
         # Dashes mark measured samples, if there are any.
-        look: Look = {"ls": line_style(cell) if any_measured else dashes, "label": label}
+        style = "--" if is_measured(cell) else "-"
+        look: Look = {"ls": style if any_measured else dashes, "label": label}
         _draw_curve(ratios, cell, "capacitance_ratio", colour, look)
         _draw_curve(absolute, cell, "capacitance", colour, look)
     lengths = [float(cell["electrode_length"]) for cell in cells if "electrode_length" in cell]
@@ -106,16 +101,15 @@ def _samples(cube: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
     if "capacitance" not in cube:
         return []
     samples = []
-    first = cube.isel(boundary=[0]) if "boundary" in cube.dims else cube
-    measured, stacked = is_measured(cube), first.stack(sample=base_dims(cube))
+    of_first = cube.isel(boundary=[0]) if "boundary" in cube.dims else cube
+    stacked = of_first.stack(sample=base_dims(cube))
+    source = f" {source_of(cube)}" if is_measured(cube) else ""
     for labels in stacked["sample"].values:
-        cell, design = stacked.sel(sample=labels), labels[:2]
-        first, second = design
-        pure = isinstance(first, str)
-        name = f"{second} × {second} {first}" if pure else f"({first}, {second})"
+        cell, (first, second) = stacked.sel(sample=labels), labels[:2]
+        name = f"{second} × {second} {first}" if isinstance(first, str) else f"({first}, {second})"
         read = (cell["capacitor_status"] == CapacitorStatus.measured).any()
-        if (measured or design in PAPER_SAMPLES) and int(cell["status"]) in RUN and read:
-            samples.append((f"{name} {source_of(cube)}" if measured else name, cell))
+        if (source or labels[:2] in PAPER_SAMPLES) and int(cell["status"]) in RUN and read:
+            samples.append((name + source, cell))
     return samples
 
 

@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows
 from knitlab.io.errors import fault
 
@@ -24,32 +24,24 @@ SIZES: dict[str, Look] = {
 
 
 def contact_effect(cube: xr.Dataset) -> Figure:
-    """What contact changes in Poisson's ratio, reaction force and relaxed size of every design.
-
-    Each line and row is a design, with contact compared to without. Rows of designs that pass
-    through themselves without contact, when relaxed, are shaded. Designs that are not ok in both
-    are named below.
-    """
+    """What contact changes in Poisson's ratio, reaction force and relaxed size of every design."""
     if "contact" not in cube.dims or {*CONTACT} - {*map(str, cube["contact"].values)}:
-        raise fault(
-            "contact",
-            "compares designs without contact and with it; run a workflow with both, contact ="
-            " none,barrier",
-        )
+        remedy = "run a workflow with both, contact = none,barrier"
+        raise fault("contact", f"compares designs without contact and with it; {remedy}")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ...)
     without, touching = (stacked.sel(contact=label) for label in CONTACT)
     planned = (without["status"] != Status.excluded) & (touching["status"] != Status.excluded)
     usable = (without["status"] == Status.ok) & (touching["status"] == Status.ok)
     if not usable.any():
         raise fault("contact", "no design of the selection is ok both without contact and with it")
-    left_out = stacked["design"].values[(planned & ~usable).values]
+    left_out = ", ".join(map(str, stacked["design"].values[(planned & ~usable).values]))
     without, touching = without.isel(design=usable.values), touching.isel(design=usable.values)
     designs = without["design"].values
     stripes = sorted({n_stripe for n_stripe, _ in designs})
     colour = dict(zip(stripes, CATEGORY_COLOURS, strict=False))
     colours = [colour[n_stripe] for n_stripe, _ in designs]
-    height = max(3.6, 1.0 + 0.155 * len(designs))
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
+    size = TWO_COLUMNS, max(3.6, 1.0 + 0.155 * len(designs))
+    figure = Figure(figsize=size, layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1))
     ratio = figure.add_subplot(grid[0, 0])
     force = figure.add_subplot(grid[1, 0], sharex=ratio)
@@ -62,9 +54,8 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     _draw_sizes(figure.add_subplot(grid[:, 1]), without, touching, colours)
     handles = [Line2D([], [], color=colour[n], label=f"n_stripe = {n}") for n in stripes]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
-    if len(left_out):
-        names = ", ".join(map(str, left_out))
-        figure.supxlabel(f"not ok without contact or with it: {names}", fontsize=7)
+    if left_out:
+        figure.supxlabel(f"not ok without contact or with it: {left_out}", fontsize=7)
     return figure
 
 

@@ -1,9 +1,10 @@
-"""Curves of a tensile test against applied strain, a column for each n_stripe: strains, force.
+"""Curves of a tensile test against applied strain: strains, force, and tension of pure stripes.
 
 Curves are dashed if they were measured, and break where the fabric snaps.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,14 +16,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.schema import RUN, Status
+from knitlab.cube.schema import RUN, STRIPE_DIMS, Status
 from knitlab.figures.cells import designs_of
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Colour, Look, shades
 from knitlab.io.errors import fault
 
 BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"
+ENDED = "the test did not converge beyond"
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
@@ -35,14 +37,17 @@ FORCE_ROWS = {
 }
 IN_FIGURE = {"force_per_width": 10.0, "tangent_stiffness": 10.0, "stretch_energy": 100.0}
 """Factors from N/mm, or mJ/mm², to the units of these labels."""
+SHEETS: dict[str, Look] = {
+    "periodic": {"marker": "o", "ms": 2.5, "fillstyle": "full", "ls": ""},
+    "clamped": {"marker": "s", "ms": 5, "fillstyle": "none", "ls": ""},
+}
+"""Marks of the sheets, by their boundary."""
 
 
 def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """ε_xx, ε_yy and ν against applied strain (paper, Fig. "tension plots").
 
-    Colour encodes P, the periods in a patch, in every column. Measured curves are dashed, with a
-    band of two standard errors; the band of a simulated curve is the range of its siblings. A curve
-    breaks where the fabric snaps; a test that did not reach its last strain ends in a cross.
+    Colour encodes P, the periods in a patch, in every column of n_stripe.
     """
     if not any(name in cube for cube in cubes for name in ROWS):
         raise fault("curves", "shows strains, and no cube has any; import markers")
@@ -53,7 +58,7 @@ def force_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """Force over the width of the cloth, tangent stiffness and energy, against applied strain.
 
     The width is that of the relaxed fabric, in cloth by the gauge; the energy is that over its
-    area. Colours, dashes, bands and breaks are those of the figure ``curves``.
+    area.
     """
     if not any("force_per_width" in cube for cube in cubes):
         raise fault("force", "shows force over width, and no cube has any; simulate patches")
@@ -96,18 +101,17 @@ def _notes(designs: Sequence[xr.Dataset], rows: Iterable[str]) -> list[Artist]:
     """Legend entries of what the curves show besides their colour."""
     names = {str(name) for design in designs for name in design.data_vars}
     band: Look = {"facecolor": "0.3", "alpha": BAND, "lw": 0}
-    notes: list[Artist] = []
-    if any(f"{name}_low" in names for name in rows):
-        notes.append(Patch(label="band: range over slightly different fabrics", **band))
-    if any(map(is_measured, designs)):
-        notes.append(Line2D([], [], color="0.3", ls="--", label="measured"))
-    if any(f"{name}_error" in names for name in rows):
-        notes.append(Patch(label="band of a measured curve: two standard errors", **band))
-    notes += break_note(designs)
-    if any(int(design["status"]) == Status.not_converged for design in designs):
-        label = "the test did not converge beyond"
-        notes.append(Line2D([], [], color="0.3", marker="x", ms=6, ls="", label=label))
-    return notes
+    spread = Patch(label="band: range over slightly different fabrics", **band)
+    measured = Line2D([], [], color="0.3", ls="--", label="measured")
+    error = Patch(label="band of a measured curve: two standard errors", **band)
+    ended = Line2D([], [], color="0.3", marker="x", ms=6, ls="", label=ENDED)
+    return [
+        *([spread] if any(f"{name}_low" in names for name in rows) else []),
+        *([measured] if any(map(is_measured, designs)) else []),
+        *([error] if any(f"{name}_error" in names for name in rows) else []),
+        *break_note(designs),
+        *([ended] if any(int(one["status"]) == Status.not_converged for one in designs) else []),
+    ]
 
 
 def _draw_design(
@@ -116,35 +120,25 @@ def _draw_design(
     measured = is_measured(design)
     label = f"{int(design['n_subunit'])} (P = {int(design['periods'])})"
     label += f", {source_of(design)}" if measured else ""
-    look: Look = {"color": colour, "ls": line_style(design), "label": label}
+    look: Look = {"color": colour, "ls": "--" if measured else "-", "label": label}
     strains, snapped = design["applied_strain"].values, snapped_before(design)
     for axes, name in zip(column, rows, strict=True):
         if name not in design:
             continue
         values = IN_FIGURE.get(name, 1.0) * design[name].values
+        edges: list[xr.DataArray] = []
+        if f"{name}_error" in design:
+            edges = [design[name] + factor * design[f"{name}_error"] for factor in (-2, 2)]
+        elif f"{name}_low" in design:
+            edges = [design[f"{name}_{end}"] for end in ("low", "high")]
         recorded = np.isfinite(values)
-        curves = [strains, values, *_edges(design, name)]
-        strain, value, *band = broken(snapped[recorded], *(each[recorded] for each in curves))
+        curves = [each[recorded] for each in (strains, values, *(edge.values for edge in edges))]
+        strain, value, *band = broken(snapped[recorded], *curves)
         axes.plot(strain, value, marker="" if measured else ".", ms=3, **look)
         if band:
             axes.fill_between(strain, band[0], band[1], color=colour, alpha=BAND, lw=0)
         if int(design["status"]) == Status.not_converged and recorded.any():
             axes.plot(strain[-1], value[-1], "x", ms=6, color=colour)
-
-
-def _edges(design: xr.Dataset, name: str) -> list[np.ndarray]:
-    """Lower and upper edge of the band of a curve, if it has one."""
-    if f"{name}_error" in design:
-        error = 2 * design[f"{name}_error"]
-        return [(design[name] - error).values, (design[name] + error).values]
-    if f"{name}_low" in design:
-        return [design[f"{name}_{end}"].values for end in ("low", "high")]
-    return []
-
-
-def line_style(cube: xr.Dataset) -> str:
-    """Line style of a cube: dashed if it is measured, as in the paper."""
-    return "--" if is_measured(cube) else "-"
 
 
 def snapped_before(design: xr.Dataset) -> Bool[np.ndarray, " strain"]:
@@ -171,7 +165,47 @@ def break_note(designs: Iterable[xr.Dataset]) -> list[Line2D]:
     return [Line2D([], [], color="0.3", ls=(0, (4.2, 3.3)), label=BREAK)]
 
 
+def stripe_tension(cube: xr.Dataset) -> Figure:
+    """Tension curves of pure stripes: zigzag as lines, sheet as points (paper, Fig. 1D, E)."""
+    figure, panels = stripe_panels(cube)
+    sheets = {boundary: SHEETS[boundary] for boundary in cube["boundary"].values}
+    for axes, knit in zip(panels, cube["knit"].values, strict=True):
+        for colour, stripe in coloured_stripes(cube, knit):
+            zigzag = stripe["zigzag_force"].max("boundary")
+            axes.plot(cube["applied_strain"], zigzag, color=colour, label=str(int(stripe["n"])))
+            for boundary, look in sheets.items():
+                points = stripe["row_force"].sel(boundary=boundary)[::4]
+                axes.plot(points["applied_strain"], points, color=colour, **look)
+        axes.set(ylabel="force for one row [N]", ylim=(0, None))
+        axes.legend(title="stripe $n$", loc="upper left")
+    looks: dict[str, Look] = {"2D zigzag": {}}
+    looks |= {f"3D sheet, {boundary}": look for boundary, look in sheets.items()}
+    handles = [Line2D([], [], color="0.3", label=label, **look) for label, look in looks.items()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+def stripe_panels(cube: xr.Dataset) -> tuple[Figure, Sequence[Axes]]:
+    """A figure with one panel for each knit of a cube of pure stripes."""
+    figure = Figure(figsize=(TWO_COLUMNS, 3.2), layout="constrained")
+    knits = cube["knit"].values
+    panels = figure.subplots(1, len(knits), squeeze=False)[0]
+    for axes, knit in zip(panels, knits, strict=True):
+        axes.set(title=f"$n \\times n$ {knit}", xlabel="applied strain [1]")
+    return figure, panels
+
+
+def coloured_stripes(cube: xr.Dataset, knit: str) -> Iterator[tuple[Any, xr.Dataset]]:
+    """The stripes of a knit that have results, each with a colour."""
+    family = cube.sel(knit=knit).transpose("n", "boundary", ...)
+    family = family.isel(n=family["status"].isin(RUN).any("boundary").values)
+    for n, colour in zip(family["n"].values, shades(family.sizes["n"]), strict=True):
+        yield colour, family.sel(n=n)
+
+
+SLICED = ("applied_strain",)
 FIGURES = {
-    "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments"),
-    "force": FigureKind(force_curves, coordinates=("applied_strain",), several="experiments"),
+    "curves": FigureKind(tension_curves, coordinates=SLICED, several="experiments"),
+    "force": FigureKind(force_curves, coordinates=SLICED, several="experiments"),
+    "stripes": FigureKind(stripe_tension, STRIPE_DIMS, coordinates=SLICED),
 }

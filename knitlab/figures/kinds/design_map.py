@@ -13,37 +13,25 @@ from matplotlib.figure import Figure
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import with_columns
-from knitlab.figures.cells import (
-    EMPTY,
-    PERIODS_LABEL,
-    designs_of,
-    draw_map,
-    marks_legend,
-    row_count,
-)
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.cells import EMPTY, PERIODS_LABEL, designs_of, draw_map, marks_legend
 from knitlab.figures.found_designs import non_dominated
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
-CROSSES = "†"
-CROSSES_NOTE = f"{CROSSES} the simulated fabric passes through itself there, which no real one can"
-LAST = "‡"
-LAST_NOTE = f"{LAST} lowest at the last strain of the test: ν may fall further"
-ENDS_NOTE = f"{LAST} the test ends within the working range: it may be wider"
+CROSSES = "† the simulated fabric passes through itself there, which no real one can"
+LAST = "‡ lowest at the last strain of the test: ν may fall further"
+ENDS = "‡ the test ends within the working range: it may be wider"
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
 
 def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     """Design map: lowest Poisson's ratio of every design, and the strain at which it occurs.
 
-    With one applied strain selected, it shows Poisson's ratio there. Designs without a value are
-    hatched by status, so that a failure never looks like a value; measured ones have a dashed
-    frame. Marks say where the fabric passes through itself, and where ν is lowest at the last
-    strain. Where ν of the siblings of a design differs by more than 0.05 at any strain, the map
-    states the difference.
+    With one applied strain selected, it shows Poisson's ratio there. Where ν of the siblings of a
+    design differs by more than 0.05 at any strain, the map states the difference.
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
         raise fault("auxetic", "shows Poisson's ratio, and there is none; import markers")
@@ -51,18 +39,19 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     lowest = len(strains) > 1 or strains[0] == 0
     if not lowest:
         cubes = [cube.isel(applied_strain=0) for cube in cubes]
+    name = "poisson_ratio_min" if lowest else "poisson_ratio"
+    designs = [design for cube in cubes for design in designs_of(cube)]
 
     def text(value: float, design: xr.Dataset) -> str:
-        shown = f"{number(value)}{_crosses(design)}"
+        shown = f"{number(value)}{_marks(name, design)}"
         if lowest:
-            shown += f"{_last(design)}\nat {float(design['applied_strain_at_min']):.0%}"
+            shown += f"\nat {float(design['applied_strain_at_min']):.0%}"
         spread = _spread(design)
         return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
 
-    height = max(2.4, 1.2 + 0.5 * row_count(cubes))
+    height = max(2.4, 1.2 + 0.5 * _row_count(designs))
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
-    name = "poisson_ratio_min" if lowest else "poisson_ratio"
     label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
     label += "\n(negative: auxetic)"
     marked, gaps = draw_map(figure, axes, cubes, name, label, text, signed=True)
@@ -71,34 +60,32 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     notes = [f"in each cell: (n_stripe, n_subunit), {said}", *([EMPTY] if gaps else [])]
     if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
         notes.append(SPREAD_NOTE)
-    shown = [design for cube in cubes for design in designs_of(cube)]
-    if any(map(_crosses, shown)):
-        notes.append(CROSSES_NOTE)
-    if lowest and any(map(_last, shown)):
-        notes.append(LAST_NOTE)
+    notes += sorted({note for design in designs for note in _notes(name, design)})
     marks_legend(figure, marked, NO_RATIO, notes, cubes)
     return figure
 
 
-def _crosses(design: xr.Dataset) -> str:
-    """A mark, if the fabric passes through itself where its Poisson's ratio is shown."""
-    along = design["applied_strain"].ndim
-    name = "intersections_at_min" if along else "self_intersections"
-    return CROSSES if name in design and float(design[name]) > 0 else ""
-
-
-def _last(design: xr.Dataset) -> str:
-    """A mark, if Poisson's ratio is lowest at the last strain of the test."""
+def _notes(name: str, design: xr.Dataset) -> list[str]:
+    """Notes on a value of a design, each of which begins with its mark."""
     last = float(design["applied_strain"].max())
-    return LAST if float(design["applied_strain_at_min"]) >= last > 0 else ""
+    crossing = "intersections_at_min" if name == "poisson_ratio_min" else "self_intersections"
+    notes = []
+    if name.startswith("poisson_ratio") and crossing in design and float(design[crossing]) > 0:
+        notes.append(CROSSES)
+    if name == "poisson_ratio_min" and float(design["applied_strain_at_min"]) >= last > 0:
+        notes.append(LAST)
+    if name == "working_range" and "working_start" in design:
+        end = float(design["working_start"] + design["working_range"])
+        notes += [ENDS] if end >= last - 1e-9 else []
+    return notes
 
 
-def _ends(design: xr.Dataset) -> str:
-    """A mark, if the working range reaches the last strain of the test."""
-    if "working_start" not in design:
-        return ""
-    end = float(design["working_start"] + design["working_range"])
-    return LAST if end >= float(design["applied_strain"].max()) - 1e-9 else ""
+def _marks(name: str, design: xr.Dataset) -> str:
+    return "".join(note[0] for note in _notes(name, design))
+
+
+def _row_count(designs: Sequence[xr.Dataset]) -> int:
+    return len({int(design["n_stripe"]) for design in designs})
 
 
 def _spread(cube: xr.Dataset) -> float:
@@ -119,12 +106,9 @@ class Merit(NamedTuple):
     label: str
     form: str
 
-    def text(self, value: float, design: xr.Dataset | None = None) -> str:
-        """A value as text, marked if the test of a design ended before its working range."""
-        mark = ""
-        if design is not None and self.name == "working_range":
-            mark = _ends(design)
-        return f"{format(value, self.form)}{mark}"
+    def text(self, value: float, design: xr.Dataset) -> str:
+        """The value of a design as text, with its marks."""
+        return format(value, self.form) + _marks(self.name, design)
 
 
 Merits = tuple[Merit, Merit]
@@ -138,15 +122,21 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     """Sensor design map: sensitivity and working range of every design, and their trade-off.
 
     With a ``window`` of applied strain, such as ``0.1:0.3``, mean slope and linearity of the
-    capacitance within it take their place. The Pareto front is joined, named and listed. Designs
-    without a value are marked by status; measured ones have a dashed frame.
+    capacitance within it take their place.
     """
     if any("capacitance" not in cube for cube in cubes):
         raise fault("sensor", NEEDED)
     merits: Merits = PAPER
     if window is not None:
-        merits, cubes = _within(window, cubes)
-    height = 0.5 + 0.38 * max(row_count(cubes), 3)
+        slope, straight = (f"{name}(capacitance, {window})" for name in ("slope", "linearity"))
+        cubes = with_columns(cubes, [slope, straight])
+        cubes = [cube.assign({slope: abs(cube[slope])}) for cube in cubes]
+        merits = (
+            Merit(slope, f"|slope| of C over {window} [pF]", ".2f"),
+            Merit(straight, f"R² of a line over {window} [1]", ".2f"),
+        )
+    designs = [design for cube in cubes for design in designs_of(cube)]
+    height = 0.5 + 0.38 * max(_row_count(designs), 3)
     figure = Figure(figsize=(TWO_COLUMNS, 2 * height + 3.1), layout="constrained")
     *maps, below = figure.subplots(3, 1, height_ratios=(height, height, 3.1))
     marked: set[Status] = set()
@@ -156,27 +146,14 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
         marked |= more
     maps[1].set_xlabel(PERIODS_LABEL)
     notes = ["in each cell: (n_stripe, n_subunit), value", *([EMPTY] if gaps else [])]
-    if window is None and any(_ends(each) for cube in cubes for each in designs_of(cube)):
-        notes.append(ENDS_NOTE)
+    notes += sorted({note for design in designs for note in _notes(merits[1].name, design)})
     marks_legend(figure, marked, NO_VALUE, notes, cubes)
     _draw_trade_off(below, cubes, merits)
     return figure
 
 
-def _within(window: str, cubes: Sequence[xr.Dataset]) -> tuple[Merits, list[xr.Dataset]]:
-    slope, straight = (f"{name}(capacitance, {window})" for name in ("slope", "linearity"))
-    reduced = [
-        cube.assign({slope: abs(cube[slope])}) for cube in with_columns(cubes, [slope, straight])
-    ]
-    merits = (
-        Merit(slope, f"|slope| of C over {window} [pF]", ".2f"),
-        Merit(straight, f"R² of a line over {window} [1]", ".2f"),
-    )
-    return merits, reduced
-
-
 def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> None:
-    up, across = (merit.name for merit in merits)
+    (up, up_label, up_form), (across, across_label, form) = merits
     table = values_of_designs(cubes, merits)
     measured = table["measured"]
     shown = table if measured.all() else table[~measured]
@@ -199,13 +176,12 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
         # Nothing lies above and to the right of the front, along which slanted names stay apart.
         beside: Look = {"xytext": (2, 2), "textcoords": "offset points", "rotation_mode": "anchor"}
         axes.annotate(name, (one[across], one[up]), rotation=45, fontsize=6, **beside)
-    axes.set(xlabel=merits[1].label, ylabel=merits[0].label)
+    axes.set(xlabel=across_label, ylabel=up_label)
     axes.margins(0.2)
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
     listed = [
-        f"({one['n_stripe']}, {one['n_subunit']}) {merits[0].text(one[up])} pF,"
-        f" {merits[1].text(one[across])}"
+        f"({one['n_stripe']}, {one['n_subunit']}) {one[up]:{up_form}} pF, {one[across]:{form}}"
         for _, one in front.iterrows()
     ]
     title = fill(f"Pareto front: {'; '.join(listed)}", 110)

@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.schema import Status
+from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.cells import design_name, designs_of
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
 from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
 from knitlab.io.errors import fault
+from knitlab.meshes.fabric import on_grid_cells
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
@@ -29,10 +30,9 @@ COMPONENTS = {
 def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain over samples between clamps (paper, Fig. "tension images").
 
-    Lengths are those of the relaxed cloth, by the gauge. Shows every unit cell of the paper's three
-    samples, and of measured samples of any design, at ``applied_strain`` or the recorded strain
-    nearest 0.23. Cells that lost a marker are white; the central ones, over which strains are
-    averaged, have a dark frame.
+    Lengths are those of the relaxed cloth, by the gauge. Shows the paper's three samples, and
+    measured samples of any design, at ``applied_strain`` or the recorded strain nearest 0.23. Cells
+    that lost a marker are white.
     """
     shown = _samples(cubes)
     if not shown:
@@ -56,15 +56,10 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def shown_strain(cube: xr.Dataset) -> float:
-    """The recorded applied strain nearest :data:`SHOWN_STRAIN` [1]."""
-    return float(cube["applied_strain"].sel(applied_strain=SHOWN_STRAIN, method="nearest"))
-
-
 def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     """The samples at the shown strain: the paper's three, then measured ones."""
     samples = [
-        design.sel(applied_strain=shown_strain(design))
+        design.sel(applied_strain=SHOWN_STRAIN, method="nearest")
         for cube in cubes
         if "strain_xx" in cube
         for design in designs_of(cube)
@@ -97,16 +92,18 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
 
     Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
-    of ``applied_strain``. Shading is slope; colour is the local transverse strain of the unit cell.
+    of ``applied_strain``.
     """
+    from knitlab.simulation.case import case_of
+
     if any("length_x" in case for case in cases):
         raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
-    strains = cases[0]["applied_strain"].values
+    strains = cases[0]["applied_strain"]
     if len(strains) > 2:
-        strains = np.array([0.0, shown_strain(cases[0])])
-    states = [case.sel(applied_strain=strain) for case in cases for strain in strains]
-    local_strains = np.concatenate([state["strain_xx"].values.ravel() for state in states])
-    by_strain = ValueColours.of(local_strains, signed=True)
+        strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")
+    states = [case.sel(applied_strain=strain) for case in cases for strain in strains.values]
+    values = np.concatenate([state["strain_xx"].values.ravel() for state in states])
+    by_strain = ValueColours.of(values, signed=True)
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
     widths, heights = 1.1 * np.transpose(spans)
     height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
@@ -115,10 +112,15 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     for axes, state in zip(grid, states, strict=True):
         nodes = state["position"].values
         faces = faces_of(nodes - [0, nodes[..., 1].min(), 0])
-        colours = by_strain.colours(by_strain.norm(_by_face(state)))
+        case = case_of(json.loads(state.attrs["parameters"]))
+        local = on_grid_cells(case, state["strain_xx"].values).ravel()
+        colours = by_strain.colours(by_strain.norm(local))
         draw_faces(axes, faces, shaded(faces, colours))
-        axes.set_title(f"{_name(state)}\n{state_text(float(state['applied_strain']))}")
-        axes.set(xlabel="", ylabel="")
+        patterned = "pattern" in state.coords
+        design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
+        cells_y, cells_x = state["strain_xx"].shape
+        shown = state_text(float(state["applied_strain"]))
+        axes.set(title=f"{design}\n{cells_x} × {cells_y} cells\n{shown}", xlabel="", ylabel="")
     grid[0].set_ylabel("y, warp [mm of network]")
     figure.supxlabel("x, weft [mm of network]", fontsize="medium")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
@@ -126,30 +128,8 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def _by_face(state: xr.Dataset) -> np.ndarray:
-    """The strain of its unit cell for every grid cell, face after face."""
-    from knitlab.simulation.case import case_of
-
-    record = json.loads(state.attrs["parameters"])
-    sample = case_of(record).sample
-    patches = record.get("cell_patches") or (len(record["pattern"]), len(record["pattern"][0]))
-    rows, columns = (
-        np.repeat(np.arange(len(borders[::size]) - 1), np.diff(borders[::size]))
-        for borders, size in zip((sample.row_borders, sample.column_borders), patches, strict=True)
-    )
-    return state["strain_xx"].values[np.ix_(rows, columns)].ravel()
-
-
-def _name(case: xr.Dataset) -> str:
-    cells_y, cells_x = case["strain_xx"].shape
-    patterned = "pattern" in case.coords
-    design = str(case["pattern"].item()).replace("_", " ") if patterned else design_name(case)
-    return f"{design}\n{cells_x} × {cells_y} cells"
-
-
+SLICED = ("applied_strain",)
 FIGURES = {
-    "tension": FigureKind(tension_maps, several="experiments", coordinates=("applied_strain",)),
-    "samples": FigureKind(
-        stretched_samples, needs="position", designs=PAPER_DESIGNS, coordinates=("applied_strain",)
-    ),
+    "tension": FigureKind(tension_maps, several="experiments", coordinates=SLICED),
+    "samples": FigureKind(stretched_samples, DESIGN_DIMS, "position", PAPER_DESIGNS, SLICED),
 }

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from knitlab.cube.schema import Status
 from knitlab.figures import cells
-from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, number
+from knitlab.figures.kinds import FigureKind
+from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, ValueColours, number
 from knitlab.io.errors import fault
 
 QUANTITY = "poisson_ratio_sensitivity"
@@ -26,8 +26,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     """Which stripe parameter the Poisson's ratio of each design depends on.
 
     Shows the sensitivity p ∂ν/∂p of every design to every stripe parameter at the strain where its
-    ν is lowest. The largest magnitude of a row is framed. Designs without a lowest ν, or without
-    derivatives there, are marked by status.
+    ν is lowest; the largest magnitude of a row is framed.
     """
     if QUANTITY not in cube:
         raise fault("sensitivity", "needs sensitivities; run with sensitivities = true")
@@ -38,8 +37,14 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     parameters = [str(name) for name in cube["stripe_parameter"].values]
     columns = [k + 0.25 * name.startswith("garter_") for k, name in enumerate(parameters)]
     values = np.array([_at_lowest(design) for design in designs]).reshape(-1, len(parameters))
-    norm = _norm(values)
-    colours = mpl.colormaps[STRAIN_COLOURS]
+    largest = np.abs(values[np.isfinite(values).all(axis=1)]).max(axis=1, initial=0)
+    bound = float(largest.max(initial=0))
+    if largest.size:
+        # One design near a snap would dominate the colours of all.
+        bound = min(bound, MOST_OVER_MEDIAN * float(np.median(largest)))
+    bound = bound or 1.0
+    norm = mpl.colors.Normalize(-bound, bound)
+    colours = ValueColours(norm, mpl.colormaps[STRAIN_COLOURS], -bound, bound)
     figure = Figure(figsize=(TWO_COLUMNS, 1.7 + 0.24 * len(designs)), layout="constrained")
     axes = figure.add_subplot()
     marked: set[Status] = set()
@@ -50,7 +55,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             if valid:
                 text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
                 weight = "bold" if k == leading else "normal"
-                cells.value_cell(axes, row, column, colours(norm(value)), text, weight=weight)
+                cells.value_cell(axes, row, column, colours(value), text, weight=weight)
             else:
                 cells.cell(axes, row, column, **cells.MARKS[status])
         if valid:
@@ -60,7 +65,10 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             marked.add(status)
     of_stripes = [name.partition("_") for name in parameters]
     axes.set_xticks(columns, [SYMBOLS.get(name, PERIODS[knit]) for knit, _, name in of_stripes])
-    axes.set_yticks(range(len(designs)), [_name(design) for design in designs])
+    strains = [float(design["applied_strain_at_min"]) for design in designs]
+    wheres = [f"at {strain:.0%}" if np.isfinite(strain) else "" for strain in strains]
+    names = [f"{cells.design_name(each)}  {at}" for each, at in zip(designs, wheres, strict=True)]
+    axes.set_yticks(range(len(designs)), names)
     axes.set(xlim=(-0.55, columns[-1] + 0.55), ylim=(len(designs) - 0.45, -0.55))
     axes.set_ylabel("design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$")
     for knit in PERIODS:
@@ -68,10 +76,9 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         above: Look = {"xytext": (0, 4), "textcoords": "offset points", "ha": "center"}
         axes.annotate(f"{knit} stripe", ((of_knit[0] + of_knit[-1]) / 2, -0.5), **above)
     cells.remove_frame(axes)
-    beyond = np.nanmax(np.abs(values), initial=0) > norm.vmax
-    bar: Look = {"pad": 0.01, "extend": "both" if beyond else "neither"}
+    extend = "both" if np.nanmax(np.abs(values), initial=0) > bound else "neither"
     label = "$p\\,\\partial\\nu/\\partial p$ [1]"
-    figure.colorbar(mpl.cm.ScalarMappable(norm, colours), ax=axes, label=label, **bar)
+    colours.bar(figure, axes, pad=0.01, extend=extend, label=label)
     figure.supxlabel(NOTE, fontsize="medium")
     cells.marks_legend(figure, marked, "no derivative, or no lowest ratio")
     return figure
@@ -83,20 +90,6 @@ def _at_lowest(design: xr.Dataset) -> np.ndarray:
     along = design[QUANTITY].transpose("applied_strain", "stripe_parameter").values
     at = np.flatnonzero(np.isclose(strains, lowest, 0, 1e-9))
     return along[at[0]] if at.size else np.full(along.shape[1], np.nan)
-
-
-def _norm(values: np.ndarray) -> mpl.colors.Normalize:
-    """Norm symmetric about zero, limited so that one design near a snap does not dominate it."""
-    largest = np.abs(values[np.isfinite(values).all(axis=1)]).max(axis=1, initial=0)
-    bound = MOST_OVER_MEDIAN * float(np.median(largest)) if largest.size else 1.0
-    bound = min(float(largest.max(initial=0)), bound) or 1.0
-    return mpl.colors.Normalize(-bound, bound)
-
-
-def _name(design: xr.Dataset) -> str:
-    strain = float(design["applied_strain_at_min"])
-    where = f"at {strain:.0%}" if np.isfinite(strain) else ""
-    return f"{cells.design_name(design)}  {where}"
 
 
 FIGURES = {"sensitivity": FigureKind(sensitivity_map)}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.cells import design_name
-from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.measure.fit_statistics import linear_fit
@@ -20,9 +20,8 @@ PEAK = CATEGORY_COLOURS[1]
 def wavelength_figure(cube: xr.Dataset) -> Figure:
     """Boundaries, their spectra, and wavelengths against n_subunit (paper, Fig. "wavelength").
 
-    Lengths are in cloth, by the gauge, as in the paper. Wavelengths have one fitted line for each
-    n_stripe. Boundary and spectrum are of the smallest unit cell of n_stripe
-    4, or of the first n_stripe if there is no 4.
+    Lengths are in cloth, by the gauge, as in the paper. Boundary and spectrum are of the smallest
+    unit cell of n_stripe 4, or of the first n_stripe if there is no 4.
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
         problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"
@@ -38,38 +37,32 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
             continue
         n_stripe, n_subunit = min(designs, key=lambda each: cube["n_stripe"].values[each[0]] != 4)
         shown = cube.isel(n_stripe=n_stripe, n_subunit=n_subunit)
-        _draw_boundary(row[0], shown, direction)
-        _draw_spectrum(row[1], shown, direction)
+        _draw_wave(row[0], row[1], shown, direction)
         _draw_lines(row[2], cube, direction)
     return figure
 
 
-def to_cloth(design: xr.Dataset, direction: str) -> float:
+def _to_cloth(design: xr.Dataset, direction: str) -> float:
     """Factor from a relaxed length of the network to that of the cloth, by the gauge."""
     relaxed = design[f"relaxed_cell_{direction}"]
     # A cube without sizes in cloth shows those of its network.
     return float(design.get(f"knit_cell_{direction}", relaxed) / relaxed)
 
 
-def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
-    scale, other = to_cloth(shown, direction), to_cloth(shown, OTHER[direction])
-    length = scale * float(shown[f"boundary_length_{direction}"])
-    along = shown["boundary_point"].values * length
-    across = other * shown[f"boundary_{direction}"].values
-    shown_length = 3 * scale * float(shown[f"wavelength_{direction}"])
-    within = abs(along - along[-1] / 2) <= shown_length / 2
-    axes.plot(along[within], across[within], color="black", lw=0.9)
-    axes.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
-    axes.set_title(f"boundary of {design_name(shown)}")
-
-
-def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
+def _draw_wave(line: Axes, axes: Axes, shown: xr.Dataset, direction: str) -> None:
+    """Draw three wavelengths of a boundary, and its spectrum."""
     from knitlab.measure.wavelength import spectrum
 
-    scale, other = to_cloth(shown, direction), to_cloth(shown, OTHER[direction])
+    scale, other = _to_cloth(shown, direction), _to_cloth(shown, OTHER[direction])
     length = scale * float(shown[f"boundary_length_{direction}"])
-    wavenumbers, amplitudes = spectrum(other * shown[f"boundary_{direction}"].values, length)
     wavelength = scale * float(shown[f"wavelength_{direction}"])
+    along = shown["boundary_point"].values * length
+    across = other * shown[f"boundary_{direction}"].values
+    within = abs(along - along[-1] / 2) <= 1.5 * wavelength
+    line.plot(along[within], across[within], color="black", lw=0.9)
+    line.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
+    line.set_title(f"boundary of {design_name(shown)}")
+    wavenumbers, amplitudes = spectrum(across, length)
     within = wavenumbers <= 4 / wavelength
     axes.plot(wavenumbers[within], amplitudes[within], color="black", lw=0.9)
     peak = 1 / wavelength, other * float(shown[f"wave_amplitude_{direction}"])

@@ -1,4 +1,4 @@
-"""The sheet of one case: its shape coloured by height, and where its electrodes run."""
+"""One case: its shape coloured by height, where its electrodes run, its relaxation by dynamics."""
 
 import json
 from dataclasses import replace
@@ -17,8 +17,8 @@ from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import RegularGridInterpolator
 
 from knitlab.figures import sheets
-from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
+from knitlab.figures.kinds import FigureKind
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 from knitlab.meshes.fabric import closed_nodes, is_periodic
 
@@ -28,9 +28,10 @@ if TYPE_CHECKING:
 
 MOST_NAMES = 4  # patches along a side that are named; where there are more they have a letter each
 LETTERS = "R rib, G garter, P plain"
-COLOURS = ("#D55E00", "#0072B2")  # colours of the electrodes
+COLOURS = {"A": "#D55E00", "B": "#0072B2"}  # of the electrodes
 SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}  # grey of every knit, by its letter
 CELLS_PER_TICK, MOST_TICKS = 4, 12
+CONTRACTED = (0.0, 0.15, 0.5)  # fractions of the in-plane contraction at the first snapshots
 FINE, COARSE, FEW_CELLS = 4, 2, 24  # subdivisions of a grid cell: fine up to so many cells
 
 
@@ -42,8 +43,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     from knitlab.simulation.case import case_of
 
     parameters = json.loads(case.attrs["parameters"])
-    periodic = is_periodic(case)
-    repeats = 2 if periodic else 1
+    repeats = 2 if is_periodic(case) else 1
     nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
     along_y, along_x = parameters["unit_cells"]
     repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
@@ -64,8 +64,8 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MOST_NAMES else [])]
     if "self_intersections" in case and (crossing := int(case["self_intersections"][0])):
         notes.insert(0, f"passes through itself: {crossing} pairs of cells")
-    state = sheets.state_text(float(case["applied_strain"][0]))
-    state = f"periodic, {state}" if periodic else state
+    state = "periodic, " if is_periodic(case) else ""
+    state += sheets.state_text(float(case["applied_strain"][0]))
     axes.set_title("\n".join([sheets.design_text(case), state, "; ".join(notes)]), fontsize=7)
     colours = mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS)
     figure.colorbar(colours, ax=axes, label="height z [mm of network]", shrink=0.8)
@@ -81,15 +81,12 @@ def _name_patches(
     large = max(repeat) <= MOST_NAMES
     look: Look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8 if large else 6}
     look["path_effects"] = [withStroke(linewidth=2, foreground="black")]
-    first_row, first_column = (
-        size * ((count // size - 1) // 2)
-        for size, count in zip(repeat, sample.knit.shape, strict=True)
-    )
+    counts = np.array(sample.knit.shape)
     rows, columns = (
         (borders[:-1] + borders[1:]) // 2 for borders in (sample.row_borders, sample.column_borders)
     )
-    for y, x in np.ndindex(repeat):
-        row, column = first_row + y, first_column + x
+    for at in np.ndindex(repeat):
+        row, column = at + repeat * ((counts // repeat - 1) // 2)
         letter = str(sample.knit[row, column])
         across, along = nodes[rows[row], columns[column], :2]
         axes.text(across, along, KNIT_OF_LETTER[letter] if large else letter, **look)
@@ -112,10 +109,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
     _draw_fabric(scene, case, case_file)
     scene.set_title(sheets.state_text(float(case_file["applied_strain"][0])), y=0.96)
-    handles = [
-        Patch(color=colour, label=f"electrode {letter}")
-        for letter, colour in zip("AB", COLOURS, strict=True)
-    ]
+    handles = [Patch(color=colour, label=f"electrode {name}") for name, colour in COLOURS.items()]
     knits = {KNIT_OF_LETTER[letter]: SHADES[letter] for letter in np.unique(case.sample.knit)}
     if case.pure:
         knits = {case.weft.knit: SHADES["G"]}
@@ -132,7 +126,7 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
         size = columns[column + 1] - columns[column], rows[row + 1] - rows[row]
         shade = SHADES[str(sample.knit[row, column])]
         axes.add_patch(Rectangle(corner, *size, color=shade, lw=0))
-    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+    for strips, colour in zip(case.electrodes.strips, COLOURS.values(), strict=True):
         for strip in strips:
             size = strip.right - strip.left, strip.top - strip.bottom
             axes.add_patch(Rectangle((strip.left, strip.bottom), *size, color=colour, lw=0))
@@ -150,7 +144,7 @@ def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     subdivisions = FINE if max(cells) <= FEW_CELLS else COARSE
     y, x = ((np.arange(count * subdivisions) + 0.5) / subdivisions for count in cells)
     colours = np.full((len(y), len(x)), sheets.FABRIC, dtype=object)
-    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+    for strips, colour in zip(case.electrodes.strips, COLOURS.values(), strict=True):
         for strip in strips:
             (left, right), (low, high) = strip.extents
             across = (left < x) & (x < right)
@@ -164,9 +158,50 @@ def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     sheets.frame_sheet(scene, sheet)
 
 
+def relaxation_figure(case: xr.Dataset) -> Figure:
+    """Kinetic energy against time, and snapshots (paper, Fig. "unit simulation")."""
+    nodes = snapshot_nodes(case)
+    area = np.ptp(nodes[..., :2], axis=(1, 2)).prod(axis=1)
+    contracted = area[0] - area
+    reached = [contracted >= (fraction - 1e-9) * contracted[-1] for fraction in CONTRACTED]
+    chosen = [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
+    figure = Figure(figsize=(TWO_COLUMNS, 4.2))
+    axes = figure.add_axes((0.085, 0.52, 0.9, 0.42))
+    time, kinetic = case["time"].values, case["kinetic_energy"].values
+    stored = case["potential_energy"].values
+    excess = (stored - stored[-1])[1:-1]
+    axes.loglog(time[1:], kinetic[1:], color=CATEGORY_COLOURS[0], label="kinetic energy $T$")
+    label = "elastic energy above the relaxed state"
+    axes.loglog(time[1:-1], excess, "--", color="0.45", label=label)
+    axes.set(xlabel="time since the flat sheet was released [ms]", ylabel="energy [N mm]")
+    axes.set_xlim(0.7 * time[1], 1.1 * time[-1])
+    axes.set_ylim(max(kinetic[-1], 1e-14), 5 * stored[0])
+    axes.legend(loc="lower left")
+    width = 1 / len(chosen)
+    beside: Look = {"xytext": (2, -2), "textcoords": "offset points", "va": "top"}
+    for column, (snapshot, letter) in enumerate(zip(chosen, "abcd", strict=True)):
+        instant = float(case["snapshot"][snapshot])
+        at = max(instant, axes.get_xlim()[0])
+        axes.axvline(at, color="0.75", lw=0.6, zorder=0)
+        axes.annotate(letter, (at, 1), xycoords=("data", "axes fraction"), **beside)
+        scene = figure.add_axes((column * width, 0.0, width, 0.36), projection="3d")
+        sheets.draw_sheet(scene, nodes[snapshot])
+        sheets.frame_sheet(scene, nodes)
+        figure.text((column + 0.5) * width, 0.37, f"{letter}: {instant:.2g} ms", ha="center")
+    figure.text(0.5, 0.97, sheets.design_text(case), ha="center")
+    return figure
+
+
+def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
+    """Node positions (snapshot, y, x, component) of a relaxation, periodic fabric closed [mm]."""
+    states = {f"snapshot_{name}": name for name in ("position", "length_x", "length_y")}
+    states = {name: state for name, state in states.items() if name in case}
+    return closed_nodes(case[[*states]].rename(states | {"snapshot": "applied_strain"}))
+
+
+SLICED = ("applied_strain",)
 FIGURES = {
-    "shape": FigureKind(fabric_shape, needs="position", coordinates=("applied_strain",)),
-    "electrodes": FigureKind(
-        electrodes_figure, dims=None, needs="position", coordinates=("applied_strain",)
-    ),
+    "shape": FigureKind(fabric_shape, needs="position", coordinates=SLICED),
+    "electrodes": FigureKind(electrodes_figure, None, needs="position", coordinates=SLICED),
+    "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
 }
