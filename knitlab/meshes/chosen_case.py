@@ -11,13 +11,7 @@ from jaxtyping import Bool
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
 from knitlab.cube.schema import STRAIN, Status
-from knitlab.cube.selection import (
-    choices,
-    chosen_indices,
-    refuse_others,
-    selected,
-    selections_along,
-)
+from knitlab.cube.selection import choices, chosen_indices, refuse_others, selected
 from knitlab.io.errors import fault
 
 
@@ -32,7 +26,7 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     known = (*dims, STRAIN)
     problem = f"is not a coordinate of a shape; select along {', '.join(known)}"
     refuse_others(selections, known, problem)
-    left = selected(cube, selections_along(selections, dims))
+    left = selected(cube, {dim: selections[dim] for dim in dims if dim in selections})
     designs = left[["status", "case_id"]].stack(design=dims)
     designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
     if not designs.sizes["design"]:
@@ -74,7 +68,7 @@ def chosen_strains(
 
     By default the relaxed state is chosen, or every strain that was reached if several may be.
     """
-    along = selections_along(selections, [STRAIN])
+    along = {STRAIN: selections[STRAIN]} if STRAIN in selections else {}
     strains, reached = case_file[STRAIN].values, has_shape(case_file)
     reason = case_file.attrs.get("reason", "")
     if not reached.any():
