@@ -5,7 +5,6 @@ moments: while a run checks which others run, and while a shard writes what all 
 """
 
 import getpass
-import json
 import os
 import re
 import socket
@@ -75,23 +74,17 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AcquireReturnPro
         problem = f"cannot be written ({error.strerror}); choose another folder"
         raise CannotWrite([Fault(str(folder), problem)]) from error
     shard = SHARD_LOCK.fullmatch(name)
-    holder = {
-        "process": os.getpid(),
-        "user": getpass.getuser(),
-        "host": socket.gethostname(),
-        "since": datetime.now().isoformat(timespec="seconds"),
-        "as": f" (shard {shard[1]} of {shard[2]})" if shard else "",
-    }
+    holder = f"process {os.getpid()} of {getpass.getuser()} on {socket.gethostname()}"
+    holder += f" since {datetime.now().isoformat(timespec='seconds')}"
+    holder += f" (shard {shard[1]} of {shard[2]})" if shard else ""
     with suppress(OSError):  # the lock works without the file that names its holder
         # Beside the lock: a locked file itself cannot be read on Windows.
-        (folder / f"{name}.json").write_text(json.dumps(holder))
+        (folder / f"{name}.holder").write_text(holder, encoding="utf-8")
     return lock
 
 
 def _in_use(folder: Path, name: str) -> BadInput:
-    try:
-        holder = json.loads((folder / f"{name}.json").read_text())
-        by = "process {process} of {user} on {host} since {since}{as}".format(**holder)
-    except (OSError, ValueError, KeyError):
-        by = "another process"
+    by = "another process"
+    with suppress(OSError, ValueError):
+        by = (folder / f"{name}.holder").read_text(encoding="utf-8") or by
     return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")

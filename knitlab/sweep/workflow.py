@@ -226,11 +226,6 @@ class ModelSection(StrictModel):
     material: str | None = None
     interpolate_stripes: bool | None = None
 
-    @property
-    def changes(self) -> dict[str, float]:
-        """Values and factors that it gives for stripes, plain knit and sheet."""
-        return self.model_dump(include=set(CHANGES | PLAIN_NUMBERS), exclude_none=True)
-
 
 @with_fields(optional(declared(Solver)))
 class SolverSection(StrictModel):
