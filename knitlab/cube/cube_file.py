@@ -15,6 +15,7 @@ from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
+from knitlab.io.lock import is_locked
 
 CUBE = "cube.nc"
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
@@ -58,7 +59,7 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """The variables in the file of a cube; otherwise as :func:`open_cube`."""
     path = cube_path(path)
     try:
-        cube = xr.open_dataset(path, engine="netcdf4")
+        cube = _opened(path)
         if not lazily:
             with cube:
                 cube.load()
@@ -77,9 +78,27 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:
-    """Write the file of a cube atomically; CannotWrite if that fails."""
+    """Write the file of a cube atomically; CannotWrite if that fails.
+
+    HDF5 would lock a file that it writes, which some file systems cannot.
+    """
+    written = cube.to_netcdf(engine="netcdf4", encoding=schema.encoding(cube))
     with atomic_write(path) as temporary:
-        cube.to_netcdf(temporary, encoding=schema.encoding(cube))
+        temporary.write_bytes(written)
+
+
+def _opened(path: Path) -> xr.Dataset:
+    """A netCDF file, opened; without a lock where its file system has none."""
+    try:
+        return xr.open_dataset(path, engine="netcdf4")
+    except OSError as error:
+        if is_locked(path):
+            problem = "is opened for writing by another program; close it there, or set"
+            remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
+            raise fault(str(path), remedy) from error
+        dataset = xr.open_dataset(path.read_bytes(), engine="netcdf4")
+        dataset.encoding["source"] = str(path)
+        return dataset
 
 
 def design_dims(cube: xr.Dataset) -> tuple[str, ...]:

@@ -1,7 +1,4 @@
-"""The page of claims, as Markdown: what a user may rely on, by which margin, with figures.
-
-Near misses are separate from claims that fail by more.
-"""
+"""The page of claims, as Markdown: what a user may rely on, by which margin, with figures."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product

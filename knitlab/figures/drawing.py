@@ -41,8 +41,7 @@ def draw_figure(
 ) -> Path:
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
-    A figure of a single case shows the most auxetic design of the selection that has its case file
-    beside the cube. BadInput if a cube, a selection, an option or the suffix is at fault.
+    BadInput if a cube, a selection, an option or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
@@ -56,9 +55,9 @@ def draw_figure(
 
 
 def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
-    """Draw a workflow's figures into its results folder, each for print and for the screen.
+    """Draw a workflow's figures into its results folder, unless they are up to date.
 
-    Figures that are up to date are kept. Returned are the files, and why some could not be drawn.
+    Returned are the files, and why some could not be drawn.
     """
     files, faults = list[Path](), list[Fault]()
     cube = cube_file.open_cube(folder)
@@ -122,7 +121,12 @@ def draw(
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
     slices = dict[str, None]()
     if name not in COMPARING:
-        slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
+        for cube in cubes:
+            if several := [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]:
+                problem = f"shows one value of each swept setting; select {choices(cube, several)}"
+                raise fault(name, problem)
+            values = (f"{dim} = {cube[dim].item()}" for dim in swept_dims(cube))
+            slices[", ".join(values)] = None
         cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
     if kind.needs is not None:
         cases = _cases(kind, cubes[0], folder)
@@ -152,13 +156,6 @@ def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> No
         raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
 
 
-def _swept_values(name: str, cube: xr.Dataset) -> str:
-    swept = swept_dims(cube)
-    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
-    return ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
-
-
 def _draw_cases(
     kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
 ) -> Figure:
@@ -178,28 +175,26 @@ def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]
     """The case files that a figure shows: of its designs, or of the most auxetic design."""
     dims = base_dims(cube)
     designs = cube[["case_id", "poisson_ratio_min"]].stack(design=dims)
-    planned = dict(zip(designs["design"].values, designs["case_id"].values, strict=True))
-    stored = {
-        design: case_id
-        for design, case_id in planned.items()
-        if case_id and case_path(folder, case_id).is_file()
-    }
+    designs = designs.isel(design=designs["case_id"].values != "")
+    is_stored = [case_path(folder, each).is_file() for each in designs["case_id"].values]
+    stored = designs.isel(design=np.flatnonzero(is_stored))
+    case_ids = dict(zip(stored["design"].values, stored["case_id"].values, strict=True))
 
     def case_of(design: tuple[Any, ...]) -> xr.Dataset:
         only = cube.sel(dict(zip(dims, design, strict=True)))
-        return in_cloth(read_case(folder, stored[design]), only)
+        return in_cloth(read_case(folder, case_ids[design]), only)
 
     if kind.designs:
-        shown = [design for design in kind.designs if design in stored]
-        shown = shown or [*stored][: len(kind.designs)]
+        shown = [design for design in kind.designs if design in case_ids]
+        shown = shown or [*case_ids][: len(kind.designs)]
         if not shown:
             raise fault(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
         return [case_of(design) for design in shown]
     needs = VARIABLES[str(kind.needs)]
-    for design in designs.sortby("poisson_ratio_min")["design"].values:
-        if design in stored and kind.needs in (case := case_of(design)):
+    for design in stored.sortby("poisson_ratio_min")["design"].values:
+        if kind.needs in (case := case_of(design)):
             return [case]
-    if not any(planned.values()):
+    if not designs.sizes["design"]:
         raise fault("selections", "no design of this selection is planned; choose others")
     how = "run them with method=dynamics" if needs.of == "dynamics" else NO_CASE_FILES
     raise fault(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")

@@ -78,10 +78,7 @@ def is_drawn(output: Path, fingerprint: str) -> bool:
 
 
 def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
-    """Write a figure in the format of its suffix, with the fingerprint of its sources.
-
-    A PNG has at most :data:`PALETTE` colours.
-    """
+    """Write a figure in the format of its suffix, with the fingerprint of its sources."""
     import matplotlib as mpl
     import numpy as np
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -88,7 +88,14 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
         axes.hlines(y, x + 0.3, x + 0.7, colors="black", lw=4 * stitch, alpha=0.8)
     _draw_patches(axes, chart, extent, stitch)
     _draw_electrodes(axes, chart, plated, extent)
-    _draw_repeat(axes, chart, extent)
+    (height, width), named = chart.repeat, "whole sample" if chart.is_whole_sample else "repeat"
+    outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
+    axes.add_patch(outline)
+    beside: Look = {"textcoords": "offset points", "annotation_clip": False}
+    above: Look = {"xytext": (0, 4), "ha": "center", "va": "bottom"} | beside
+    beside |= {"xytext": (4, 0), "ha": "left", "va": "center", "rotation": 90}
+    axes.annotate(f"{named}: {width} wales", (left + width / 2, high), **above)
+    axes.annotate(f"{named}: {height} courses", (right, low + height / 2), **beside)
     axes.set(xlim=(left, right), ylim=(low, high))
     axes.set(xlabel="wale, numbered as its needle", ylabel="course, in the order of knitting")
     for axis, start, stop in ((axes.xaxis, left, right), (axes.yaxis, low, high)):
@@ -152,19 +159,6 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent:
             box: Look = {"fc": "white", "ec": "black", "lw": 0.6, "pad": 1.5}
             look: Look = {"ha": "center", "va": "bottom", "fontweight": "bold", "bbox": box}
             axes.text(x, y, electrode_name(electrode), zorder=4, **look)
-
-
-def _draw_repeat(axes: Axes, chart: StitchChart, extent: Extent) -> None:
-    left, right, low, high = extent
-    height, width = chart.repeat
-    named = "whole sample" if chart.is_whole_sample else "repeat"
-    outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
-    axes.add_patch(outline)
-    beside: Look = {"textcoords": "offset points", "annotation_clip": False}
-    above: Look = {"xytext": (0, 4), "ha": "center", "va": "bottom"} | beside
-    beside |= {"xytext": (4, 0), "ha": "left", "va": "center", "rotation": 90}
-    axes.annotate(f"{named}: {width} wales", (left + width / 2, high), **above)
-    axes.annotate(f"{named}: {height} courses", (right, low + height / 2), **beside)
 
 
 def specification_sheet(specification: "Specification") -> Figure:

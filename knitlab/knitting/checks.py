@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 from knitlab.io.errors import Fault
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.program import Needle, Operation, operations
+from knitlab.knitting.program import OF_CARRIERS, Needle, Operation, operations
 
 MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
-MOST_CARRIERS = 2  # of a stitch, that every back end takes
+MOST_CARRIERS = {True: 2, False: 1}  # of a stitch, that back ends take, with hooks and without
+CARRIER_COUNT = {True: 10, False: 6}  # of the list that back ends take
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,35 @@ class FormedStitch:
 
 def check(text: str, machine: Machine) -> tuple[list[Fault], list[FormedStitch]]:
     """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
-    state = _State(machine)
+    state = _State(machine, _header_faults(text, machine))
     for operation in operations(text):
         if not operation.opcode.startswith("x-"):
             state.follow(operation)
     state.finish()
     return state.faults, state.graph
+
+
+def _header_faults(text: str, machine: Machine) -> list[Fault]:
+    """What the back end refuses, or takes for another machine, in a header."""
+    lines = text.split("\n")
+    where = {"Width": "header", "Carriers": "header"}
+    stated: dict[str, str] = {}
+    for number, line in enumerate(lines, start=1):
+        name, _, value = line.partition(": ")
+        if (name := name.removeprefix(";;")) in where and line.startswith(";;"):
+            stated[name], where[name] = value, f"line {number}: {line}"
+    problems = []
+    if not lines[0].startswith(";!knitout-"):
+        problems.append(Fault(f"line 1: {lines[0]}", "is not ;!knitout-2; begin with that"))
+    if stated.get("Width") != (width := str(machine.needles)):
+        why = "Position: Center means the middle of another machine's beds without it"
+        problems.append(Fault(where["Width"], f"is not ;;Width: {width}; write that, as {why}"))
+    listed = " ".join(map(str, range(1, CARRIER_COUNT[machine.hooks] + 1)))
+    if stated.get("Carriers") != listed:
+        remedy = "keep to its count of carriers, or set model=Kniterate for six"
+        problem = f"{machine.back_end} takes ;;Carriers: {listed} alone; {remedy}"
+        problems.append(Fault(where["Carriers"], problem))
+    return problems
 
 
 @dataclass
@@ -40,6 +64,7 @@ class _State:
     graph: list[FormedStitch] = field(default_factory=list)
     held: dict[Needle, list[int]] = field(default_factory=dict)
     active: set[int] = field(default_factory=set)
+    unused: set[int] = field(default_factory=set)  # brought in, without a stitch yet
     hooked: int | None = None
     hook_from: int | None = None
     racking: int = 0
@@ -52,6 +77,10 @@ class _State:
         outside = [each for each in operation.needles if not 1 <= each.number <= last]
         for needle in outside:
             self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
+        hooks = self.machine.hooks
+        if operation.opcode in OF_CARRIERS and operation.opcode.endswith("hook") != hooks:
+            own = f"{self.machine.bring_in} and {self.machine.bring_out}"
+            self._report(f"{self.machine.back_end} is for {own} alone; write these")
         if not outside:
             getattr(self, f"_{operation.opcode}")()
 
@@ -60,7 +89,8 @@ class _State:
         if self.hooked is not None:
             self._report(f"ends while the hook holds carrier {self.hooked}; release it")
         for carrier in sorted(self.active):
-            self._report(f"ends while carrier {carrier} is in action; add outhook {carrier}")
+            remedy = f"add {self.machine.bring_out} {carrier}"
+            self._report(f"ends while carrier {carrier} is in action; {remedy}")
         left = sorted(str(needle) for needle, loops in self.held.items() if loops)
         if left:
             more = f" and {len(left) - 1} others" if len(left) > 1 else ""
@@ -77,22 +107,34 @@ class _State:
     def _yarns(self, needle: Needle) -> tuple[int, ...]:
         """The carriers of a stitch, after their checks."""
         carriers = tuple(map(int, self.now.carriers))
-        if len(carriers) > MOST_CARRIERS or len(set(carriers)) < len(carriers):
-            self._report(f"has {len(carriers)} carriers; take one or {MOST_CARRIERS}")
+        most = MOST_CARRIERS[self.machine.hooks]
+        if len(carriers) > most or len(set(carriers)) < len(carriers):
+            self._report(f"has {len(carriers)} carriers; take {'one' if most == 1 else '1 or 2'}")
         for carrier in carriers:
             if carrier not in self.active:
-                self._report(f"carrier {carrier} is not in action; bring it in by inhook {carrier}")
+                remedy = f"bring it in by {self.machine.bring_in} {carrier}"
+                self._report(f"carrier {carrier} is not in action; {remedy}")
         if self.hook_from is not None and needle.number >= self.hook_from:
             problem = f"the inserting hook with carrier {self.hooked} is in the way"
             self._report(f"{problem}; put releasehook {self.hooked} before this line")
             self.hooked = self.hook_from = None
+        for carrier in [each for each in carriers if each in self.unused]:
+            self._check_first_use(carrier, carriers)
         if self.hooked in carriers and self.hook_from is None:
-            if self.now.direction == "+":
-                problem = f"the first stitch of carrier {self.hooked} goes rightwards"
-                remedy = "the hook brings yarn in leftwards: begin with a stitch leftwards"
-                self._report(f"{problem}; {remedy}")
             self.hook_from = needle.number + 1
         return carriers
+
+    def _check_first_use(self, carrier: int, carriers: tuple[int, ...]) -> None:
+        self.unused.discard(carrier)
+        first = f"the first stitch of carrier {carrier}"
+        if carriers != (carrier,):
+            problem = f"{first} has others too, which {self.machine.back_end} refuses"
+            self._report(f"{problem}; tuck with carrier {carrier} alone before")
+        inwards, word = ("-", "leftwards") if self.machine.hooks else ("+", "rightwards")
+        if self.now.direction != inwards:
+            problem = f"{first} goes {'rightwards' if self.machine.hooks else 'leftwards'}"
+            remedy = f"yarn is brought in {word}: begin with a stitch {word}"
+            self._report(f"{problem}; {remedy}")
 
     def _knit(self) -> None:
         (needle,) = self.now.needles
@@ -147,13 +189,25 @@ class _State:
         if (held := self.hooked) is not None:
             self._report(f"the hook still holds carrier {held}; put releasehook {held} before")
 
-    def _inhook(self) -> None:
+    def _in(self) -> None:
         carrier = int(self.now.carriers[0])
         if carrier in self.active:
             self._report(f"carrier {carrier} is in action already; take the line out")
-        self._check_hook_is_free()
+        if carrier > self.machine.carriers:
+            self._report(f"the machine has {self.machine.carriers} carriers; name one of them")
         self.active.add(carrier)
-        self.hooked, self.hook_from = carrier, None
+        self.unused.add(carrier)
+
+    def _out(self) -> None:
+        carrier = int(self.now.carriers[0])
+        if carrier not in self.active:
+            self._report(f"carrier {carrier} is not in action; take the line out")
+        self.active.discard(carrier)
+
+    def _inhook(self) -> None:
+        self._check_hook_is_free()
+        self._in()
+        self.hooked, self.hook_from = int(self.now.carriers[0]), None
 
     def _releasehook(self) -> None:
         carrier = int(self.now.carriers[0])
@@ -164,11 +218,8 @@ class _State:
         self.hooked = self.hook_from = None
 
     def _outhook(self) -> None:
-        carrier = int(self.now.carriers[0])
-        if carrier not in self.active:
-            self._report(f"carrier {carrier} is not in action; take the line out")
         self._check_hook_is_free()
-        self.active.discard(carrier)
+        self._out()
         self.hooked = self.hook_from = None
 
     def _rack(self) -> None:

@@ -3,7 +3,8 @@
 The subset is ``inhook``, ``releasehook``, ``outhook``, ``tuck``, ``knit``, ``xfer``, ``rack`` and
 ``drop``, with the extensions ``x-stitch-number`` and ``x-speed-number``. Needles are numbered from
 1 at the left. Courses are knitted leftwards and rightwards in turn, beginning leftwards, since the
-inserting hook brings yarn in from the right.
+inserting hook brings yarn in from the right. Of a machine without hooks, ``in`` and ``out`` are in
+place of these three, and all begins rightwards, since its carriers park at the left.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,6 +29,9 @@ def knitout(chart: StitchChart, machine: Machine) -> str:
         fitting = f"{machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
         path = f"chart of {chart.wales} wales"
         raise fault(path, f"{problem}; take {fitting}, or another machine")
+    if chart.electrodes and not machine.hooks:
+        problem = f"is plated, and {machine.back_end} of {machine.model} takes one carrier a stitch"
+        raise fault(f"chart {chart.size}", f"{problem}; leave out its electrodes")
     return "\n".join([*_header(chart, machine), *_Program(chart, machine).written()]) + "\n"
 
 
@@ -35,6 +39,7 @@ def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
     yield f";!knitout-{VERSION}"
     yield f";;Machine: {machine.model}"
     yield f";;Gauge: {machine.needles_per_inch}"
+    yield f";;Width: {machine.needles}"  # without it back ends centre on another machine's beds
     if machine.waste_courses:
         yield f";;Yarn-{machine.waste_carrier}: {machine.waste_yarn} yellow"
         yield f";;Yarn-{machine.draw_carrier}: draw-thread red"
@@ -58,7 +63,8 @@ class _Program:
         self.needles = range(1, chart.wales + 1)
         self.lines = [f"x-speed-number {machine.speed_number}"]
         self.on_front = np.ones(chart.wales, bool)
-        self.direction = LEFTWARD
+        self.inwards = LEFTWARD if machine.hooks else RIGHTWARD  # from where carriers come
+        self.direction = self.inwards
         self.stitch_number: int | None = None
         self.active: set[int] = set()
         # No carrier may pass the inserting hook, which parks right of the first stitch of its own.
@@ -98,10 +104,10 @@ class _Program:
             self.stitch_number = number
 
     def _bring_in(self, carrier: int) -> None:
-        """Bring a carrier in by the inserting hook; its next stitch must go leftwards."""
+        """Bring a carrier in; its next stitch goes inwards, leftwards from the inserting hook."""
         self._release_hook()
-        self.lines.append(f"inhook {carrier}")
-        self.hooked = carrier
+        self.lines.append(f"{self.machine.bring_in} {carrier}")
+        self.hooked = carrier if self.machine.hooks else None
         self.active.add(carrier)
 
     def _release_hook(self) -> None:
@@ -111,7 +117,7 @@ class _Program:
 
     def _bring_out(self, carrier: int) -> None:
         self._release_hook()
-        self.lines.append(f"outhook {carrier}")
+        self.lines.append(f"{self.machine.bring_out} {carrier}")
         self.active.remove(carrier)
 
     def _form(self, opcode: str, direction: int, number: int, carriers: Sequence[int]) -> None:
@@ -124,11 +130,12 @@ class _Program:
         self.lines.append(f"{opcode} {sign} {needle} {' '.join(map(str, carriers))}")
 
     def _tucks(self, carrier: int) -> None:
-        """A cast-on of tucks on every second needle leftwards, and on the rest rightwards."""
-        for direction, parity in ((LEFTWARD, 0), (RIGHTWARD, 1)):
-            for number in self.needles[::direction]:
-                if (self.chart.wales - number) % 2 == parity:
-                    self._form("tuck", direction, number, [carrier])
+        """A cast-on of tucks on every second needle inwards, and on the rest outwards."""
+        order = self.needles[:: self.inwards]
+        for number in order[::2]:
+            self._form("tuck", self.inwards, number, [carrier])
+        for number in order[1::2][::-1]:
+            self._form("tuck", -self.inwards, number, [carrier])
         self._release_hook()
 
     def _plain_courses(self, count: int, carrier: int) -> None:
@@ -149,16 +156,16 @@ class _Program:
         self.on_front = front
 
     def _band(self, name: str, carrier: int, courses: int, *, casts_on: bool = False) -> None:
-        """Plain courses of a yarn that is brought in and taken out again, leftwards first."""
+        """Plain courses of a yarn that is brought in and taken out again, inwards first."""
         self.lines.append(f";{name}")
         self._take_stitch_size("waste")
         self._bring_in(carrier)
         if casts_on:
             self._tucks(carrier)
-        self.direction = LEFTWARD
+        self.direction = self.inwards
         self._plain_courses(courses, carrier)
         self._bring_out(carrier)
-        self.direction = LEFTWARD
+        self.direction = self.inwards
 
     def _body(self) -> None:
         chart = self.chart
@@ -180,10 +187,11 @@ class _Program:
             self._take_stitch_size("plated" if electrode else "body")
             if electrode and (conductor := self.machine.carrier_of(electrode)) not in self.active:
                 self._bring_in(conductor)
-                if self.direction == RIGHTWARD:
-                    # The hook needs stitches leftwards first: tucks on the needles of the run.
-                    for number in numbers[::-1][::2]:
-                        self._form("tuck", LEFTWARD, number, [conductor])
+                # The hook needs stitches leftwards first, and back ends one of this carrier alone:
+                # tucks on the needles of the run, or one where the course goes leftwards itself.
+                anchors = numbers[::-1][::2] if self.direction == RIGHTWARD else numbers[:1]
+                for number in anchors:
+                    self._form("tuck", LEFTWARD, number, [conductor])
             for number in numbers:
                 carriers = [self.machine.body_carrier]
                 if electrode:

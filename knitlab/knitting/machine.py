@@ -19,6 +19,9 @@ from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
 
+MOST_SPEEDS = 15  # rows of the table of speeds of a machine with hooks
+OTHER_MODELS = ("Kniterate",)  # each a table of what differs, taken when model is its name
+
 
 def _word(text: str) -> str:
     if not text or any(letter.isspace() or letter in ",;" for letter in text):
@@ -46,6 +49,7 @@ class Machine:
     needles_per_inch: Annotated[PositiveInt, Unit("1/inch")]
     largest_racking: PositiveInt  # needles by which the back bed moves at most
     carriers: PositiveInt  # count; each is named by its number, from 1
+    hooks: bool  # whether an inserting hook brings yarn in; without it carriers come from the left
     waste_carrier: PositiveInt
     draw_carrier: PositiveInt
     body_carrier: PositiveInt
@@ -61,9 +65,9 @@ class Machine:
     body_stitch_number: StitchNumber
     plated_stitch_number: StitchNumber
     waste_stitch_number: StitchNumber
-    speed_number: Annotated[int, Field(ge=0, le=15)]
+    speed_number: Annotated[int, Field(ge=0, le=600)]  # row of its table, or speed without hooks
     waste_courses: EvenCount  # at the beginning, and at the end of a dropped sample
-    setup_courses: EvenCount  # plain, between the cast-on and the chart
+    setup_courses: Annotated[EvenCount, Field(ge=2)]  # plain, between the cast-on and the chart
     end: Literal["bind_off", "drop"]
     bind_off_tail: PositiveInt  # stitches on the last needle of a bind-off
     knitting_speed: Annotated[PositiveFloat, Unit("m/s")]
@@ -76,6 +80,21 @@ class Machine:
         return f"<Machine {self.model}: {self.needles} needles>"
 
     @property
+    def back_end(self) -> str:
+        """The program that turns knitout into the machine's own files."""
+        return "knitout-to-dat.js" if self.hooks else "knitout-to-kcode.js"
+
+    @property
+    def bring_in(self) -> str:
+        """Operation that brings a carrier in."""
+        return "inhook" if self.hooks else "in"
+
+    @property
+    def bring_out(self) -> str:
+        """Operation that takes a carrier out."""
+        return "outhook" if self.hooks else "out"
+
+    @property
     def pitch(self) -> float:
         """Distance of two needles [mm]."""
         return 25.4 / self.needles_per_inch
@@ -86,18 +105,27 @@ class Machine:
 
 
 def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
-    """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes."""
-    tables = read_toml(shipped("params") / "machine.toml").values()
-    values = {key: entry["value"] for table in tables for key, entry in table.items()}
+    """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes.
+
+    A ``model`` of ``OTHER_MODELS`` stands for all values of its table.
+    """
+    tables = read_toml(shipped("params") / "machine.toml")
+    changes = dict(changes or {})
+    others = {name: tables.pop(name) for name in OTHER_MODELS}
+    for name, table in others.items():
+        if str(changes.get("model")).casefold() == name.casefold():
+            tables[name] = table
+            del changes["model"]
+    values = {key: entry["value"] for table in tables.values() for key, entry in table.items()}
     faults = []
-    for name, value in (changes or {}).items():
+    for name, value in changes.items():
         if name in values:
             values[name] = value
         else:
             faults.append(Fault(f"machine {name}", unknown(name, values, "setting of the machine")))
     try:
         machine = TypeAdapter(Machine).validate_python(values)
-        faults += _carrier_faults(machine)
+        faults += _combination_faults(machine)
     except ValidationError as error:
         faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
     if faults:
@@ -105,7 +133,7 @@ def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
     return machine
 
 
-def _carrier_faults(machine: Machine) -> list[Fault]:
+def _combination_faults(machine: Machine) -> list[Fault]:
     electrodes = zip(("electrode A", "electrode B"), machine.electrode_carriers, strict=True)
     names, count = ("waste_carrier", "draw_carrier", "body_carrier"), machine.carriers
     used = {name: getattr(machine, name) for name in names} | dict(electrodes)
@@ -117,4 +145,11 @@ def _carrier_faults(machine: Machine) -> list[Fault]:
     if len(set(used.values())) < len(used):
         problem = f"two of {used} are one carrier; give each its own"
         faults.append(Fault("machine carriers", problem))
+    if machine.hooks and machine.speed_number > MOST_SPEEDS:
+        problem = f"is {machine.speed_number}, and the table has rows 0 to {MOST_SPEEDS}"
+        faults.append(Fault("machine speed_number", f"{problem}; name one of these"))
+    for name in ("body", "plated", "waste"):
+        if not machine.hooks and (number := getattr(machine, f"{name}_stitch_number")) > 9:
+            problem = f"is {number}, and {machine.back_end} takes one digit; give 0 to 9"
+            faults.append(Fault(f"machine {name}_stitch_number", problem))
     return faults

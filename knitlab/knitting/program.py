@@ -16,10 +16,10 @@ from typing import NamedTuple
 from knitlab.knitting.machine import Machine
 
 DIRECTED = ("knit", "tuck")
-OF_CARRIERS = ("inhook", "releasehook", "outhook")
+OF_CARRIERS = ("in", "out", "inhook", "releasehook", "outhook")
 NEEDLE = re.compile(r"([fb])(-?\d+)")
 KINDS = {"knit": "knit", "tuck": "knit", "xfer": "transfer", "drop": "drop"}
-CARRIER_CHANGES = ("inhook", "outhook")
+CARRIER_CHANGES = ("in", "out", "inhook", "outhook")
 
 
 class Needle(NamedTuple):

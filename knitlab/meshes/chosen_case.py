@@ -11,27 +11,14 @@ from jaxtyping import Bool
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
 from knitlab.cube.schema import STRAIN, Status
-from knitlab.cube.selection import (
-    choices,
-    chosen_indices,
-    refuse_others,
-    selected,
-    selections_along,
-)
+from knitlab.cube.selection import choices, chosen_indices, refuse_others, selected
 from knitlab.io.errors import fault
-
-NO_CASE_FILE = {
-    Status.failed: "failed and has no shape; knitlab status says why",
-    Status.pending: "is planned but has not run; run it first",
-}
-"""Why a design has no case file, by its status."""
 
 
 def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
     """Contents of the case file of the one design of a cube that selections leave.
 
-    Selections along the strain are left to :func:`chosen_strains`. BadInput if they leave no design
-    or several, or the folder has no sound case file of it.
+    BadInput if they leave no design or several, or the folder has no sound case file of it.
     """
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
@@ -39,7 +26,7 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     known = (*dims, STRAIN)
     problem = f"is not a coordinate of a shape; select along {', '.join(known)}"
     refuse_others(selections, known, problem)
-    left = selected(cube, selections_along(selections, dims))
+    left = selected(cube, {dim: selections[dim] for dim in dims if dim in selections})
     designs = left[["status", "case_id"]].stack(design=dims)
     designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
     if not designs.sizes["design"]:
@@ -57,8 +44,12 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
         raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
     if stored is StoredCase.nothing:
         missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
+        reasons = {
+            Status.failed: "failed and has no shape; knitlab status says why",
+            Status.pending: "is planned but has not run; run it first",
+        }
         remedy = f"{missing}; run the design into this folder"
-        raise fault(name, NO_CASE_FILE.get(Status(designs["status"].item()), remedy))
+        raise fault(name, reasons.get(Status(designs["status"].item()), remedy))
     index = {dim: [value] for dim, value in zip(dims, only, strict=True)}
     return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
 
@@ -78,7 +69,7 @@ def chosen_strains(
 
     By default the relaxed state is chosen, or every strain that was reached if several may be.
     """
-    along = selections_along(selections, [STRAIN])
+    along = {STRAIN: selections[STRAIN]} if STRAIN in selections else {}
     strains, reached = case_file[STRAIN].values, has_shape(case_file)
     reason = case_file.attrs.get("reason", "")
     if not reached.any():

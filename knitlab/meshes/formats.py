@@ -86,10 +86,9 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
 
 
 def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
-    """Write a mesh for each applied strain into a folder, and the collection that lists them.
+    """Write a mesh for each applied strain into a folder, then the collection that lists them.
 
-    The collection is a ``.pvd`` file of ParaView, with the strain as its time, written last; the
-    folder beside it has its name. Returns it, then the meshes; CannotWrite if that fails.
+    That is a ``.pvd`` file of ParaView, with the strain as its time. Returns it, then the meshes.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")

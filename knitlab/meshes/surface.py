@@ -60,10 +60,9 @@ def grid_surface(
     node_fields: Mapping[str, np.ndarray] = {},
     face_fields: Mapping[str, np.ndarray] = {},
 ) -> SurfaceMesh:
-    """The surface of a grid of nodes: a quad for each grid cell, technical face outside.
+    """The surface of a grid of nodes [mm]: a quad for each grid cell, technical face outside.
 
-    Positions are x along the courses and y along the wales [mm]; fields are values on the grid of
-    nodes (node_y, node_x) and on that of cells (cell_y, cell_x), by their name and unit.
+    Fields are values on the grid of nodes (node_y, node_x) and on that of cells (cell_y, cell_x).
     """
     number = np.arange(nodes.shape[0] * nodes.shape[1]).reshape(nodes.shape[:2])
     corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
@@ -76,11 +75,10 @@ def grid_surface(
 
 
 def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
-    """The solid of a sheet: half of its thickness [mm] lies on either side.
+    """The solid of a sheet: half of its thickness [mm] lies on either side, along mitred normals.
 
-    Both sides are offset along mitred normals, so that flanks keep their thickness next to a fold,
-    and joined by a wall along the rim, with the fields of the face beside it. BadInput if the
-    thickness is not above 0, or above :func:`largest_thickness`.
+    A wall along the rim has the fields of the face beside it. BadInput if the thickness is not
+    above 0, or above :func:`largest_thickness`.
     """
     if not thickness > 0:
         raise fault(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")

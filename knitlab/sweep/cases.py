@@ -31,7 +31,9 @@ from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import (
+    CHANGES,
     PATTERN,
+    PLAIN_NUMBERS,
     DesignSection,
     ElectrodesSection,
     StripesSection,
@@ -163,7 +165,8 @@ def cases(
     source: Source,
 ) -> Iterator[Case]:
     """The case of every design, also labelled by the axes; BadInput if settings contradict."""
-    protocol, changes = workflow.protocol, workflow.model.changes
+    protocol, numbers = workflow.protocol, {*CHANGES, *PLAIN_NUMBERS}
+    changes = workflow.model.model_dump(include=numbers, exclude_none=True)
     model_options = overridden(parameters.model, workflow.model)
     solver = overridden(parameters.solver, workflow.solver)
     common: dict[str, Any] = {

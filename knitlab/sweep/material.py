@@ -178,11 +178,7 @@ class MaterialFile(StrictModel):
 def add_stripe(
     path: Path, stripe: Stripe, source: str, covariance: Mapping[str, Any] | None = None
 ) -> None:
-    """Add a stripe to a material file, or replace it there; the file is made if there is none.
-
-    Raises:
-        BadInput: with every fault of a file that is there.
-    """
+    """Add a stripe to a material file, or replace it there; BadInput has every fault of a file."""
     table: dict[str, Any] = {}
     if path.exists():
         read_checked(MaterialFile, path)

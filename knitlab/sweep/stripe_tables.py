@@ -116,12 +116,7 @@ class StripeTables(StrictModel):
         return tabulated
 
     def stripe(self, knit: Knit, stitches: int) -> Stripe:
-        """One stripe of the tables.
-
-        Raises:
-            KeyError: if there is none.
-            BadInput: if it lies between two whose springs are not linear.
-        """
+        """One stripe; KeyError if there is none, BadInput between two with springs not linear."""
         rows = self.rows(knit)
         if stitches not in self.sizes(knit):
             raise KeyError(stitches)

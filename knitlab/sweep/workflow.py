@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 from pydantic import (
     AfterValidator,
-    BeforeValidator,
     Field,
     PositiveFloat,
     PositiveInt,
@@ -65,14 +64,6 @@ def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
     return tuple(round(step * strain_step, 12) for step in range(steps + 1))
 
 
-PatternText = Annotated[
-    tuple[str, ...],
-    Field(strict=False),
-    BeforeValidator(lambda given: (given,) if isinstance(given, str) else given),
-]
-"""Rows of patches, top course first, or the name of a pattern alone."""
-
-
 def pattern_name(rows: tuple[str, ...]) -> str | None:
     """The name of a ``pattern``, or None if it is rows of patches."""
     return rows[0] if len(rows) == 1 and is_pattern_name(rows[0]) else None
@@ -93,7 +84,7 @@ class DesignSection(StrictModel):
     set: str | None = None
     n_stripe: Sizes | None = None
     n_subunit: Sizes | None = None
-    pattern: PatternText = ("GR", "RG")
+    pattern: Annotated[tuple[str, ...], Field(strict=False)] = ("GR", "RG")
     pattern_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
     unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
     needles: PositiveInt | None = None
@@ -234,11 +225,6 @@ class ModelSection(StrictModel):
 
     material: str | None = None
     interpolate_stripes: bool | None = None
-
-    @property
-    def changes(self) -> dict[str, float]:
-        """Values and factors that it gives for stripes, plain knit and sheet."""
-        return self.model_dump(include=set(CHANGES | PLAIN_NUMBERS), exclude_none=True)
 
 
 @with_fields(optional(declared(Solver)))

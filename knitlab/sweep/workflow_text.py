@@ -93,7 +93,8 @@ class WorkflowText:
             source = self.source(f"{section}.{axis.name}")
             for number, value in enumerate(axis.values, start=1):
                 try:
-                    read = SECTIONS[section].model_validate({axis.name: value})
+                    given = {axis.name: _listed(section, axis.name, value)}
+                    read = SECTIONS[section].model_validate(given)
                 except ValidationError as error:
                     problems = [entry.problem for entry in faults_of(error, "") if number > 1]
                     faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
@@ -157,7 +158,7 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
         given = table.get(setting.section)
         if isinstance(given, dict) and setting.is_swept_by(given.get(setting.name)):
             axes.append(SweepAxis(setting, tuple(given[setting.name])))
-            given[setting.name] = given[setting.name][0]
+            given[setting.name] = _listed(setting.section, setting.name, given[setting.name][0])
     # By name, so that a cube's dimensions do not depend on the order of the settings in a file.
     axes.sort(key=lambda axis: axis.name)
     return WorkflowText(path, table, tuple(axes), applied, sources, tuple(faults))

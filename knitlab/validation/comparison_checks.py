@@ -23,7 +23,6 @@ from knitlab.validation.samples import (
     Samples,
     by_labels,
     name_of,
-    one_sample,
     preference,
     unit_of,
 )
@@ -62,8 +61,7 @@ def stripe_order(
     """
     samples = Samples.of(cube, about, "row_force")
     values = dict[Labels, float]()
-    for labels in samples.complete:
-        stripe = one_sample(cube, labels)
+    for labels, stripe in samples.complete.items():
         slopes = tangents(stripe)
         first = int(np.argmax(slopes >= stiffened * slopes.max()))
         strain = float(stripe["applied_strain"].values[first : first + 2].mean())

@@ -54,9 +54,8 @@ def judged(
 ) -> list[Judgement]:
     """Judge claims by cubes, or by results folders that hold one.
 
-    If several cubes measure a claim, the one whose samples are nearest the paper's decides
-    (:func:`.preference`), or the first of equal ones. Selections are one value of each swept
-    setting; BadInput if they are not, or if a cube cannot be read.
+    If several cubes measure a claim, the one whose samples are nearest the paper's decides, or the
+    first of equal ones. BadInput if selections leave several values of a swept setting.
     """
     opened = [(path, open_cube(path)) for path in cubes]
     all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})

@@ -1,7 +1,6 @@
-"""Margins: how far what was measured is from the threshold of a claim, as one signed number.
+"""Margins: how far what was measured is from the threshold of a claim, as one number without unit.
 
-A margin is at least 0 if the claim holds and below 0 if it fails, and it has no unit. It is the
-distance from the value to its limit, towards the side that the claim wants, over a scale:
+It is the distance from the value to its limit, towards the side that the claim wants, over a scale:
 
 - a value and a limit, or the value of one sample and that of another: over the size of the limit,
   so that -0.25 misses it by a quarter of itself; over 1 if the limit is 0, which only plain numbers
@@ -13,8 +12,7 @@ distance from the value to its limit, towards the side that the claim wants, ove
 - a rank correlation: against the weakest correlation that is significant for so many designs.
 
 The margin of a claim over many designs or steps is that of the worst. Where a claim excludes the
-limit itself (an auxetic design has a ratio below 0), a value on the limit misses it by the least
-that a number can.
+limit itself, a value on the limit misses it by the least that a number can.
 """
 
 import math
@@ -90,8 +88,7 @@ def above(
 ) -> float | None:
     """Margin of a value that must be at least a limit, or more than it if ``strict``.
 
-    The scale is by default the size of the limit, or 1 if that is 0. There is no margin if the
-    value, the limit or the scale is not finite.
+    The scale is by default the size of the limit, or 1 if that is 0; ``None`` if one is not finite.
     """
     scale = (abs(limit) or 1.0) if scale is None else scale
     if not all(map(math.isfinite, (value, limit, scale))):

@@ -54,11 +54,10 @@ class RankedOptions:
 
 
 def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list[RankedOptions]:
-    """Rank the model options of cubes by how many claims hold under them, the best first.
+    """Rank the model options of cubes by :attr:`RankedOptions.score`, the best first.
 
     Options are judged by all slices that were computed with them; slices of pure stripes serve all
-    options that do not differ in :data:`OF_STRIPES`. Ties are broken by near misses, then by the
-    sum of margins. The options are those of the checkerboards; without these, of the stripes.
+    options that do not differ in :data:`OF_STRIPES`.
     """
     boards, stripes = defaultdict[Key, list[Slice]](list), defaultdict[Key, list[Slice]](list)
     for cube in cubes:

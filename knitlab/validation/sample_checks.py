@@ -1,9 +1,8 @@
 """Checks of claims that every sample must satisfy on its own; the worst sample decides.
 
 Each is a function of a cube at one value of every swept setting. Its other arguments are the keys
-of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable. It
-returns a :class:`~knitlab.validation.margin.CheckResult`, or raises
-:class:`~knitlab.validation.margin.NotMeasured`. Samples without a complete test are ignored.
+of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable.
+Samples without a complete test are ignored; NotMeasured if too few are left.
 """
 
 from collections.abc import Callable
@@ -13,15 +12,7 @@ import xarray as xr
 from pydantic import PositiveFloat
 
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured, above, below, within, worst
-from knitlab.validation.samples import (
-    About,
-    Checkerboards,
-    PureStripes,
-    Samples,
-    name_of,
-    one_sample,
-    unit_of,
-)
+from knitlab.validation.samples import About, Checkerboards, PureStripes, Samples, name_of, unit_of
 
 MOST_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
 FEWEST_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve
@@ -161,8 +152,8 @@ def tangents(stripe: xr.Dataset) -> np.ndarray:
 def _each(cube: xr.Dataset, about: About, measure: Measure, *variables: str) -> CheckResult:
     samples = Samples.of(cube, about, *variables)
     margins, texts = dict[Labels, float](), dict[Labels, str]()
-    for labels in samples.complete:
-        margin, text = measure(one_sample(samples.cube, labels))
+    for labels, sample in samples.complete.items():
+        margin, text = measure(sample)
         if margin is not None:
             margins[labels], texts[labels] = margin, f"{name_of(labels)} {text}"
     if not margins:

@@ -66,7 +66,7 @@ class Samples:
     """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete."""
 
     cube: xr.Dataset
-    complete: list[Labels]
+    complete: dict[Labels, xr.Dataset]
     wanted: int
     counted: str
 
@@ -80,9 +80,10 @@ class Samples:
         statuses = by_labels(cube["status"])
         planned = [labels for labels, status in statuses.items() if status != Status.excluded]
         samples = about.among(planned)
+        cube = cube[["status", *variables]]
         complete = [labels for labels in samples if statuses.get(labels) == Status.ok]
-        wanted = max(about.at_least, len(samples))
-        return cls(cube[["status", *variables]], complete, wanted, about.counted)
+        by_sample = {labels: one_sample(cube, labels) for labels in complete}
+        return cls(cube, by_sample, max(about.at_least, len(samples)), about.counted)
 
     def values(self, of: str) -> dict[Labels, float]:
         """The value, or the largest of a curve, of the complete samples that have one."""

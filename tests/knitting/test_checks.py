@@ -33,13 +33,37 @@ def replaced(operation, *others, after=";course 1"):
 
 TURN = ";course 3"
 FAULTS = {
+    "conductor first used with the body": (
+        replaced("tuck - b2 4"),
+        r"knit - b2 3 4: the first stitch of carrier 4 has others too, which knitout",
+    ),
+    "no width": (
+        replaced(";;Width: 360", after=LINES[0]),
+        r"header: is not ;;Width: 360; write that, as Position: Center means the middle of another",
+    ),
+    "list of other carriers": (
+        replaced(";;Carriers: 1 2 3 4 5 6 7 8 9 10", ";;Carriers: 1 2 3", after=LINES[0]),
+        r"line 9: ;;Carriers: 1 2 3: knitout-to-dat.js takes ;;Carriers: 1 2 3 4 5 6 7 8 9 10",
+    ),
+    "no first line": (
+        replaced(";!knitout-2", ";", after=LINES[0]),
+        r"line 1: ;: is not ;!knitout-2",
+    ),
+    "carrier that the machine lacks": (
+        replaced("inhook 4", "inhook 11"),
+        r"the machine has 10 carriers; name one of them",
+    ),
+    "operations of another machine": (
+        replaced("inhook 4", "in 4"),
+        r"in 4: knitout-to-dat.js is for inhook and outhook alone; write these",
+    ),
     "needle out of range": (
         replaced("knit - f1 3", "knit - f361 3"),
         r"f361 is outside the needles 1 to 360",
     ),
     "transfer forgotten": (
         replaced("xfer f2 b2", after=TURN),
-        r"f2 holds a loop of this wale, and this needle holds none; transfer it before",
+        r"f2 holds a loop of this wale, too; transfer it before",
     ),
     "every course transferred": (
         replaced(TURN, TURN, "xfer b1 f1"),
@@ -99,7 +123,7 @@ FAULTS = {
     ),
     "three carriers": (
         replaced("knit - b2 3 4", "knit - b2 3 4 1"),
-        r"has 3 carriers; take one or 2",
+        r"has 3 carriers; take 1 or 2",
     ),
     "loops left": (
         replaced("drop f1", after=";bind-off"),
@@ -114,6 +138,15 @@ FAULTS = {
 
 def test_the_program_itself_has_no_fault():
     assert check(PROGRAM, MACHINE)[0] == []
+
+
+def test_of_a_machine_without_hooks_the_first_stitch_goes_rightwards_and_has_one_yarn():
+    machine = read_machine({"model": "Kniterate", "waste_courses": 0})
+    header = ";!knitout-2\n;;Width: 252\n;;Carriers: 1 2 3 4 5 6\n"
+    tucks = "in 3\ntuck - f1 3\nknit + f1 3 4\nout 3\ndrop f1\n"
+    faults = list(map(str, check(header + tucks, machine)[0]))
+    assert faults[0].startswith("line 5: tuck - f1 3: the first stitch of carrier 3 goes leftwards")
+    assert "line 6: knit + f1 3 4: has 2 carriers; take one" in faults
 
 
 @pytest.mark.parametrize("name", FAULTS)

@@ -33,6 +33,7 @@ def test_the_header_is_what_back_ends_want():
     assert stated["Carriers"] == "1 2 3 4 5 6 7 8 9 10"
     assert stated["Machine"] == "SWG061N2"
     assert stated["Gauge"] == "15"
+    assert stated["Width"] == "360"
     assert stated["Yarn-4"].split()[0].startswith("lycra-20-dtex-silver")
 
 
@@ -77,6 +78,32 @@ def test_a_conductor_that_starts_rightwards_is_anchored_by_tucks_leftwards():
     ]
     assert lines[start + 6] == "x-stitch-number 5"
     assert lines[start + 7] == "releasehook 4"
+
+
+def test_a_conductor_that_starts_leftwards_is_anchored_by_one_tuck_of_its_own():
+    chart = chart_of_arrays(np.ones((2, 6)), [[0, 1, 1, 1, 0, 0]] * 2)
+    lines = knitout(chart, MACHINE).split("\n")
+    start = lines.index("inhook 4")
+    assert lines[start + 1 : start + 3] == ["tuck - f4 4", "knit - f4 4 3"]
+
+
+def test_without_hooks_all_begins_rightwards_and_in_and_out_bring_yarn():
+    machine = read_machine({"model": "kniterate", "waste_courses": 2})
+    chart = chart_of_arrays([[1, 0, 1, 1], [1, 1, 0, 1]])
+    program = knitout(chart, machine)
+    opcodes = Counter(each.opcode for each in operations(program))
+    assert opcodes["in"] == opcodes["out"] == 3
+    assert not [name for name in opcodes if name.endswith("hook")]
+    lines = program.split("\n")
+    assert lines[lines.index("in 3") + 1 :][:4] == [
+        "tuck + f1 3",
+        "tuck + f3 3",
+        "tuck - f4 3",
+        "tuck - f2 3",
+    ]
+    assert ";;Carriers: 1 2 3 4 5 6" in lines
+    with pytest.raises(BadInput, match="takes one carrier a stitch; leave out its electrodes"):
+        knitout(CHART, machine)
 
 
 def test_bind_off_moves_every_loop_but_the_last_onto_its_neighbour():

@@ -30,9 +30,21 @@ def test_the_paper_gives_machine_needles_and_stitch_sizes():
     assert machine.pitch * machine.needles == pytest.approx(24 * 25.4)
 
 
+def test_the_kniterate_is_taken_by_its_name_and_other_values_replace_its_own():
+    machine = read_machine({"model": "kniterate", "waste_courses": 10})
+    assert (machine.model, machine.needles, machine.carriers) == ("Kniterate", 252, 6)
+    assert not machine.hooks
+    assert machine.waste_courses == 10
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"speed_number": 16}, "machine speed_number: is 16, and the table has rows 0 to 15"),
+        (
+            {"model": "Kniterate", "body_stitch_number": 12},
+            "machine body_stitch_number: is 12, and knitout-to-kcode.js takes one digit",
+        ),
         ({"ends": "drop"}, "machine ends: there is no setting of the machine 'ends'; did you mean"),
         ({"end": "sew"}, "machine end: input should be 'bind_off' or 'drop', but is 'sew'"),
         ({"waste_courses": 3}, "machine waste_courses: is an even number"),

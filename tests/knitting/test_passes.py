@@ -68,8 +68,9 @@ def test_every_group_of_a_plated_course_takes_a_pass_of_its_own():
     chart = chart_of_arrays(np.ones((10, 20)), plated)
     sheet = specification_of(chart)
     # Five passes in place of one, all in one direction, with four empty ones between.
+    # Each conductor's anchor takes one more, from which the carriage comes back.
     for kind in ("knit", "empty"):
-        assert sheet.duration.passes[kind] - sheet.unplated.passes[kind] == 10 * 4
+        assert sheet.duration.passes[kind] - sheet.unplated.passes[kind] == 10 * 4 + 2
     assert sheet.flat_size == (10, 2.5)
     assert sheet.relaxed_size is None
 

@@ -1,6 +1,9 @@
 """A program knits the chart that it was written from, by knitlab's check and by the interpreter."""
 
 import importlib.util
+import os
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,8 +59,17 @@ machines = st.fixed_dictionaries(
     {
         "end": st.sampled_from(ENDS),
         "waste_courses": st.sampled_from([0, 2]),
-        "setup_courses": st.sampled_from([0, 2]),
+        "setup_courses": st.sampled_from([2, 4]),
         "plating": st.sampled_from(["face_first", "reverse_first"]),
+    }
+).map(read_machine)
+
+
+kniterates = st.fixed_dictionaries(
+    {
+        "model": st.just("Kniterate"),
+        "end": st.sampled_from(ENDS),
+        "waste_courses": st.sampled_from([0, 2]),
     }
 ).map(read_machine)
 
@@ -70,6 +82,13 @@ def own_reading(program, chart, machine):
 
 @given(charts(), machines)
 def test_any_chart_is_knitted_without_a_fault_and_read_back_as_it_was(chart, machine):
+    _, stitches = own_reading(knitout(chart, machine), chart, machine)
+    assert chart.difference(stitches) is None
+
+
+@given(charts(), kniterates)
+def test_any_plain_chart_is_knitted_without_hooks(chart, machine):
+    chart = chart_of_arrays(chart.front)
     _, stitches = own_reading(knitout(chart, machine), chart, machine)
     assert chart.difference(stitches) is None
 
@@ -106,6 +125,28 @@ def test_small_designs_and_the_largest_of_the_paper_are_knitted_as_charted(desig
     chart = stitch_chart(case_of(n_stripe=design[0], n_subunit=design[1]))
     machine = read_machine()
     assert round_trip(knitout(chart, machine), chart, machine, interpret=False).faults == ()
+
+
+BACK_ENDS = os.environ.get("KNITOUT_BACK_ENDS")  # folder with the back ends' scripts
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_programs_of_all_designs_keep_the_rules_and_their_back_ends_convert_them(tmp_path):
+    """By the back ends themselves where Node and their scripts are at hand, else by the check."""
+    for n_stripe, n_subunit in PAPER:
+        design = {"n_stripe": n_stripe, "n_subunit": n_subunit}
+        plain, plated = (stitch_chart(case_of(name, **design)) for name in ("periodic", "sensor"))
+        for chart, model in ((plain, "SWG061N2"), (plated, "SWG061N2"), (plain, "Kniterate")):
+            machine = read_machine({"model": model})
+            program = tmp_path / "sample.k"
+            program.write_text(knitout(chart, machine), encoding="utf-8")
+            assert round_trip(program.read_text(), chart, machine, interpret=False).faults == ()
+            if BACK_ENDS:
+                script = Path(BACK_ENDS, machine.back_end)
+                call = ["node", script, program, tmp_path / "sample.out"]
+                done = subprocess.run(call, capture_output=True, text=True, check=True)
+                assert "ssertion" not in done.stdout + done.stderr
 
 
 @interpreter

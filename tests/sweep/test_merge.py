@@ -92,7 +92,7 @@ def test_merging_again_changes_nothing_in_any_order(finished, tmp_path):
     assert again.copied == ()
     after = files(tmp_path / "once")
     assert after.keys() == before.keys()
-    assert all(after[path] == its for path, its in before.items() if path.name != "cube.nc")
+    assert all(after[path] == kept for path, kept in before.items() if path.name != "cube.nc")
     for shard in shards(finished)[::-1]:
         merge_folders([shard / "periodic"], tmp_path / "singly")
     cubes = [xr.load_dataset(tmp_path / name / "periodic/cube.nc") for name in ("once", "singly")]

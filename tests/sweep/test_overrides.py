@@ -42,7 +42,7 @@ def test_a_plan_keeps_the_values_of_its_overrides_by_the_names_of_their_settings
     plan.write(tmp_path / PLAN)
     values = {"n_stripe": 4, "strain_max": 0.06, "k_t_factor": [0.8, 1.0]}
     assert read_plan(tmp_path)["overrides"] == plan.overrides == values
-    assert make_plan("periodic", [f"{name}={its}" for name, its in values.items()]) == plan
+    assert make_plan("periodic", [f"{name}={value}" for name, value in values.items()]) == plan
 
 
 def test_a_path_is_converted_to_text():

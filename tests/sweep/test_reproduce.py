@@ -28,13 +28,13 @@ def kept(tmp_path_factory):
 @pytest.mark.slow
 def test_a_kept_case_is_found_by_its_beginning_and_agrees(kept):
     results, (case_id, _) = kept
-    found = find_case(results, case_id[:6])
-    assert found.case_id == found.case.case_id == case_id
+    recorded = find_case(results, case_id[:6])
+    assert recorded.case_id == recorded.case.case_id == case_id
     said = []
-    assert reproduce(found, said.append)
-    assert said[-1].endswith(f"agrees with {case_path(found.folder, case_id)}")
+    assert reproduce(recorded, said.append)
+    assert said[-1].endswith(f"agrees with {case_path(recorded.folder, case_id)}")
     table = [line for line in said if "converged" in line and "states" not in line]
-    ratios = xr.load_dataset(case_path(found.folder, case_id))["poisson_ratio"].values
+    ratios = xr.load_dataset(case_path(recorded.folder, case_id))["poisson_ratio"].values
     assert [float(line.split()[5]) for line in table[1:]] == pytest.approx(ratios[1:], abs=1e-5)
 
 

@@ -87,10 +87,7 @@ def value_grid(
 
 
 def by_periods(cube: xr.Dataset) -> xr.Dataset:
-    """A cube of checkerboards with the dimension ``periods`` in place of ``n_subunit``.
-
-    P = n_subunit / (2 n_stripe), so that every n_stripe has designs at the same few P.
-    """
+    """A cube of checkerboards with the dimension ``periods`` in place of ``n_subunit``."""
     cube = cube.drop_vars(PERIODS, errors="ignore")
     planned = cube["status"] != Status.excluded
     planned = planned.any([dim for dim in planned.dims if dim not in DESIGN_DIMS])

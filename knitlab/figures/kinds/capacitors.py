@@ -1,7 +1,4 @@
-"""Capacitors side by side: their curves and slopes (paper, Fig. "capacitor testing").
-
-Pure stripes and checkerboards are in different cubes.
-"""
+"""Capacitors side by side: their curves and slopes (paper, Fig. "capacitor testing")."""
 
 from collections.abc import Sequence
 

@@ -39,9 +39,8 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     if not names:
         raise fault("options", "no claim can be judged by these cubes; run more of their designs")
     varied = differing(ranked)
-    width = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown))
-    height = 1.6 + 0.18 * len(names) + 0.13 * len(varied)
-    figure = Figure(figsize=(width, height), layout="constrained")
+    size = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown)), 1.6 + 0.18 * len(names) + 0.13 * len(varied)
+    figure = Figure(figsize=size, layout="constrained")
     axes = figure.add_subplot()
     for column, options in enumerate(shown):
         for row, name in enumerate(names):
@@ -73,11 +72,10 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
 
 def _head(options: RankedOptions, varied: Sequence[str]) -> str:
     """The lines above a column."""
-    labels = "\n".join(str(options.options.get(name, UNSTATED.get(name, ""))) for name in varied)
-    labels = labels.replace("stripe_", "").replace("per_", "").replace("_", " ")
-    judged = [f"{options.designs} designs"] if options.designs else []
-    measured = f"{options.count(Grade.holds)}/{options.decided}"
-    return "\n".join([*([labels] if varied else []), *judged, measured])
+    lines = [str(options.options.get(name, UNSTATED.get(name, ""))) for name in varied]
+    lines = [each.replace("stripe_", "").replace("per_", "").replace("_", " ") for each in lines]
+    lines += [f"{options.designs} designs"] if options.designs else []
+    return "\n".join([*lines, f"{options.count(Grade.holds)}/{options.decided}"])
 
 
 FIGURES = {"options": FigureKind(options_figure, dims=None, several="any")}
