@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from knitlab.cube.case_file import in_cloth, length_unit
 from knitlab.cube.comparison import compared
 from knitlab.cube.cube_file import cube_path, is_case, open_cube
 from knitlab.cube.find import Found, find_designs
@@ -196,15 +197,17 @@ class Exported:
     Attributes:
         files: the files, the one that was asked for first.
         applied_strain: the strains of the meshes [1].
-        meshes: at each, the mesh: ``nodes`` [mm], ``faces``, ``node_fields``, ``face_fields``.
+        meshes: at each, the mesh: ``nodes``, ``faces``, ``node_fields``, ``face_fields``.
         self_intersections: at each, pairs of grid cells of a sample, or of one repeat, that pass
             through each other [1].
+        unit: of the nodes: mm of cloth, or ``mm of network`` where the gauge says nothing.
     """
 
     files: tuple[Path, ...]
     applied_strain: tuple[float, ...]
     meshes: tuple[SurfaceMesh, ...]
     self_intersections: tuple[int, ...]
+    unit: str = "mm"
 
     def __repr__(self) -> str:
         nodes = sum(len(mesh.nodes) for mesh in self.meshes)
@@ -268,7 +271,8 @@ def export(
     else:
         write_mesh(meshes[0], output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
-    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing))
+    unit = length_unit(case_file)
+    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
 
 
 def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
@@ -279,7 +283,7 @@ def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
         raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
     if is_case(shapes):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        return shapes
+        return in_cloth(shapes, shapes)
     if (source := shapes.encoding.get("source")) is None:
         remedy = "beside which shapes lie; give its path"
         raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")

@@ -171,7 +171,7 @@ def export(
         size = " × ".join(f"{length:.3g}" for length in mesh.size)
         click.echo(
             f"applied_strain {strain:g}: {len(mesh.nodes)} nodes, {len(mesh.faces)} {corners},"
-            f" {size} mm of the model"
+            f" {size} {exported.unit}"
             + (f", {crossing} pairs of cells pass through each other" if crossing else "")
         )
     click.echo(f"mesh    {exported.files[0]}")
