@@ -56,7 +56,10 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
-    """The variables in the file of a cube; otherwise as :func:`open_cube`."""
+    """The variables in the file of a cube; otherwise as :func:`open_cube`.
+
+    Dimensions are in the order of the schema and their numbers ascend, whoever wrote the file.
+    """
     path = cube_path(path)
     try:
         cube = _opened(path)
@@ -68,6 +71,8 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         raise fault(str(path), problem) from error
     except (OSError, ValueError) as error:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+    if "status" in cube:
+        cube = _in_order(cube)
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
         raise fault(
             str(path),
@@ -77,21 +82,39 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     return cube
 
 
+def _in_order(cube: xr.Dataset) -> xr.Dataset:
+    """The cube with its dimensions in the order of the schema, and their numbers ascending.
+
+    Labels of swept settings keep the order in which they were given.
+    """
+    dims = design_dims(cube)
+    base = next((base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if {*base} <= {*dims}), ())
+    order = dict.fromkeys((*base, *dims, *schema.COORDINATES))
+    unsorted = [
+        dim
+        for dim, labels in cube.indexes.items()
+        if dim in schema.COORDINATES
+        and labels.dtype.kind in "fiu"
+        and not labels.is_monotonic_increasing
+    ]
+    return cube.sortby(unsorted).transpose(*order, ..., missing_dims="ignore")
+
+
 def write_cube(cube: xr.Dataset, path: Path) -> None:
     """Write the file of a cube atomically; CannotWrite if that fails.
 
     HDF5 would lock a file that it writes, which some file systems cannot.
     """
-    written = cube.to_netcdf(engine="netcdf4", encoding=schema.encoding(cube))
+    written = schema.described(cube).to_netcdf(engine="netcdf4", encoding=schema.encoding(cube))
     with atomic_write(path) as temporary:
         temporary.write_bytes(written)
 
 
 def _opened(path: Path) -> xr.Dataset:
-    """A netCDF file, opened; without a lock where its file system has none."""
+    """A netCDF file, opened; from its bytes where it cannot be locked."""
     try:
         return xr.open_dataset(path, engine="netcdf4")
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # the second, at times, of a file that is open here
         if is_locked(path):
             problem = "is opened for writing by another program; close it there, or set"
             remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
