@@ -113,6 +113,7 @@ def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.Da
     """One row for each design and each selected value of further dimensions; none if excluded."""
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
     shown = [name for name, each in cube.data_vars.items() if set(each.dims) <= set(rows)]
+    shown.sort(key=lambda name: name != "status")  # a file may have them in any order
     chosen = selected(cube, selections)[shown]
     table = chosen.to_dataframe([name for name in rows if name in chosen.dims]).reset_index()
     table = table[table["status"] != Status.excluded].reset_index(drop=True)
