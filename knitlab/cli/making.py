@@ -130,7 +130,7 @@ def knit(
 @click.argument("cube", type=options.PATH)
 @options.select
 @options.output(
-    "File to write, .vtu, .ply, .obj, .stl or .glb; .pvd is a series over the strain.",
+    "File to write, .vtu, .ply, .obj, .stl or .glb; a series over the strain is .pvd or .fold.",
     required=True,
 )
 @options.repeats

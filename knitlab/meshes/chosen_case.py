@@ -82,6 +82,6 @@ def chosen_strains(
         raise fault(f"{STRAIN} {strains[missing[0]]:g}", problem)
     if len(chosen) > 1 and not several:
         listed = ", ".join(f"{strain:g}" for strain in strains[chosen])
-        problem = f"choose the strains {listed} for one mesh; select one, or write a .pvd"
+        problem = f"choose the strains {listed} for one mesh; select one, or write a .pvd or .fold"
         raise fault("selections", problem)
     return chosen
