@@ -101,13 +101,14 @@ def _in_order(cube: xr.Dataset) -> xr.Dataset:
 
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:
-    """Write the file of a cube atomically; CannotWrite if that fails.
-
-    HDF5 would lock a file that it writes, which some file systems cannot.
-    """
-    written = schema.described(cube).to_netcdf(engine="netcdf4", encoding=schema.encoding(cube))
+    """Write the file of a cube atomically; CannotWrite if that fails."""
+    cube, encoding = schema.described(cube), schema.encoding(cube)
     with atomic_write(path) as temporary:
-        temporary.write_bytes(written)
+        try:
+            cube.to_netcdf(temporary, encoding=encoding)
+        except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
+            # HDF5 locks a file that it writes, but not one in memory, where it sorts the variables.
+            temporary.write_bytes(cube.to_netcdf(engine="netcdf4", encoding=encoding))
 
 
 def _opened(path: Path) -> xr.Dataset:
