@@ -19,7 +19,7 @@ class CholmodFactors:
     def __init__(self, free: FreeStiffness) -> None:
         from cvxopt import cholmod, spmatrix
 
-        size = len(free.places)
+        size = len(free.dofs)
         columns = np.repeat(np.arange(size), np.diff(free.indptr))
         self._lower = spmatrix(1.0, free.indices.tolist(), columns.tolist(), (size, size))
         cholmod.options["supernodal"] = SUPERNODAL

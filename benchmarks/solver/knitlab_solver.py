@@ -145,7 +145,7 @@ def driven(
         def assemble(self, at: Point, free: FreeStiffness) -> None:
             with watch.part("assembling_seconds"):
                 super().assemble(at, free)
-            self.seen = free.places
+            self.seen = free.dofs
 
         def factorise(self, *args: Any, **settings: Any) -> bool:
             watch.factorisations += 1

@@ -100,7 +100,7 @@ def measure(measurement: Measurement) -> Record:
         return free.shifted(free.entries(sample.element_hessians(COMPLETE, unknowns)), SHIFT)
 
     def evaluated() -> Vector:
-        return np.asarray(sample.evaluate(COMPLETE, unknowns).gradient)[free.places]
+        return np.asarray(sample.evaluate(COMPLETE, unknowns).gradient)[free.dofs]
 
     hessian_seconds, entries = _timed(assembled)
     evaluation_seconds, gradient = _timed(evaluated)
@@ -116,7 +116,7 @@ def measure(measurement: Measurement) -> Record:
         "reached": True,
         "reason": "",
         "nodes": shape.nodes,
-        "unknowns": len(free.places),
+        "unknowns": len(free.dofs),
         "residual": float(np.abs(left).max()),
         "seconds": hessian_seconds + factorise_seconds + solve_seconds + evaluation_seconds,
         "symbolic_seconds": symbolic_seconds,

@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from knitlab.cube.case_file import in_cloth, length_unit
 from knitlab.cube.comparison import compared
 from knitlab.cube.cube_file import cube_path, is_case, open_cube
 from knitlab.cube.find import Found, find_designs
@@ -18,7 +19,15 @@ from knitlab.cube.target import Target, read_target
 from knitlab.io.errors import BadInput, ErrorCollector, fault
 from knitlab.meshes.chosen_case import chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.formats import FORMATS, SERIES, TRIANGLES, write_mesh, write_series
+from knitlab.meshes.formats import (
+    FOLD,
+    FORMATS,
+    SERIES,
+    TRIANGLES,
+    write_fold,
+    write_mesh,
+    write_series,
+)
 from knitlab.meshes.surface import SurfaceMesh, solid_of
 
 Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
@@ -196,15 +205,17 @@ class Exported:
     Attributes:
         files: the files, the one that was asked for first.
         applied_strain: the strains of the meshes [1].
-        meshes: at each, the mesh: ``nodes`` [mm], ``faces``, ``node_fields``, ``face_fields``.
+        meshes: at each, the mesh: ``nodes``, ``faces``, ``node_fields``, ``face_fields``.
         self_intersections: at each, pairs of grid cells of a sample, or of one repeat, that pass
             through each other [1].
+        unit: of the nodes: mm of cloth, or ``mm of network`` where the gauge says nothing.
     """
 
     files: tuple[Path, ...]
     applied_strain: tuple[float, ...]
     meshes: tuple[SurfaceMesh, ...]
     self_intersections: tuple[int, ...]
+    unit: str = "mm"
 
     def __repr__(self) -> str:
         nodes = sum(len(mesh.nodes) for mesh in self.meshes)
@@ -228,8 +239,9 @@ def export(
 
     Args:
         shapes: dataset of :func:`knitlab.simulate`, or a cube with its case files beside it.
-        output: file to write: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or ``.glb``; ``.pvd`` is a
-            series over the applied strain, with a ``.vtu`` for each in a folder beside it.
+        output: file to write: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or ``.glb``; a series
+            over the applied strain is ``.pvd``, with a ``.vtu`` for each in a folder beside it, or
+            ``.fold``, with a frame for each and its fold angles.
         selections: a value for each coordinate, until one design is left. ``applied_strain`` is 0
             if it is left out, of a series every strain that was reached.
         repeats: how often periodic fabric is repeated along the warp (y) and the weft (x).
@@ -251,24 +263,27 @@ def export(
         256
     """
     output, selections = Path(output), {**selections, **named}
-    suffix, known = output.suffix.lower(), (*FORMATS, SERIES)
+    suffix, known = output.suffix.lower(), (*FORMATS, SERIES, FOLD)
     if suffix not in known:
         raise fault(f"output {output}", f"has no suffix of a mesh; give one of {', '.join(known)}")
     case_file = _case_file(shapes, selections)
-    rows = chosen_strains(case_file, selections, several=suffix == SERIES)
+    rows = chosen_strains(case_file, selections, several=suffix in (SERIES, FOLD))
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
     if triangles or suffix in TRIANGLES:
         meshes = [mesh.triangulated() for mesh in meshes]
     strains = tuple(case_file[STRAIN].values[rows].tolist())
+    unit = length_unit(case_file)
     files = [output]
     if suffix == SERIES:
         files = write_series(meshes, strains, output)
+    elif suffix == FOLD:
+        write_fold(meshes, strains, unit, output)
     else:
         write_mesh(meshes[0], output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
-    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing))
+    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
 
 
 def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
@@ -279,7 +294,7 @@ def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
         raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
     if is_case(shapes):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        return shapes
+        return in_cloth(shapes, shapes)
     if (source := shapes.encoding.get("source")) is None:
         remedy = "beside which shapes lie; give its path"
         raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")

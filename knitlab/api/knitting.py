@@ -262,8 +262,10 @@ def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tup
         factors = {name: value / getattr(given, name) for name, value in needed.items()}
         other = [f"{name} × {by:.2f}" for name, by in factors.items() if abs(by - 1) > 0.005]
         if other:
-            its = f"{stripe.knit} {stripe.n} needs {', '.join(other)} of the paper's yarn"
-            differences.append(f"{its}: find a yarn or a stitch size that has it, and calibrate it")
+            needs = f"{stripe.knit} {stripe.n} needs {', '.join(other)} of the paper's yarn"
+            differences.append(
+                f"{needs}: find a yarn or a stitch size that has it, and calibrate it"
+            )
     rows.append(("gauge", f"a stitch of {width:.3g} × {height:.3g} mm before the fabric folds"))
     rows.append(("case", f"{case.case_id}, code {provenance()['git_commit'][:12]}"))
     return tuple(rows), tuple(differences)

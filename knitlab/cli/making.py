@@ -171,7 +171,7 @@ def read(
 @click.argument("cube", type=options.PATH)
 @options.select
 @options.output(
-    "File to write, .vtu, .ply, .obj, .stl or .glb; .pvd is a series over the strain.",
+    "File to write, .vtu, .ply, .obj, .stl or .glb; a series over the strain is .pvd or .fold.",
     required=True,
 )
 @options.repeats
@@ -212,7 +212,7 @@ def export(
         size = " × ".join(f"{length:.3g}" for length in mesh.size)
         click.echo(
             f"applied_strain {strain:g}: {len(mesh.nodes)} nodes, {len(mesh.faces)} {corners},"
-            f" {size} mm of the model"
+            f" {size} {exported.unit}"
             + (f", {crossing} pairs of cells pass through each other" if crossing else "")
         )
     click.echo(f"mesh    {exported.files[0]}")

@@ -1,6 +1,7 @@
 """Case files: for each case a netCDF file and its checksum. Needs no JAX."""
 
 import hashlib
+import math
 from collections.abc import Collection
 from enum import Enum
 from pathlib import Path
@@ -16,6 +17,11 @@ from knitlab.io.fingerprint import file_digest
 
 if TYPE_CHECKING:  # imports JAX
     from knitlab.fabric.fabric import Configuration
+
+LENGTHS = "lengths_of_shapes"  # attribute of a case whose shapes are in mm of cloth
+SHAPES = tuple(
+    f"{state}{name}" for state in ("", "snapshot_") for name in ("position", "length_x", "length_y")
+)
 
 
 class StoredCase(Enum):
@@ -94,6 +100,30 @@ def read_case(results: Path, case_id: str) -> xr.Dataset:
     """Read a case file into memory."""
     with xr.open_dataset(case_path(results, case_id), engine="netcdf4") as dataset:
         return dataset.load()
+
+
+def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
+    """A case with its shapes in mm of cloth, by the sizes of its unit cell in the design of a cube.
+
+    All directions are scaled alike, so that folds keep their angles, by the square root of the
+    areas of the unit cell in cloth and in the network. A design without sizes in cloth, such as a
+    pure stripe, keeps the lengths of its network.
+    """
+    names = ("knit_cell_x", "knit_cell_y", "relaxed_cell_x", "relaxed_cell_y")
+    if case.attrs.get(LENGTHS) or not set(names) <= set(design):
+        return case
+    cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
+    factor = math.sqrt(cloth_x * cloth_y / (network_x * network_y))
+    if not math.isfinite(factor):
+        return case
+    with xr.set_options(keep_attrs=True):
+        scaled = {name: factor * case[name] for name in SHAPES if name in case}
+    return case.assign(scaled).assign_attrs({LENGTHS: "cloth"})
+
+
+def length_unit(case: xr.Dataset) -> str:
+    """The unit of the shapes of a case, as labels name it."""
+    return "mm" if case.attrs.get(LENGTHS) else "mm of network"
 
 
 def configurations(case: xr.Dataset) -> "Configuration":

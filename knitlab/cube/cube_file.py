@@ -15,6 +15,7 @@ from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
+from knitlab.io.lock import is_locked
 
 CUBE = "cube.nc"
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
@@ -55,10 +56,13 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
-    """The variables in the file of a cube; otherwise as :func:`open_cube`."""
+    """The variables in the file of a cube; otherwise as :func:`open_cube`.
+
+    Dimensions are in the order of the schema and their numbers ascend, whoever wrote the file.
+    """
     path = cube_path(path)
     try:
-        cube = xr.open_dataset(path, engine="netcdf4")
+        cube = _opened(path)
         if not lazily:
             with cube:
                 cube.load()
@@ -67,6 +71,8 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         raise fault(str(path), problem) from error
     except (OSError, ValueError) as error:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+    if "status" in cube:
+        cube = _in_order(cube)
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
         raise fault(
             str(path),
@@ -76,10 +82,47 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     return cube
 
 
+def _in_order(cube: xr.Dataset) -> xr.Dataset:
+    """The cube with its dimensions in the order of the schema, and their numbers ascending.
+
+    Labels of swept settings keep the order in which they were given.
+    """
+    dims = design_dims(cube)
+    base = next((base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if {*base} <= {*dims}), ())
+    order = dict.fromkeys((*base, *dims, *schema.COORDINATES))
+    unsorted = [
+        dim
+        for dim, labels in cube.indexes.items()
+        if dim in schema.COORDINATES
+        and labels.dtype.kind in "fiu"
+        and not labels.is_monotonic_increasing
+    ]
+    return cube.sortby(unsorted).transpose(*order, ..., missing_dims="ignore")
+
+
 def write_cube(cube: xr.Dataset, path: Path) -> None:
     """Write the file of a cube atomically; CannotWrite if that fails."""
+    cube, encoding = schema.described(cube), schema.encoding(cube)
     with atomic_write(path) as temporary:
-        cube.to_netcdf(temporary, encoding=schema.encoding(cube))
+        try:
+            cube.to_netcdf(temporary, encoding=encoding)
+        except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
+            # HDF5 locks a file that it writes, but not one in memory, where it sorts the variables.
+            temporary.write_bytes(cube.to_netcdf(engine="netcdf4", encoding=encoding))
+
+
+def _opened(path: Path) -> xr.Dataset:
+    """A netCDF file, opened; from its bytes where it cannot be locked."""
+    try:
+        return xr.open_dataset(path, engine="netcdf4")
+    except (OSError, RuntimeError) as error:  # the second, at times, of a file that is open here
+        if is_locked(path):
+            problem = "is opened for writing by another program; close it there, or set"
+            remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
+            raise fault(str(path), remedy) from error
+        dataset = xr.open_dataset(path.read_bytes(), engine="netcdf4")
+        dataset.encoding["source"] = str(path)
+        return dataset
 
 
 def design_dims(cube: xr.Dataset) -> tuple[str, ...]:

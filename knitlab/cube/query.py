@@ -113,6 +113,7 @@ def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.Da
     """One row for each design and each selected value of further dimensions; none if excluded."""
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
     shown = [name for name, each in cube.data_vars.items() if set(each.dims) <= set(rows)]
+    shown.sort(key=lambda name: name != "status")  # a file may have them in any order
     chosen = selected(cube, selections)[shown]
     table = chosen.to_dataframe([name for name in rows if name in chosen.dims]).reset_index()
     table = table[table["status"] != Status.excluded].reset_index(drop=True)
@@ -138,9 +139,9 @@ def designs_of_all(cubes: Sequence[xr.Dataset], selections: Mapping[str, Any] = 
         table = designs_table(cube, selections_along(selections, cube.indexes))
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
         origin = {SOURCE: source, "cube": name} | _differing_options(cube, cubes)
-        for place, (column, value) in enumerate(origin.items(), start=len(design_dims(cube))):
+        for index, (column, value) in enumerate(origin.items(), start=len(design_dims(cube))):
             if column not in table:
-                table.insert(place, column, value)
+                table.insert(index, column, value)
         tables.append(table)
     combined = pd.concat(tables, ignore_index=True)
     dims = {name: dims for each in tables for name, dims in each.attrs["dims"].items()}
@@ -157,13 +158,13 @@ def _distinct_names(cubes: Sequence[xr.Dataset]) -> list[str]:
         if len(alike) > 1:
             shared = os.path.commonpath(path.parent for path in alike)
             names = [
-                path.relative_to(shared).as_posix() if path in alike else its
-                for its, path in zip(names, paths, strict=True)
+                path.relative_to(shared).as_posix() if path in alike else own
+                for own, path in zip(names, paths, strict=True)
             ]
     # Names that are still equal are of one cube given twice, or of cubes in memory.
     return [
-        f"{name} ({names[: place + 1].count(name)})" if names.count(name) > 1 else name
-        for place, name in enumerate(names)
+        f"{name} ({names[: number + 1].count(name)})" if names.count(name) > 1 else name
+        for number, name in enumerate(names)
     ]
 
 

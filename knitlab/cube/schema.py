@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
 import xarray as xr
 
 from knitlab.measure.capacitance.sensor import CapacitorStatus
@@ -323,18 +324,22 @@ def described(dataset: xr.Dataset) -> xr.Dataset:
     for name, meanings in FLAGS.items():
         if name in dataset.variables:
             dataset.variables[name].attrs |= {
-                "flag_values": [flag.value for flag in meanings],
+                # Of the type in which the variable is stored, as CF has it.
+                "flag_values": np.array([*meanings], np.int32 if name in INTEGERS else np.int8),
                 "flag_meanings": " ".join(flag.name for flag in meanings),
             }
     return dataset
 
 
 def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
-    """NetCDF encoding of a case or cube: integers stored as such, arrays compressed."""
+    """NetCDF encoding of a case or cube: integers stored as such, arrays compressed.
+
+    Coordinates have no missing values, for which xarray would declare a number.
+    """
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
     for name, settings in chosen.items():
         if compressed and dataset[name].ndim and dataset[name].dtype.kind in "fi":
             settings |= {"zlib": True, "complevel": 4}
         if name in INTEGERS:
             settings |= {"dtype": "int32", "_FillValue": MISSING}
-    return chosen
+    return chosen | {str(name): {"_FillValue": None} for name in dataset.indexes}

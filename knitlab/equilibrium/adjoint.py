@@ -55,7 +55,7 @@ class LinearResponse:
 
     def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
         """The response at one equilibrium, in place of the last one; or :class:`NoDerivative`."""
-        shape, free = self.free.shape, self.free.places
+        shape, free = self.free.shape, self.free.dofs
         hessians = ChunkedFabric(shape, fabric).element_hessians(COMPLETE, unknowns)
         with one_thread_of_blas():
             # A small shift, so that rigid motions do not make K singular [N/mm].
@@ -73,7 +73,7 @@ class LinearResponse:
 
     def to(self, forces: Moved) -> Moved:
         """Displacements under forces, row by row, or :class:`NoDerivative`; 0 for held unknowns."""
-        displacements, free = np.zeros_like(forces), self.free.places
+        displacements, free = np.zeros_like(forces), self.free.dofs
         for row, force in zip(displacements, forces, strict=True):
             row[free] = self._solved(self._without_rigid_motion(force[free]))
         return displacements
@@ -86,7 +86,7 @@ class LinearResponse:
 
     def rigid_part(self, rows: Moved) -> Moved:
         """Projection of rows onto the rigid motions that cost no energy."""
-        part, free = np.zeros_like(rows), self.free.places
+        part, free = np.zeros_like(rows), self.free.dofs
         part[:, free] = rows[:, free] @ self._rigid @ self._rigid.T
         return part
 
@@ -150,7 +150,7 @@ class Adjoint:
         multipliers = response.to(by_unknowns)
         by_fabric = _through_forces(self._shape, self._fabric, unknowns, multipliers, by_fabric)
         by_held = by_unknowns - response.forces_of(multipliers)
-        by_held[:, response.free.places] = 0
+        by_held[:, response.free.dofs] = 0
         by_relaxed += _through_loading(self._shape, self._relaxed, applied_strain, by_held)
         return self._through_relaxed(np.asarray(by_relaxed), by_fabric)
 

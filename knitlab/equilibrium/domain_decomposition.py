@@ -83,11 +83,11 @@ class SubdomainSolver:
 
         def solved(number: int) -> State:
             problem = problems[number]
-            start = Point(unknowns[problem.subdomain.places], at.stage)
+            start = Point(unknowns[problem.subdomain.dofs], at.stage)
             free, state, process = problem.subdomain.free, None, self._processes.get()
             try:
                 if process is not None:
-                    sent = free.shape, free.places, problem.fabric
+                    sent = free.shape, free.dofs, problem.fabric
                     state = process.solve(problem.number, sent, start, settings)
                 return state or solve_subdomain(problem.system, free, start, settings)
             finally:
@@ -99,8 +99,8 @@ class SubdomainSolver:
                 # A subdomain that stalls, or ends with a larger residual than any had before, may
                 # have collapsed a cell, where fold angles are undefined.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
-                    unknowns[subdomain.places] = state.unknowns
-                cost += state.iterations * len(subdomain.free.places) / len(free.places)
+                    unknowns[subdomain.dofs] = state.unknowns
+                cost += state.iterations * len(subdomain.free.dofs) / len(free.dofs)
         system.factorised()
         return Point(unknowns, at.stage), cost
 
@@ -181,8 +181,8 @@ def _serve(requests: IO[bytes], replies: IO[bytes]) -> None:
         except EOFError:
             return
         if subdomain is not None:
-            shape, places, fabric = subdomain
-            known[number] = System(shape, fabric, kept=kept), free_stiffness(shape, places)
+            shape, dofs, fabric = subdomain
+            known[number] = System(shape, fabric, kept=kept), free_stiffness(shape, dofs)
         pickle.dump(solve_subdomain(*known[number], start, settings), replies)
         replies.flush()
 

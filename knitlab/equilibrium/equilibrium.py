@@ -70,7 +70,7 @@ def find_equilibrium(
     An iteration of a subdomain counts by its share of the unknowns. Contact may couple subdomains,
     so that a sample with contact is solved as a whole, like a small one and one with drag.
     Subdomains are solved again after ``patience`` iterations for the whole sample, or, with
-    ``None``, before every factorisation, which often ceases to be useful because of a few places,
+    ``None``, before every factorisation, which often ceases to be useful because of a few nodes,
     and without extrapolation: that is best if the sample folds as a whole.
     """
     search = Search(system, start, rules)
@@ -127,7 +127,7 @@ class SubdomainRounds:
         while before is not None and slow and self.cost < search.rules.settings.max_iterations:
             current = search.at.unknowns
             step = current - before
-            longest = LONGEST_EXTRAPOLATION * search.longest_fraction(step[search.places])
+            longest = LONGEST_EXTRAPOLATION * search.longest_fraction(step[search.dofs])
             ahead = replace(search.at, unknowns=current + step * min(2.0, longest))
             after, evaluation = self.solve(ahead)
             gained = search.energy - float(evaluation.energy.total)

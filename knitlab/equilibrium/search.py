@@ -71,7 +71,7 @@ class Search:
     """
 
     def __init__(self, system: System, at: Point, rules: SearchRules) -> None:
-        self.system, self.rules, self.places = system, rules, rules.free.places
+        self.system, self.rules, self.dofs = system, rules, rules.free.dofs
         fabric, settings = system.fabric, rules.settings
         self.step_length = settings.step_limit * float(fabric.cell_sides.min())
         self.z_max, self._k_wall = float(fabric.z_max), float(fabric.k_wall)
@@ -83,9 +83,9 @@ class Search:
         """Energy and gradient of a configuration, contact and drag included."""
         evaluation, contact, drag = self.system.evaluate(at), self.rules.contact, self.rules.drag
         if drag is not None:
-            moved = at.unknowns[self.places] - drag.before[self.places]
+            moved = at.unknowns[self.dofs] - drag.before[self.dofs]
             gradient: Any = np.array(evaluation.gradient)
-            gradient[self.places] += drag.stiffness * moved
+            gradient[self.dofs] += drag.stiffness * moved
             potential = 0.5 * drag.stiffness * float(moved @ moved)
             evaluation = Evaluation(replace(evaluation.energy, drag=potential), gradient)
         if contact is None or not np.isfinite(at.unknowns).all():
@@ -101,7 +101,7 @@ class Search:
         """Continue from another configuration, given its energy and gradient."""
         self.at, self.evaluation = at, evaluation
         self.energy = float(evaluation.energy.total)
-        self.gradient: Vector = np.asarray(evaluation.gradient)[self.places]
+        self.gradient: Vector = np.asarray(evaluation.gradient)[self.dofs]
         self.force = float(np.abs(self.gradient).max())
 
     def end(self) -> Outcome | None:
@@ -127,7 +127,7 @@ class Search:
     @property
     def heights(self) -> Vector:
         """Heights of the free nodes [mm]."""
-        return self.at.unknowns[self.places[self.rules.free.heights]]
+        return self.at.unknowns[self.dofs[self.rules.free.heights]]
 
     @property
     def wall_stiffness(self) -> float:
@@ -137,7 +137,7 @@ class Search:
     def of_all(self, step: Vector) -> Float[np.ndarray, " unknown"]:
         """A step of all unknowns, which the held ones do not take."""
         whole = np.zeros(self.rules.free.shape.unknowns)
-        whole[self.places] = step
+        whole[self.dofs] = step
         return whole
 
     def longest_fraction(self, step: Vector) -> float:
@@ -177,7 +177,7 @@ def minimise(search: Search, once: bool = False) -> Outcome:
     while (outcome := search.end()) is None:
         system.assemble(search.at, rules.free)
         drag = 0.0 if rules.drag is None else rules.drag.stiffness
-        contact = rules.contact and rules.contact.hessian(search.at.unknowns, search.places)
+        contact = rules.contact and rules.contact.hessian(search.at.unknowns, search.dofs)
         raised = False
         while True:
             search.factorisations += 1
@@ -297,12 +297,12 @@ def _line_search(search: Search, step: Vector, slope: float, length: float) -> f
     noise = ENERGY_ROUND_OFF * abs(energy)
     for _ in range(5):
         unknowns = search.at.unknowns.copy()
-        unknowns[search.places] += length * step
+        unknowns[search.dofs] += length * step
         trial = replace(search.at, unknowns=unknowns)
         evaluation = search.evaluated(trial)
         search.iterations += 1
         trial_energy = float(evaluation.energy.total)
-        trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.places]).max())
+        trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.dofs]).max())
         lower = trial_energy <= energy + 1e-4 * length * slope + noise  # sufficient decrease
         if lower and (trial_energy < energy - noise or trial_force <= force):
             search.move(trial, evaluation)
@@ -339,16 +339,16 @@ def step_between_walls(search: Search) -> tuple[Float[np.ndarray, " free"], floa
             return step, curvature
         active = active_after
         changed = np.flatnonzero(active != touching)
-        places, change = heights[changed], np.where(active[changed], stiffness, -stiffness)
+        dofs, change = heights[changed], np.where(active[changed], stiffness, -stiffness)
         few = len(changed) <= MOST_CHANGES
-        if not (few and system.change_diagonal(places, change)):
+        if not (few and system.change_diagonal(dofs, change)):
             break
         # An added wall pushes from z_max on rather than from z, and a removed one no longer.
         wall = np.copysign(z_max, np.where(active, end, z)[changed])
         modified = gradient.copy()
-        modified[places] += change * (z[changed] - wall)
+        modified[dofs] += change * (z[changed] - wall)
         step = system.solve(-modified)
-        curvature = -float(modified @ step) - float(change @ step[places] ** 2)
+        curvature = -float(modified @ step) - float(change @ step[dofs] ** 2)
     system.change_diagonal(heights[:0], np.zeros(0))
     return newton, of_newton
 

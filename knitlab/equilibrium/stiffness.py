@@ -45,7 +45,7 @@ class FreeStiffness:
     """Sparsity of the stiffness of the free unknowns."""
 
     shape: MeshShape
-    places: Int[np.ndarray, " free"]  # of the free unknowns, ascending
+    dofs: Int[np.ndarray, " free"]  # degrees of freedom: indices of the free unknowns, ascending
     indptr: Int[np.ndarray, " column"]
     indices: Int[np.ndarray, " nonzero"]
     mesh: MeshStiffness
@@ -54,13 +54,13 @@ class FreeStiffness:
     @cached_property
     def heights(self) -> Int[np.ndarray, " height"]:
         """Indices, among the free unknowns, of those that are heights of nodes."""
-        return np.flatnonzero((self.places % 3 == 2) & (self.places < 3 * self.shape.nodes))
+        return np.flatnonzero((self.dofs % 3 == 2) & (self.dofs < 3 * self.shape.nodes))
 
     @cached_property
     def order(self) -> GridOrder:
         """Elimination order by nested dissection of the grid."""
-        nodes = np.divmod(self.places // 3, self.shape.nodes_x)
-        of_lengths = self.places >= 3 * self.shape.nodes
+        nodes = np.divmod(self.dofs // 3, self.shape.nodes_x)
+        of_lengths = self.dofs >= 3 * self.shape.nodes
         return grid_order(
             self.indptr, self.indices, *(np.where(of_lengths, -1, line) for line in nodes)
         )
@@ -94,7 +94,7 @@ class FreeStiffness:
 
     def lower(self, entries: Float[np.ndarray, " nonzero"]) -> sp.csc_array:
         """The lower triangle with these non-zeros."""
-        size = len(self.places)
+        size = len(self.dofs)
         return sp.csc_array((entries, self.indices, self.indptr), shape=(size, size))
 
 
@@ -126,7 +126,7 @@ def _mesh_stiffness(shape: MeshShape) -> MeshStiffness:
     lower.sort_indices()
     indptr, nodes = lower.indptr, np.arange(shape.nodes, dtype=np.int32)
 
-    spring_at, hinge_at = _places_in_triangle(SPRING_ENTRIES), _places_in_triangle(HINGE_ENTRIES)
+    spring_at, hinge_at = _indices_in_triangle(SPRING_ENTRIES), _indices_in_triangle(HINGE_ENTRIES)
     block, lane = np.divmod(np.arange(hinges), LANES)
     of_hinge = len(HINGE_ENTRIES[0])
 
@@ -206,9 +206,9 @@ def _terms(
             yield (index[used].astype(np.int32), source[kept][used].astype(np.int32), factor[used])
 
 
-def _places_in_triangle(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row column"]:
+def _indices_in_triangle(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row column"]:
     """Index of every entry of a symmetric matrix among those of its lower triangle."""
     rows, columns = entries
-    places = np.zeros((rows.max() + 1,) * 2, dtype=np.int64)
-    places[rows, columns] = places[columns, rows] = np.arange(len(rows))
-    return places
+    positions = np.zeros((rows.max() + 1,) * 2, dtype=np.int64)
+    positions[rows, columns] = positions[columns, rows] = np.arange(len(rows))
+    return positions

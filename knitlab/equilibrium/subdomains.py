@@ -26,7 +26,7 @@ FEWEST = 6  # number of subdomains from which domain decomposition pays off
 class Subdomain:
     """A part of a sample."""
 
-    places: Int[np.ndarray, " unknown"]  # its unknowns among those of the sample, with L_x and L_y
+    dofs: Int[np.ndarray, " unknown"]  # its unknowns among those of the sample, with L_x and L_y
     free: FreeStiffness
     springs: Int[np.ndarray, " spring"]  # their indices in the sample
     hinges: Int[np.ndarray, " hinge"]
@@ -34,17 +34,17 @@ class Subdomain:
     def fabric(self, whole: Fabric) -> Fabric:
         """The part of the sample's fabric in the subdomain."""
 
-        def parts(places: Int[np.ndarray, " element"], *names: str) -> dict[str, Any]:
+        def parts(chosen: Int[np.ndarray, " element"], *names: str) -> dict[str, Any]:
             # NumPy indexes without compiling, which JAX does for every size.
             whole_values = {name: getattr(whole, name) for name in names}
-            return jax.tree.map(lambda values: np.asarray(values)[places], whole_values)
+            return jax.tree.map(lambda values: np.asarray(values)[chosen], whole_values)
 
         springs = parts(self.springs, "rest_length", "stretch_stiffness", "spring_law")
         return replace(whole, **springs, **parts(self.hinges, "rest_fold", "fold_stiffness"))
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
         """Largest force on its free unknowns [N]."""
-        return float(np.abs(gradient[self.places[self.free.places]]).max(initial=0.0))
+        return float(np.abs(gradient[self.dofs[self.free.dofs]]).max(initial=0.0))
 
 
 def worth_dividing(shape: MeshShape) -> bool:
@@ -56,7 +56,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
     """The subdomains of a sample with these free unknowns."""
     shape, net = free.shape, network(free.shape)
     movable = np.zeros(shape.unknowns, dtype=bool)
-    movable[free.places] = True
+    movable[free.dofs] = True
     for rows in _spans(shape.cells_y):
         for columns in _spans(shape.cells_x):
             (bottom, top), (left, right) = (
@@ -66,16 +66,16 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             row, column = np.mgrid[bottom : top + 1, left : right + 1].reshape(2, -1)
             nodes = row * shape.nodes_x + column
             part = MeshShape(top - bottom, right - left, periodic=False)
-            places = np.append(
+            dofs = np.append(
                 (3 * nodes[:, None] + np.arange(3)).ravel(), shape.unknowns - np.array([2, 1])
             )
             inner = (row >= rows[0]) & (row <= rows[1])
             inner &= (column >= columns[0]) & (column <= columns[1])
-            movable_here = np.append(np.repeat(inner, 3), [False, False]) & movable[places]
+            movable_here = np.append(np.repeat(inner, 3), [False, False]) & movable[dofs]
             within = np.zeros(shape.nodes, dtype=bool)
             within[nodes] = True
             yield Subdomain(
-                places,
+                dofs,
                 free_stiffness(part, np.flatnonzero(movable_here)),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
@@ -89,14 +89,14 @@ def couplings(
 ) -> Bool[np.ndarray, "subdomain subdomain"]:
     """Which pairs of subdomains are coupled: free unknowns of one affect the other."""
 
-    def membership(places: Sequence[Int[np.ndarray, " _"]]) -> sp.csr_array:
-        ends = np.cumsum([0, *map(len, places)])
+    def membership(sets: Sequence[Int[np.ndarray, " _"]]) -> sp.csr_array:
+        ends = np.cumsum([0, *map(len, sets)])
         return sp.csr_array(
-            (np.ones(ends[-1]), np.concatenate(places), ends), shape=(len(places), unknowns)
+            (np.ones(ends[-1]), np.concatenate(sets), ends), shape=(len(sets), unknowns)
         )
 
-    touched = membership([subdomain.places for subdomain in subdomains])
-    free = membership([subdomain.places[subdomain.free.places] for subdomain in subdomains])
+    touched = membership([subdomain.dofs for subdomain in subdomains])
+    free = membership([subdomain.dofs[subdomain.free.dofs] for subdomain in subdomains])
     coupled = (touched @ free.T).toarray() > 0
     return coupled | coupled.T | np.eye(len(subdomains), dtype=bool)
 

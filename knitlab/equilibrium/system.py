@@ -113,10 +113,10 @@ class System:
         return Multifrontal(free.plan, self.threads, np.float64 if exact else np.float32)
 
     def change_diagonal(
-        self, places: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
+        self, dofs: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
     ) -> bool:
         """Add to the factorised diagonal, in place of earlier changes; False if not definite."""
-        return self._factor.change_diagonal(places, changes)
+        return self._factor.change_diagonal(dofs, changes)
 
     def solve(self, right: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
         """K⁻¹ times a vector, with the last factorisation."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.case_file import StoredCase, check_case_file, read_case
+from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
 from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_of
 from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.explorer.run_report import figures_of, run_of
@@ -34,6 +34,8 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
     for index in indices:
         case_id = str(cube["case_id"].values[index])
         case = _case(cube, case_id, folder)
+        if not isinstance(case, str):
+            case = in_cloth(case, cube[dict(zip(design_dims(cube), index, strict=True))])
         shape = case if isinstance(case, str) else shape_of(case, cube[STRAIN].values)
         noted = {} if isinstance(case, str) else case.attrs
         seconds = noted.get("batch_wall_seconds")

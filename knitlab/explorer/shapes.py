@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from knitlab.cube.case_file import length_unit
+
 if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
     from knitlab.simulation.case import Case
@@ -53,6 +55,7 @@ def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
         **pack_positions(nodes[reached, bottom : top + ends, left : right + ends]),
         "periods": np.stack(lengths, axis=1).tolist() if periodic else None,
         "note": window.note,
+        "unit": length_unit(case),
         **_patches(recorded.sample, window),
         "electrodes": _electrodes(recorded, window),
     }

@@ -32,10 +32,15 @@ def keep_compiled_programs() -> None:
         return
     # JAX writes the time of use after the program, and would warn for ever of programs without it,
     # whose process was killed while it wrote them.
-    with suppress(OSError, Timeout), FileLock(folder / ".lockfile", timeout=1):
-        for program in folder.glob("*-cache"):
-            if not program.with_name(f"{program.name.removesuffix('-cache')}-atime").exists():
-                program.unlink(missing_ok=True)
+    try:
+        with FileLock(folder / ".lockfile", timeout=1):
+            for program in folder.glob("*-cache"):
+                if not program.with_name(f"{program.name.removesuffix('-cache')}-atime").exists():
+                    program.unlink(missing_ok=True)
+    except Timeout:
+        pass
+    except OSError:  # without locks, JAX would warn of every program
+        return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", LARGEST)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube import cube_file
-from knitlab.cube.case_file import case_path, read_case
+from knitlab.cube.case_file import case_path, in_cloth, read_case
 from knitlab.cube.cube_file import base_dims, is_measured, swept_dims
 from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import VARIABLES
@@ -110,7 +110,7 @@ def draw(
             remedy = f"select along {', '.join(known)}" if known else "select nothing"
             problem = f"is not a coordinate along which {name} can be sliced; {remedy}"
             refuse_others(selections, known, problem)
-            return _draw_cases(kind, cubes, selections)
+            return _draw_cases(kind, [in_cloth(case, case) for case in cubes], selections)
         cubes = [cube_file.as_cube(case) for case in cubes]
     _check_cubes(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
@@ -173,20 +173,26 @@ def _draw_cases(
 
 def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
     """The case files that a figure shows: of its designs, or of the most auxetic design."""
-    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=base_dims(cube))
+    dims = base_dims(cube)
+    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=dims)
     designs = designs.isel(design=designs["case_id"].values != "")
     is_stored = [case_path(folder, each).is_file() for each in designs["case_id"].values]
     stored = designs.isel(design=np.flatnonzero(is_stored))
+    case_ids = dict(zip(stored["design"].values, stored["case_id"].values, strict=True))
+
+    def case_of(design: tuple[Any, ...]) -> xr.Dataset:
+        only = cube.sel(dict(zip(dims, design, strict=True)))
+        return in_cloth(read_case(folder, case_ids[design]), only)
+
     if kind.designs:
-        case_ids = dict(zip(stored["design"].values, stored["case_id"].values, strict=True))
-        shown = [case_ids[design] for design in kind.designs if design in case_ids]
-        shown = shown or [*case_ids.values()][: len(kind.designs)]
+        shown = [design for design in kind.designs if design in case_ids]
+        shown = shown or [*case_ids][: len(kind.designs)]
         if not shown:
             raise fault(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
-        return [read_case(folder, case_id) for case_id in shown]
+        return [case_of(design) for design in shown]
     needs = VARIABLES[str(kind.needs)]
-    for case_id in stored.sortby("poisson_ratio_min")["case_id"].values:
-        if kind.needs in (case := read_case(folder, case_id)):
+    for design in stored.sortby("poisson_ratio_min")["design"].values:
+        if kind.needs in (case := case_of(design)):
             return [case]
     if not designs.sizes["design"]:
         raise fault("selections", "no design of this selection is planned; choose others")

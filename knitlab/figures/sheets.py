@@ -79,14 +79,17 @@ def shaded(
 
 
 def draw_faces(
-    axes: Axes, faces: Float[np.ndarray, "face 4 3"], colours: Float[np.ndarray, "face 4"]
+    axes: Axes,
+    faces: Float[np.ndarray, "face 4 3"],
+    colours: Float[np.ndarray, "face 4"],
+    unit: str = "mm",
 ) -> None:
-    """Draw faces [mm] in their RGBA colours from above, without seams between them."""
+    """Draw faces in their RGBA colours from above, without seams between them."""
     # A fold hides what lies under it.
     from_below = np.argsort(faces[:, :, 2].mean(axis=1))
     look: Look = {"facecolors": colours[from_below], "rasterized": True}
     # Smoothed edges let the background through between two faces.
     look |= {"edgecolors": "face", "lw": 0.2, "antialiaseds": False}
     axes.add_collection(PolyCollection(list(faces[from_below, :, :2]), **look))
-    axes.set(xlabel="x, weft [mm of network]", ylabel="y, warp [mm of network]", aspect="equal")
+    axes.set(xlabel=f"x, weft [{unit}]", ylabel=f"y, warp [{unit}]", aspect="equal")
     axes.autoscale_view()

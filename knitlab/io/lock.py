@@ -1,25 +1,29 @@
 """Locks of a results folder: one run at a time, or several shards side by side. Needs no JAX.
 
 A run holds ``.lock`` until it ends, a shard a lock of its own. The gate is a lock that is held for
-moments: while a run checks which others run, and while a shard writes what all shards share.
+moments: while a run checks which others run, and while a shard writes what all shards share. On a
+file system without locks nothing is held, and a shard refuses a folder where another one ran.
 """
 
+import errno
 import getpass
 import os
 import re
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from datetime import datetime
 from pathlib import Path
 
-from filelock import AcquireReturnProxy, FileLock, Timeout
+from filelock import FileLock, Timeout
 
 from knitlab.io.errors import BadInput, CannotWrite, Fault, fault
 
 LOCK_NAME = ".lock"
 GATE_NAME = ".lock-gate"
 SHARD_LOCK = re.compile(r"\.lock-shard-(\d+)-of-(\d+)")
+NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
+"""Errors of a file system without locks."""
 GATE_SECONDS = 900.0  # longest time to wait for the gate; its holder writes a cube at most
 
 
@@ -27,9 +31,15 @@ GATE_SECONDS = 900.0  # longest time to wait for the gate; its holder writes a c
 def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
     """Lock a results folder for a run, or for a shard (number, count) beside the others.
 
-    The lock ends with the process. BadInput if another run, the same shard or another split runs.
+    The lock ends with the process. BadInput if another run, the same shard or another split runs,
+    or if there are no locks and another shard ran here.
     """
-    with gate(folder):
+    with gate(folder) as locks:
+        if not locks and shard is not None:
+            own = folder / f"{_shard_lock(*shard)}.json"
+            if {*folder.glob(f"{LOCK_NAME}-shard-*.json")} - {own}:
+                problem = "is on a file system without locks, and another shard ran in it; give"
+                raise fault(str(folder), f"{problem} each a folder of its own and merge them")
         if shard is not None:
             with _acquired(folder, LOCK_NAME):
                 pass
@@ -41,7 +51,7 @@ def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
         yield
 
 
-def gate(folder: Path) -> AcquireReturnProxy:
+def gate(folder: Path) -> AbstractContextManager[object]:
     """Exclude the other processes of a results folder for a moment; errors as of a lock."""
     return _acquired(folder, GATE_NAME, GATE_SECONDS)
 
@@ -56,23 +66,42 @@ def running_shards(folder: Path) -> list[tuple[int, int]]:
                     pass
             except Timeout:
                 running.append((int(shard[1]), int(shard[2])))
+            except OSError as error:
+                _refuse_unless_without_locks(folder, error)
     return running
+
+
+def is_locked(path: Path) -> bool:
+    """Whether another program holds a lock of a file, as HDF5 does while it writes."""
+    try:
+        import fcntl
+    except ImportError:  # on Windows a locked file cannot be read
+        return False
+    with path.open("rb") as file, suppress(OSError):
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def _shard_lock(number: int, count: int) -> str:
     return f"{LOCK_NAME}-shard-{number}-of-{count}"
 
 
-def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AcquireReturnProxy:
-    """A lock of a folder, acquired within some time [s]; used as a context, it is released."""
+def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AbstractContextManager[object]:
+    """A lock of a folder, acquired within some time [s]; used as a context, it is released.
+
+    It is None, as a context, on a file system without locks.
+    """
+    lock: AbstractContextManager[object] = nullcontext()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / name).acquire(timeout=seconds)
     except Timeout:
         raise _in_use(folder, name) from None
     except OSError as error:
-        problem = f"cannot be written ({error.strerror}); choose another folder"
-        raise CannotWrite([Fault(str(folder), problem)]) from error
+        _refuse_unless_without_locks(folder, error)
     shard = SHARD_LOCK.fullmatch(name)
     holder = f"process {os.getpid()} of {getpass.getuser()} on {socket.gethostname()}"
     holder += f" since {datetime.now().isoformat(timespec='seconds')}"
@@ -81,6 +110,12 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AcquireReturnPro
         # Beside the lock: a locked file itself cannot be read on Windows.
         (folder / f"{name}.holder").write_text(holder, encoding="utf-8")
     return lock
+
+
+def _refuse_unless_without_locks(folder: Path, error: OSError) -> None:
+    if error.errno not in NO_LOCKS:
+        problem = f"cannot be written ({error.strerror}); choose another folder"
+        raise CannotWrite([Fault(str(folder), problem)]) from error
 
 
 def _in_use(folder: Path, name: str) -> BadInput:

@@ -298,6 +298,11 @@ def _headers(
 ) -> list[str] | None:
     """The headers above a table, each with its unit if a row of units follows them."""
     number, fields = rows[first]
+    nearest = next((line for line in reversed(lines[: number - 1]) if line.strip()), "")
+    if nearest.lstrip().startswith("#"):
+        commented = split(nearest.lstrip("# \t"))
+        if len(commented) == len(fields):
+            return commented
     above: list[list[str]] = []
     for line, row in reversed(rows[max(first - 2, 0) : first]):
         if any(_is_number(field, comma) for field in row) or abs(len(row) - len(fields)) > 1:
@@ -306,9 +311,7 @@ def _headers(
             break
         above.append(row)
     if not above:
-        comments = [line for line in lines[: number - 1] if line.lstrip().startswith("#")]
-        header = split(comments[-1].lstrip("# \t")) if comments else []
-        return header if len(header) == len(fields) else None
+        return None
     if len(above) > 1 and _are_units(above[0]):
         units, names = above
         pairs = zip_longest(names, units[: len(names)], fillvalue="")

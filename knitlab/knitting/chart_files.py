@@ -63,10 +63,13 @@ def _of_image(path: Path) -> Stitches:
 
     try:
         with Image.open(path) as image:
-            pixels = np.asarray(image.convert("RGB")).astype(int)
+            pixels = np.asarray(image.convert("RGBA")).astype(int)
     except OSError as error:
         problem = f"cannot be read as an image ({error}); check the path, or save it as PNG"
         raise fault(str(path), problem) from error
+    if pixels[..., 3].min() < 255:
+        raise fault(str(path), "has transparent pixels; save it opaque")
+    pixels = pixels[..., :3]
     colours = np.unique(pixels @ (1 << 16, 1 << 8, 1))
     if len(colours) > 2:
         problem = f"has {len(colours)} colours; save it with one pixel a stitch in two colours"

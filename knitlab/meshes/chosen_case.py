@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool
 
-from knitlab.cube.case_file import StoredCase, check_case_file, read_case
+from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.selection import choices, chosen_indices, refuse_others, selected
@@ -50,7 +50,8 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
         }
         remedy = f"{missing}; run the design into this folder"
         raise fault(name, reasons.get(Status(designs["status"].item()), remedy))
-    return read_case(folder, case_id)
+    index = {dim: [value] for dim, value in zip(dims, only, strict=True)}
+    return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
 
 
 def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
@@ -81,6 +82,6 @@ def chosen_strains(
         raise fault(f"{STRAIN} {strains[missing[0]]:g}", problem)
     if len(chosen) > 1 and not several:
         listed = ", ".join(f"{strain:g}" for strain in strains[chosen])
-        problem = f"choose the strains {listed} for one mesh; select one, or write a .pvd"
+        problem = f"choose the strains {listed} for one mesh; select one, or write a .pvd or .fold"
         raise fault("selections", problem)
     return chosen

@@ -1,5 +1,6 @@
 """Formats of mesh files: which library writes each; those without fields of faces get colours."""
 
+import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -77,6 +78,7 @@ FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
 """What writes a mesh into a file, by its suffix."""
 TRIANGLES = (".stl", ".glb")  # suffixes of formats that cannot hold quads
 SERIES = ".pvd"  # suffix of a series of meshes
+FOLD = ".fold"  # suffix of a series of meshes in one file
 
 
 def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
@@ -89,6 +91,7 @@ def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: 
     """Write a mesh for each applied strain into a folder, then the collection that lists them.
 
     That is a ``.pvd`` file of ParaView, with the strain as its time. Returns it, then the meshes.
+    Those of an earlier series of this name are removed.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
@@ -103,7 +106,45 @@ def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: 
     ElementTree.indent(root)
     with atomic_write(path) as temporary:
         ElementTree.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
+    for stale in {*path.with_suffix("").glob("strain_*.vtu")} - {*files}:
+        stale.unlink()
     return [path, *files]
+
+
+def write_fold(
+    meshes: Sequence[SurfaceMesh], strains: Sequence[float], unit: str, path: Path
+) -> None:
+    """Write meshes at applied strains as frames of a FOLD file, version 1.2; see CannotWrite.
+
+    Frames after the first inherit its faces and edges. All edges are creases, with their angles.
+    """
+    edges, faces = meshes[0].edges()
+    frames: list[dict[str, Any]] = []
+    for mesh, strain in zip(meshes, strains, strict=True):
+        angles = mesh.fold_angles().round(3) + 0.0  # without -0
+        kinds = np.array(["F", "V", "M"])[np.sign(angles).astype(int)]
+        frames.append(
+            {
+                "frame_title": f"applied strain {strain:.9g}",
+                "vertices_coords": mesh.nodes.round(6).tolist(),
+                "edges_assignment": np.where(faces[:, 1] < 0, "B", kinds).tolist(),
+                "edges_foldAngle": angles.tolist(),
+            }
+        )
+    model = {
+        "file_spec": 1.2,
+        "file_creator": "knitlab",
+        "file_classes": ["singleModel", "animation"],
+        "frame_classes": ["foldedForm"],
+        "frame_attributes": ["manifold", "orientable"],
+        "frame_unit": unit,
+        "faces_vertices": meshes[0].faces.tolist(),
+        "edges_vertices": edges.tolist(),
+        **frames[0],
+        "file_frames": [{"frame_parent": 0, "frame_inherit": True} | each for each in frames[1:]],
+    }
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(model), encoding="utf-8")
 
 
 def _meshio(

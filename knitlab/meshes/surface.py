@@ -46,13 +46,44 @@ class SurfaceMesh:
             {name: np.repeat(values, 2, axis=0) for name, values in self.face_fields.items()},
         )
 
+    def edges(self) -> tuple[Int[np.ndarray, "edge 2"], Int[np.ndarray, "edge 2"]]:
+        """Edges in the direction of the face on their left, and the faces left and right, or -1."""
+        sides = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+        face = np.arange(len(sides)) // self.faces.shape[1]
+        _, first, edge = np.unique(
+            np.sort(sides, axis=1), return_index=True, return_inverse=True, axis=0
+        )
+        second = np.delete(np.arange(len(sides)), first)
+        right = np.full(len(first), -1)
+        right[edge.ravel()[second]] = face[second]
+        order = np.argsort(first)
+        return sides[first[order]], np.stack([face[first], right], axis=1)[order]
+
     def rim(self) -> tuple[Int[np.ndarray, "edge 2"], Int[np.ndarray, " edge"]]:
         """Edges of one face alone, in the direction of that face, and its number."""
-        edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        undirected = np.sort(edges, axis=1)
-        _, first, count = np.unique(undirected, return_index=True, return_counts=True, axis=0)
-        alone = np.sort(first[count == 1])
-        return edges[alone], alone // self.faces.shape[1]
+        edges, faces = self.edges()
+        alone = faces[:, 1] < 0
+        return edges[alone], faces[alone, 0]
+
+    def normals(self) -> Float[np.ndarray, "face 3"]:
+        """Unit normals of the faces; of a quad, at right angles to its diagonals."""
+        corners = self.nodes[self.faces]
+        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
+        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), LEAST)
+
+    def fold_angles(self) -> Float[np.ndarray, " edge"]:
+        """Angle between the faces of every edge, 0 if flat or at the rim, a valley positive [°]."""
+        edges, faces = self.edges()
+        along = self.nodes[edges[:, 1]] - self.nodes[edges[:, 0]]
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), LEAST)
+        # Quads need not be plane, nor their normals at right angles to their sides.
+        left, right = (
+            normal - (normal * along).sum(axis=1, keepdims=True) * along
+            for normal in self.normals()[faces].swapaxes(0, 1)
+        )
+        turn = (np.cross(right, left) * along).sum(axis=1)
+        angles = np.degrees(np.arctan2(turn, (left * right).sum(axis=1)))
+        return np.where(faces[:, 1] < 0, 0, angles)
 
 
 def grid_surface(
@@ -110,9 +141,7 @@ def mitred_normals(sheet: SurfaceMesh) -> Float[np.ndarray, "node 3"]:
     Along the mean of the normals, as far as serves these faces best; across a fold between two
     planes that is exact, up to :data:`MITRE_LIMIT`.
     """
-    corners = sheet.nodes[sheet.faces]
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), LEAST)
+    normals = sheet.normals()
     node, face = sheet.faces.ravel(), np.repeat(np.arange(len(normals)), 4)
     total = np.zeros_like(sheet.nodes)
     np.add.at(total, node, normals[face])

@@ -220,7 +220,10 @@ def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]
         letters = {to_hex(colour): letter for colour, letter in colours.items()}
     except ValueError as error:
         raise fault(str(path), f"{error}; name colours such as #ff0000") from error
-    names = [[to_hex(pixel[:3]) for pixel in line] for line in pixels]
+    names = [
+        ["transparent" if (pixel[3:] < 1).any() else to_hex(pixel[:3]) for pixel in line]
+        for line in pixels
+    ]
     for (y, x), name in np.ndenumerate(names):
         if name not in letters:
             problem = f"pixel {x + 1} of line {y + 1} is {name}, which colours gives no letter"

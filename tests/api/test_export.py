@@ -28,21 +28,32 @@ def results(tmp_path):
     return tmp_path / "periodic"
 
 
+def in_cloth(lengths):
+    """Lengths of the network of (4, 16), scaled by the root of the areas of a unit cell."""
+    cube = kl.open_cube(PREVIEW).sel(ONE)
+    areas = [float(cube[f"{kind}_cell_x"] * cube[f"{kind}_cell_y"]) for kind in ("knit", "relaxed")]
+    return np.sqrt(areas[0] / areas[1]) * lengths
+
+
 def test_a_cube_its_path_its_file_and_a_test_give_one_mesh(tmp_path):
     sources = [PREVIEW, str(PREVIEW / "cube.nc"), kl.open_cube(PREVIEW)]
     exported = [kl.export(each, tmp_path / "a.vtu", **ONE, applied_strain=0.15) for each in sources]
-    exported.append(kl.export(kept_file(), tmp_path / "a.vtu", applied_strain=0.15))
     for each in exported:
         assert each.files == (tmp_path / "a.vtu",)
         assert each.applied_strain == (0.15,)
+        assert each.unit == "mm"
         assert (each.meshes[0].nodes == exported[0].meshes[0].nodes).all()
+    # A case file alone has no gauge.
+    of_file = kl.export(kept_file(), tmp_path / "b.vtu", applied_strain=0.15)
+    assert of_file.unit == "mm of network"
+    np.testing.assert_allclose(in_cloth(of_file.meshes[0].nodes), exported[0].meshes[0].nodes)
     assert (meshio.read(tmp_path / "a.vtu").points == exported[0].meshes[0].nodes).all()
 
 
 def test_without_a_strain_the_shape_is_relaxed(tmp_path):
     exported = kl.export(PREVIEW, tmp_path / "a.obj", **ONE)
     assert exported.applied_strain == (0.0,)
-    relaxed = kept_file()["position"].values[0].reshape(-1, 3)
+    relaxed = in_cloth(kept_file()["position"].values[0].reshape(-1, 3))
     assert set(map(tuple, relaxed)) <= set(map(tuple, exported.meshes[0].nodes))
 
 
@@ -75,7 +86,7 @@ def test_a_thickness_gives_a_solid_to_print(tmp_path):
         ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, "strains 0, 0.3 for one mesh"),
         ("a.stl", ONE, {"thickness": 0.0}, "thickness 0: is not above 0 mm"),
         ("a.stl", ONE, {"thickness": float("nan")}, "thickness nan: is not above 0 mm"),
-        ("a.stl", ONE, {"thickness": 3.0}, r"thickness 3: is too large .* at most 0.17 mm"),
+        ("a.stl", ONE, {"thickness": 3.0}, r"thickness 3: is too large .* at most 0.54 mm"),
         ("a.stl", ONE, {"repeats": (0, 1)}, "repeats 0 1: is not 1 or more"),
     ],
 )
@@ -163,7 +174,7 @@ def test_the_command_says_what_it_wrote(tmp_path):
     assert said.exit_code == 0, said.output
     first, last = said.output.splitlines()
     assert first.startswith("applied_strain 0: 1617 nodes, 3072 triangles, ")
-    assert first.endswith(" mm of the model, 12 pairs of cells pass through each other")
+    assert first.endswith(" mm, 12 pairs of cells pass through each other")
     assert last == f"mesh    {output}"
 
 

@@ -9,7 +9,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.cube.cube_file import open_cube, read_cube, write_cube
 from knitlab.cube.derived import with_derived
-from knitlab.figures.kinds.design_map import CROSSES, LAST, auxetic_map
+from knitlab.figures.kinds.design_map import CROSSES, LAST, SNAPS, auxetic_map
 from knitlab.io.shipped import shipped
 
 REFERENCE = shipped("params").parent / "results" / "reference"
@@ -142,3 +142,12 @@ def test_find_shows_which_designs_pass_through_themselves():
     assert "intersections_at_min" not in kl.find(REFERENCE / "periodic", **asked).table
     table = kl.find(REFERENCE / "preview", **asked).table
     assert (table["intersections_at_min"] > 0).any()
+
+
+@pytest.mark.parametrize(("snaps_at", "marked"), [(1, True), (2, True), (3, False)])
+def test_a_snap_up_to_the_lowest_ratio_is_marked(snaps_at, marked):
+    cube = linear_cube(2)
+    snapped = xr.zeros_like(cube["reaction_force"])
+    snapped[..., snaps_at] = 1
+    (axes, *_) = auxetic_map([with_derived(cube.assign(snapped=snapped))]).axes
+    assert any(SNAPS[0] in text.get_text() for text in axes.texts) == marked

@@ -1,8 +1,11 @@
 """The output shown in the documentation is that of its commands and Python on the kept cubes."""
 
 import doctest
+import os
 import re
 import shlex
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +15,11 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.figures.claims_page import write_page
+from knitlab.sweep import run
+from knitlab.sweep.workers import Task
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import judged
+from tests.sweep import stand_in
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"
@@ -209,3 +215,65 @@ def test_own_yarn_goes_from_records_to_a_map_as_printed(tmp_path, monkeypatch):
         ("rib", 4),
         ("garter", 8),
     }
+
+
+STANDS_FOR = {
+    "WORKFLOW": "periodic",
+    "DESCRIPTION.toml": "workflows/laboratory/synthetic_4_16.toml",
+}
+"""What the placeholders of the pages stand for."""
+FURTHER = {"run": ("--workers", "0"), "design": ("--budget", "2")}
+TESTED_ELSEWHERE = {
+    "fit": "laboratory/test_fit.py",
+    "fitted.toml": "laboratory/test_fit.py",
+    "electrodes": "figures/test_sensor.py",
+    "--scheduler": "sweep/test_cluster.py",
+}
+"""What needs minutes, shapes or a cluster, and its tests in Python."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if "how-to" in page and examples(page)])
+def test_the_commands_of_a_page_run_with_a_stand_in_for_the_simulation(page, tmp_path, monkeypatch):
+    for name in ("docs", "params", "workflows", "results/reference"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    for example in examples(page):
+        words = [STANDS_FOR.get(word, word) for word in example.words]
+        if example in EXAMPLES or not TESTED_ELSEWHERE.keys().isdisjoint(words):
+            continue
+        commands = [["run", words[1]], words] if words[0] == "status" else [words]
+        for kind, *rest in commands:
+            with monkeypatch.context() as patched:
+                if kind == "run":
+                    patched.setattr(run, "Task", lambda _, *each: Task(stand_in.simulate, *each))
+                done = CliRunner().invoke(main, [kind, *map(kept, rest), *FURTHER.get(kind, ())])
+        assert done.exit_code == any("not met" in line for line in example.printed), done.output
+
+
+@pytest.mark.slow
+def test_the_job_of_the_guide_to_clusters_can_be_submitted_again_for_one_part(tmp_path):
+    page = (ROOT / "docs/how-to/cluster.md").read_text(encoding="utf-8")
+    (script,) = re.findall(r"^```bash\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert script.count("40") == 2
+    small = "periodic --set n_stripe=4 --set n_subunit=8,16,24 --set strain_max=0.03"
+    job = script.replace("40", "3").replace("WORKFLOW", f"{small} --set robustness=0")
+    (tmp_path / "knitlab").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m knitlab "$@"\n')
+    (tmp_path / "knitlab").chmod(0o755)
+    paths = {
+        "PATH": os.pathsep.join([str(tmp_path), os.environ["PATH"]]),
+        "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path]),
+    }
+    for simulated in (1, 0):
+        said = subprocess.run(
+            ["bash", "-c", job],
+            cwd=tmp_path,
+            env=os.environ | paths | {"SLURM_ARRAY_TASK_ID": "2", "SLURM_ARRAY_TASK_COUNT": "1"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert said.returncode == 0, said.stderr
+        there = f"{simulated} cases simulated, {1 - simulated} already there in shard 2/3"
+        assert there in said.stdout

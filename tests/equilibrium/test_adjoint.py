@@ -201,11 +201,11 @@ def test_derivatives_scale_as_the_model_does(name, request):
     """
     of = request.getfixturevalue(name)
     found = dict(zip(NAMES, of.sensitivities(), strict=True))
-    places = {key: k for k, key in enumerate(STRIPE_PARAMETERS)}
+    dofs = {key: k for k, key in enumerate(STRIPE_PARAMETERS)}
 
     def total(quantity, *parameters):
         return sum(
-            found[quantity][places[f"{knit}_{p}"]] for knit in ("rib", "garter") for p in parameters
+            found[quantity][dofs[f"{knit}_{p}"]] for knit in ("rib", "garter") for p in parameters
         )
 
     values = dict(zip(NAMES, of.measured_here(), strict=True))

@@ -53,21 +53,21 @@ def solved_by_subdomains(system, *args, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("places", [all_free, free_under_tension])
-def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains, sample, places):
+@pytest.mark.parametrize("dofs", [all_free, free_under_tension])
+def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains, sample, dofs):
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
     whole = ChunkedFabric(net.shape, fabric).evaluate(COMPLETE, at)
-    free = free_stiffness(net.shape, places(net.shape))
+    free = free_stiffness(net.shape, dofs(net.shape))
     found = list(subdomains_of(free))
     assert len(found) == 4
     for subdomain in found:
         own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
-        gradient = np.asarray(own.evaluate(COMPLETE, at[subdomain.places]).gradient)
-        movable = subdomain.free.places
+        gradient = np.asarray(own.evaluate(COMPLETE, at[subdomain.dofs]).gradient)
+        movable = subdomain.free.dofs
         np.testing.assert_allclose(
-            gradient[movable], np.asarray(whole.gradient)[subdomain.places[movable]], atol=1e-10
+            gradient[movable], np.asarray(whole.gradient)[subdomain.dofs[movable]], atol=1e-10
         )
 
 
@@ -80,12 +80,12 @@ def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
     own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
     before = loading.reference
     after = before.copy()
-    movable = subdomain.places[subdomain.free.places]
+    movable = subdomain.dofs[subdomain.free.dofs]
     after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
     costs = [
         float(of.evaluate(COMPLETE, after[where]).energy.total)
         - float(of.evaluate(COMPLETE, before[where]).energy.total)
-        for of, where in ((whole, slice(None)), (own, subdomain.places))
+        for of, where in ((whole, slice(None)), (own, subdomain.dofs))
     ]
     assert costs[0] == pytest.approx(costs[1], rel=1e-9)
     assert costs[0] > 0
@@ -94,15 +94,15 @@ def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
 def test_subdomains_move_every_free_unknown_and_no_held_one(small_subdomains, sample):
     net, _, loading = sample
     free = free_stiffness(net.shape, loading.free)
-    moved = np.unique(np.concatenate([b.places[b.free.places] for b in subdomains_of(free)]))
+    moved = np.unique(np.concatenate([b.dofs[b.free.dofs] for b in subdomains_of(free)]))
     np.testing.assert_array_equal(moved, loading.free)
 
 
 def test_subdomains_are_coupled_if_one_moves_nodes_that_act_on_the_other(small_subdomains, sample):
     net, _, loading = sample
     found = list(subdomains_of(free_stiffness(net.shape, loading.free)))
-    moves = [set(subdomain.places[subdomain.free.places].tolist()) for subdomain in found]
-    feels = [set(subdomain.places.tolist()) for subdomain in found]
+    moves = [set(subdomain.dofs[subdomain.free.dofs].tolist()) for subdomain in found]
+    feels = [set(subdomain.dofs.tolist()) for subdomain in found]
     expected = [
         [bool(moves[i] & feels[j] or moves[j] & feels[i]) for j in range(len(found))]
         for i in range(len(found))
@@ -164,20 +164,20 @@ def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
     system = equations(net, fabric)
     # Only the first subdomain moves this node.
     moved = sorted(
-        set(found[0].places[found[0].free.places].tolist()).difference(
-            *(other.places.tolist() for other in found[1:])
+        set(found[0].dofs[found[0].free.dofs].tolist()).difference(
+            *(other.dofs.tolist() for other in found[1:])
         )
     )
     unknowns = loading.reference.copy()
     unknowns[moved[-1]] += 0.02
     at = Point(unknowns)
     gradient = np.asarray(system.evaluate(at).gradient)
-    accepted = 0.5 * np.abs(gradient[free.places]).max()
+    accepted = 0.5 * np.abs(gradient[free.dofs]).max()
     assert [subdomain.force(gradient) > accepted for subdomain in found] == [True, *[False] * 3]
     solved, cost = solved_by_subdomains(system, at, free, DEFAULT, force_part=0.5)
     changed = np.flatnonzero(solved.unknowns != unknowns)
     assert cost > 0
-    assert set(changed) <= set(found[0].places[found[0].free.places])
+    assert set(changed) <= set(found[0].dofs[found[0].free.dofs])
     after = np.asarray(system.evaluate(solved).gradient)
     assert found[0].force(after) <= accepted
     _, cost_of_all = solved_by_subdomains(system, at, free, DEFAULT, force_part=0.0)
@@ -354,7 +354,7 @@ def extrapolated(sample, energy, passed, step_length=1e6, waiting=ROUNDS):
     """Position of a node after extrapolation from previous positions, with given energies;
     and how often subdomains are solved."""
     rules = slow(sample, step_length)
-    place = rules.free.places[0]
+    place = rules.free.dofs[0]
 
     def at(where):
         unknowns = sample[2].reference.copy()

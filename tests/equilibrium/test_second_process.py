@@ -44,10 +44,10 @@ def test_a_second_process_finds_the_same_solution(sample, divided):
     process = SecondProcess()
     for number, subdomain in enumerate(subdomains_of(free)):
         own = subdomain.fabric(fabric)
-        sent = subdomain.free.shape, subdomain.free.places, own
+        sent = subdomain.free.shape, subdomain.free.dofs, own
         # Sent twice, the second time only by its number.
         for start in (at.unknowns, at.unknowns + 1e-3):
-            begin = Point(start[subdomain.places])
+            begin = Point(start[subdomain.dofs])
             remote = process.solve(number, sent, begin, settings)
             with one_thread_of_blas():
                 system = System(subdomain.free.shape, own)

@@ -71,7 +71,7 @@ def test_gradient_and_stiffness_are_those_of_differences(law):
     at = shaken(flat_sheet(net, fabric), 0.1).flattened()
     free = free_stiffness(net.shape, all_free(net.shape))
     toward = np.random.default_rng(1).normal(size=at.shape)
-    toward[np.setdiff1d(np.arange(len(at)), free.places)] = 0
+    toward[np.setdiff1d(np.arange(len(at)), free.dofs)] = 0
     stored = jax.jit(lambda q: energy(net, fabric, Configuration.of(q, net.shape)).total)
     gradient, step = jax.jit(jax.grad(stored)), 1e-6
     slope = (stored(at + step * toward) - stored(at - step * toward)) / (2 * step)
@@ -81,7 +81,7 @@ def test_gradient_and_stiffness_are_those_of_differences(law):
     matrix = lower + np.tril(lower, -1).T
     slopes = (gradient(at + step * toward) - gradient(at - step * toward)) / (2 * step)
     np.testing.assert_allclose(
-        matrix @ toward[free.places], np.asarray(slopes)[free.places], rtol=1e-6, atol=1e-5
+        matrix @ toward[free.dofs], np.asarray(slopes)[free.dofs], rtol=1e-6, atol=1e-5
     )
 
 

@@ -70,11 +70,11 @@ def test_stiffness_is_the_slope_of_the_gradient(boundary, hinges):
         jax.grad(lambda q: energy(net, acting, Configuration.of(q, net.shape)).total)
     )
     toward = np.random.default_rng(1).normal(size=at.shape)
-    toward = jnp.zeros_like(at).at[free.places].set(toward[free.places])
+    toward = jnp.zeros_like(at).at[free.dofs].set(toward[free.dofs])
     step = 1e-5
     slope = (gradient(at + step * toward) - gradient(at - step * toward)) / (2 * step)
-    product = matrix @ np.asarray(toward)[free.places]
-    assert np.allclose(product, np.asarray(slope)[free.places], rtol=1e-6, atol=1e-7)
+    product = matrix @ np.asarray(toward)[free.dofs]
+    assert np.allclose(product, np.asarray(slope)[free.dofs], rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.slow
@@ -88,6 +88,6 @@ def test_walls_and_held_unknowns_enter_the_stiffness():
     exact = np.asarray(
         jax.hessian(lambda q: energy(net, fabric, Configuration.of(q, net.shape)).total)(at)
     )
-    assert np.allclose(matrix, exact[np.ix_(free.places, free.places)], atol=1e-12)
+    assert np.allclose(matrix, exact[np.ix_(free.dofs, free.dofs)], atol=1e-12)
     beyond = np.asarray(raised.positions[..., 2]) > 6.0
     assert 0 < beyond.sum() < beyond.size

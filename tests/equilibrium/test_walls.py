@@ -66,7 +66,7 @@ def test_no_force_is_left_in_the_model_after_the_step(
     fabric, unknowns = squeezed[1], displaced(squeezed[2], distance, seed)
     search, (step, curvature), _ = stepped(squeezed, unknowns, shift)
     heights = search.rules.free.heights
-    z, rise = unknowns[search.places[heights]], step[heights]
+    z, rise = unknowns[search.dofs[heights]], step[heights]
     before, after = np.abs(z) > Z_MAX, np.abs(z + rise) > Z_MAX
     assert ((after & ~before).sum(), (before & ~after).sum()) == (arrive, leave)
     # The quadratic model without walls, and these as they are after the step.

@@ -77,6 +77,12 @@ def test_a_shape_is_that_of_the_case_file(content):
     for case_id, shape in shown.items():
         with xr.open_dataset(PREVIEW / "cases" / f"{case_id}.nc") as case:
             positions, periods = case["position"].values, case["length_x"].values
+        design = open_cube(PREVIEW)
+        design = design.where(design["case_id"] == case_id, drop=True).squeeze()
+        area = float(design["knit_cell_x"] * design["knit_cell_y"])
+        factor = np.sqrt(area / float(design["relaxed_cell_x"] * design["relaxed_cell_y"]))
+        positions, periods = factor * positions, factor * periods
+        assert shape["unit"] == "mm"
         assert shape["frames"] == list(range(len(positions)))
         found = unpacked(shape, positions.shape)
         assert (np.abs(found - positions).max(axis=(0, 1, 2)) <= shape["error"]).all()

@@ -89,6 +89,13 @@ def test_a_carrier_that_knits_nothing_is_refused(tmp_path):
         kl.read_chart(path, carrier=9)
 
 
+def test_a_transparent_image_is_refused(tmp_path):
+    path = tmp_path / "chart.png"
+    Image.fromarray(np.zeros((4, 4, 4), "u1")).save(path)
+    with pytest.raises(kl.BadInput, match="has transparent pixels; save it opaque"):
+        kl.read_chart(path)
+
+
 def test_an_image_of_many_colours_is_refused(tmp_path):
     path = tmp_path / "chart.png"
     SAMPLE.save(path)

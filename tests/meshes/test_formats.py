@@ -216,6 +216,14 @@ def test_a_series_lists_a_file_for_every_strain(tmp_path):
     assert len([*tmp_path.rglob("*")]) == 4, "something unfinished is left"
 
 
+def test_a_series_that_is_written_again_leaves_no_mesh_of_the_earlier_one(sheet, tmp_path):
+    write_series([sheet] * 3, [0.0, 0.1, 0.2], tmp_path / "pulled.pvd")
+    (tmp_path / "pulled/notes.txt").write_text("mine")
+    write_series([sheet] * 2, [0.0, 0.15], tmp_path / "pulled.pvd")
+    left = {path.name for path in (tmp_path / "pulled").iterdir()}
+    assert left == {"strain_0.vtu", "strain_0.15.vtu", "notes.txt"}
+
+
 @pytest.mark.parametrize("suffix", [*FORMATS, ".VTU", ".STL"])
 def test_a_file_that_cannot_be_written_leaves_nothing(sheet, tmp_path, suffix):
     (tmp_path / "taken").write_text("a file where a folder should be")

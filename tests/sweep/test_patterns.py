@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 from pydantic import ValidationError
 
 import knitlab as kl
@@ -141,6 +142,18 @@ def test_text_and_image_give_the_same_pattern(tmp_path_factory, rows):
     text = kl.Pattern(map="map.txt").patches(folder)
     image = kl.Pattern(image="map.png", colours=colours).patches(folder)
     assert text == image == tuple(rows)
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "LA", "P"])
+def test_transparent_pixels_of_an_image_are_refused_by_their_position(tmp_path, mode):
+    pixels = np.full((3, 2, 4), 255, np.uint8)
+    pixels[2, 1, 3] = 0
+    drawn = Image.fromarray(pixels)
+    shown = drawn if mode == "RGBA" else drawn.convert(mode)
+    shown.save(tmp_path / "map.png")
+    pattern = kl.Pattern(image="map.png", colours={"white": "R"})
+    with pytest.raises(BadInput, match=r"pixel 2 of line 3 is transparent.* it has #ffffff"):
+        pattern.patches(tmp_path)
 
 
 def test_a_colour_without_a_letter_is_named_with_its_place(tmp_path):

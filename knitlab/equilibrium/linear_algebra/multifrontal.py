@@ -64,7 +64,7 @@ class Multifrontal:
         """
         self._solves.restart()
         self.stored[:] = 0
-        self.stored[self.plan.places] = entries
+        self.stored[self.plan.positions] = entries
         self._failed.clear()
         *halves, top = self._parts
         factored = self._threads.each(lambda half: half.factorise(convexified), halves)

@@ -177,7 +177,7 @@ class Front:
         (pivots,), (coupling,) = columns_of_group([self], stored)
         return pivots, coupling
 
-    def updated(self, stack: Float[np.ndarray, " place"]) -> Float[np.ndarray, "boundary boundary"]:
+    def updated(self, stack: Float[np.ndarray, " entry"]) -> Float[np.ndarray, "boundary boundary"]:
         """View of its update."""
         boundary = len(self.boundary)
         return stack[self.update : self.update + boundary**2].reshape(boundary, boundary).T
@@ -203,7 +203,7 @@ class NestedDissection:
     order: Int[np.ndarray, " unknown"]  # the unknowns as eliminated
     # two independent halves, and the last front
     parts: tuple[Sequence[Front], Sequence[Front], Sequence[Front]]
-    places: Int[np.ndarray, " nonzero"]  # of lower non-zeros in the factor
+    positions: Int[np.ndarray, " nonzero"]  # of lower non-zeros in the factor
     stored: int  # entries of the factor
     stack: int  # largest number of entries of pending updates
 
@@ -238,14 +238,14 @@ def planned(
     fronts, stack = _fronts(starts, boundaries, parents, levels, stored, middle)
 
     within = column - starts[front]
-    places = stored[front] + within * sizes[front] + row - starts[front]
+    positions = stored[front] + within * sizes[front] + row - starts[front]
     boundary_keys = np.repeat(np.arange(len(sizes)), lengths) * len(order)
     boundary_keys += np.concatenate(boundaries)
     front, within = front[outside], within[outside]
     rank = np.searchsorted(boundary_keys, keys) - (np.cumsum(lengths) - lengths)[front]
-    places[outside] = stored[front] + sizes[front] ** 2 + within * lengths[front] + rank
+    positions[outside] = stored[front] + sizes[front] ** 2 + within * lengths[front] + rank
     parts = fronts[:middle], fronts[middle:-1], fronts[-1:]
-    return NestedDissection(order, parts, places, int(entries.sum()), stack)
+    return NestedDissection(order, parts, positions, int(entries.sum()), stack)
 
 
 def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"]) -> int:
@@ -253,9 +253,9 @@ def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"])
     last = len(parents) - 1
     within = np.where(parents[:last] < last, parents[:last], -1)
     reached = np.maximum.accumulate(np.append(-1, within))
-    places = np.flatnonzero(reached < np.arange(last + 1))
+    positions = np.flatnonzero(reached < np.arange(last + 1))
     done = np.append(0, np.cumsum(work[:last]))
-    return int(places[np.abs(done[places] - done[-1] / 2).argmin()])
+    return int(positions[np.abs(done[positions] - done[-1] / 2).argmin()])
 
 
 def _boundaries(

@@ -26,13 +26,13 @@ from knitlab.fabric.threads import ALONE, Threads
 LEAST_GROUP = 4  # number of fronts from which a group pays off
 WORTH_SHARING = 3 * 10**7  # entries of a factor above which a second thread pays off in a solve
 
-Places = Int[np.ndarray, " _"]
+Positions = Int[np.ndarray, " _"]
 
 
 class FrontSolves:
     """Triangular solves of one front, in place in a vector in elimination order."""
 
-    def __init__(self, front: Front, boundary: Places, stored: Vector, vector: Vector) -> None:
+    def __init__(self, front: Front, boundary: Positions, stored: Vector, vector: Vector) -> None:
         pivots, coupling = front.columns(stored)
         own, self._work = vector[front.pivots], np.empty(len(boundary), vector.dtype)
         self._vector, self._boundary = vector, boundary
@@ -59,7 +59,11 @@ class GroupSolves:
     """The same of groupable fronts of one level and size, which are stored one after another."""
 
     def __init__(
-        self, fronts: Sequence[Front], boundaries: Sequence[Places], stored: Vector, vector: Vector
+        self,
+        fronts: Sequence[Front],
+        boundaries: Sequence[Positions],
+        stored: Vector,
+        vector: Vector,
     ) -> None:
         starts = np.array([front.pivots.start for front in fronts])
         self._pivots = starts[:, None] + np.arange(fronts[0].size)
@@ -114,8 +118,8 @@ class TriangularSolves:
 
     def restart(self) -> None:
         """Forget the changes of the diagonal; the factor has been overwritten."""
-        self._update: tuple[Places, Float[np.ndarray, "row changed"], np.ndarray] | None = None
-        self._columns: dict[int, tuple[Places, Vector]] = {}
+        self._update: tuple[Positions, Float[np.ndarray, "row changed"], np.ndarray] | None = None
+        self._columns: dict[int, tuple[Positions, Vector]] = {}
 
     def solve(self, rhs: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
         """The x of matrix × x = ``rhs``, with the changes of the diagonal, if any."""
@@ -165,19 +169,19 @@ class TriangularSolves:
         self._update = rows, dense, weights.astype(dense.dtype)
         return True
 
-    def _column(self, unknown: int) -> tuple[Places, Vector]:
+    def _column(self, unknown: int) -> tuple[Positions, Vector]:
         """L⁻¹ times an unknown's unit vector: rows, of its front and ancestors, and values."""
         if unknown not in self._columns:
-            places, passed = np.flatnonzero(self._order == unknown), list[Places]()
+            positions, passed = np.flatnonzero(self._order == unknown), list[Positions]()
             self._vector[:] = 0
-            self._vector[places] = 1
-            while len(places):
-                number = int(np.searchsorted(self._starts, places[0], side="right")) - 1
+            self._vector[positions] = 1
+            while len(positions):
+                number = int(np.searchsorted(self._starts, positions[0], side="right")) - 1
                 self._reduce_one(number)
                 pivots = self._fronts[number].pivots
                 passed.append(np.arange(pivots.start, pivots.stop))
                 # The front that its update is added to.
-                places = self._boundaries[number]
+                positions = self._boundaries[number]
             rows = np.concatenate(passed)
             self._columns[unknown] = rows, self._solution[rows]
         return self._columns[unknown]

@@ -210,7 +210,7 @@ class ShapeView {
       element(
         "p",
         {},
-        "Lines are patch borders. Lengths are those of the model, before the gauge. ",
+        `Lines are patch borders. Lengths are in ${shape.unit}. `,
         `Positions are off by ${number(error, 2)} mm at most, as this page stores them in 12 bits.`,
         shape.note ? ` Shown: ${shape.note}.` : "",
         this.renderer.name === "canvas"

@@ -16,6 +16,7 @@ from knitlab.cube.strain_window import with_columns
 from knitlab.figures.cells import EMPTY, PERIODS_LABEL, designs_of, draw_map, marks_legend
 from knitlab.figures.found_designs import non_dominated
 from knitlab.figures.kinds import FigureKind
+from knitlab.figures.kinds.curves import snapped_before
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 
@@ -23,6 +24,7 @@ LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
 CROSSES = "† the simulated fabric passes through itself there, which no real one can"
 LAST = "‡ lowest at the last strain of the test: ν may fall further"
+SNAPS = "§ the fabric snaps on the way there: another shape would have another ν"
 ENDS = "‡ the test ends within the working range: it may be wider"
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
@@ -72,8 +74,12 @@ def _notes(name: str, design: xr.Dataset) -> list[str]:
     notes = []
     if name.startswith("poisson_ratio") and crossing in design and float(design[crossing]) > 0:
         notes.append(CROSSES)
-    if name == "poisson_ratio_min" and float(design["applied_strain_at_min"]) >= last > 0:
-        notes.append(LAST)
+    if name == "poisson_ratio_min":
+        at = float(design["applied_strain_at_min"])
+        if at >= last > 0:
+            notes.append(LAST)
+        if snapped_before(design)[design["applied_strain"].values <= at + 1e-9].any():
+            notes.append(SNAPS)
     if name == "working_range" and "working_start" in design:
         end = float(design["working_start"] + design["working_range"])
         notes += [ENDS] if end >= last - 1e-9 else []

@@ -16,6 +16,7 @@ from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import RegularGridInterpolator
 
+from knitlab.cube.case_file import length_unit
 from knitlab.figures import sheets
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
@@ -56,7 +57,8 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
-    sheets.draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)))
+    unit = length_unit(case)
+    sheets.draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)), unit)
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
     lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=0.6)
     axes.add_collection(lines)
@@ -68,7 +70,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     state += sheets.state_text(float(case["applied_strain"][0]))
     axes.set_title("\n".join([sheets.design_text(case), state, "; ".join(notes)]), fontsize=7)
     colours = mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS)
-    figure.colorbar(colours, ax=axes, label="height z [mm of network]", shrink=0.8)
+    figure.colorbar(colours, ax=axes, label=f"height z [{unit}]", shrink=0.8)
     return figure
 
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from knitlab.cube.case_file import length_unit
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.cells import design_name, designs_of
@@ -121,8 +122,8 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         cells_y, cells_x = state["strain_xx"].shape
         shown = state_text(float(state["applied_strain"]))
         axes.set(title=f"{design}\n{cells_x} × {cells_y} cells\n{shown}", xlabel="", ylabel="")
-    grid[0].set_ylabel("y, warp [mm of network]")
-    figure.supxlabel("x, weft [mm of network]", fontsize="medium")
+    grid[0].set_ylabel(f"y, warp [{length_unit(cases[0])}]")
+    figure.supxlabel(f"x, weft [{length_unit(cases[0])}]", fontsize="medium")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
     by_strain.bar(figure, list(grid), label=label, shrink=0.8, aspect=30)
     return figure
