@@ -9,6 +9,7 @@ from .api.cubes import find as find
 from .api.cubes import query as query
 from .api.design import design as design
 from .api.knitting import knit as knit
+from .api.knitting import read_chart as read_chart
 from .api.laboratory import calibrate as calibrate
 from .api.laboratory import fit as fit
 from .api.laboratory import import_records as import_records

@@ -20,8 +20,10 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.fingerprint import provenance
 from knitlab.knitting.chart import Face
+from knitlab.knitting.chart_files import Edge, read_stitches
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
+from knitlab.knitting.patches import ReadChart, patches_of
 from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Prediction, Specification
 from knitlab.knitting.stitch_chart import is_turned, stitch_chart
@@ -190,6 +192,37 @@ def knit(
     else:
         single = single_design(design, settings, {})
     return knitted(single, repeats, needles, face, machine)
+
+
+def read_chart(
+    path: str | Path, *, first: Edge = "bottom", carrier: int | None = None
+) -> ReadChart:
+    """Read any stitch chart as a pattern: its patches, their stripes, and what is neither.
+
+    Args:
+        path: rows of text, with ``k``, ``K``, ``1`` or ``.`` for a knit and ``p``, ``P``, ``0`` or
+            ``-`` for a purl, as seen from the front; a ``.csv`` of :meth:`.KnitSample.save`; an
+            image with one pixel a stitch in two colours, of which the darker is purl; or knitout
+            (``.k``).
+        first: edge of a text or an image that is knitted first, ``"bottom"`` or ``"top"``.
+        carrier: of knitout, the carrier whose stitches are read; by default that with most.
+
+    Returns:
+        Its ``pattern()`` for designs and workflows, ``n_stripe`` and ``n_subunit``, its ``chart``,
+        and ``problems``, with the courses and wales that no pattern represents.
+
+    Raises:
+        BadInput: if the file is no chart.
+
+    Example:
+        >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
+        >>> read = kl.read_chart(sample.save(folder / "sample.k"))
+        >>> read.pattern().rows, read.n_stripe, read.n_subunit, read.problems
+        (('GR', 'RG'), 4, 16, ())
+    """
+    path = Path(path)
+    stitches, remark = read_stitches(path, first, carrier)
+    return patches_of(stitches, f"{path.name} ({remark})" if remark else path.name)
 
 
 def knitted(

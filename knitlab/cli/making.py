@@ -1,8 +1,8 @@
-"""Commands towards a sample: ``design``, ``knit``, ``export``."""
+"""Commands towards a sample: ``design``, ``knit``, ``read``, ``export``."""
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -126,6 +126,47 @@ def knit(
     options.exit_unless(not checked.faults)
 
 
+@click.command("read")
+@click.argument("chart", type=options.FILE)
+@click.option(
+    "--first",
+    type=click.Choice(["bottom", "top"]),
+    default="bottom",
+    help="Edge of a text or an image that is knitted first.",
+)
+@click.option(
+    "--carrier",
+    type=options.COUNT,
+    help="Of knitout, the carrier to read; by default that with most stitches.",
+)
+@options.output("File for the pattern, .toml, for [design] pattern_files.")
+def read(
+    chart: Path, first: Literal["bottom", "top"], carrier: int | None, output: Path | None
+) -> None:
+    """Find the patches and stripes of any stitch CHART.
+
+    CHART is rows of text (k . 1 knit, p - 0 purl, seen from the front), a table of knitlab knit, an
+    image with one pixel a stitch in two colours, the darker purl, or knitout (.k).
+    Exit code 1 if it has stitches that the model cannot represent; they are named.
+    """
+    from knitlab.api.knitting import read_chart
+    from knitlab.knitting.patches import pattern_name
+    from knitlab.sweep.parameters import defaults
+
+    found = read_chart(chart, first=first, carrier=carrier)
+    for name, value in found.summary(defaults().gauge):
+        click.echo(f"{name:13} {value}")
+    if output is not None:
+        click.echo(f"{'pattern':13} {found.save_pattern(output)}")
+        sizes = f"n_stripe={found.n_stripe} --set n_subunit={found.n_subunit}"
+        pattern = f"pattern_files={output} --set pattern={pattern_name(output)}"
+        start = f" --set garter_start={found.garter_start}" if "G" in found.letters else ""
+        run = f"knitlab run periodic --set {pattern} --set {sizes}{start}"
+        click.echo(f"{'to run':13} {run}")
+    options.echo_first([f"knitlab: {problem}" for problem in found.problems], err=True)
+    options.exit_unless(not found.problems)
+
+
 @click.command()
 @click.argument("cube", type=options.PATH)
 @options.select
@@ -177,4 +218,4 @@ def export(
     click.echo(f"mesh    {exported.files[0]}")
 
 
-COMMANDS = (design, knit, export)
+COMMANDS = (design, knit, read, export)

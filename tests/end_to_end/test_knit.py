@@ -15,6 +15,8 @@ PREVIEW = "results/reference/periodic"
 DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
 SMALL = ("periodic", "--set", "n_stripe=2", "--set", "n_subunit=8")
 
+CHART = "tests/knitting/checkerboard.txt"
+
 
 def run(*words):
     return CliRunner().invoke(main, ["knit", *map(str, words)])
@@ -162,3 +164,24 @@ def test_what_leaves_for_the_machine_says_which_yarn_it_needs(tmp_path):
     assert "needs" not in usual
     assert "yarn          that of the paper" in usual
     assert "case          4-16-" in usual
+
+
+def test_a_chart_is_read_as_a_pattern_that_a_workflow_takes(tmp_path):
+    output = tmp_path / "mine.toml"
+    result = CliRunner().invoke(
+        main, ["read", "tests/knitting/checkerboard.txt", "-o", str(output)]
+    )
+    assert result.exit_code == 0, result.output
+    assert "patch         courses 1 to 16, wales 1 to 8: rib, stripes of 2 wales" in result.output
+    words = result.output.split("knitlab run ")[1].split()
+    path = tmp_path / "again.csv"
+    assert run(*words, "-o", path).exit_code == 0
+    assert (kl.read_chart(path).chart.front == kl.read_chart(CHART).chart.front).all()
+
+
+def test_what_no_pattern_has_ends_with_exit_code_1(tmp_path):
+    path = tmp_path / "chart.txt"
+    path.write_text("kkpp\nkpkp\n", encoding="utf-8")
+    result = CliRunner().invoke(main, ["read", str(path)])
+    assert result.exit_code == 1
+    assert "neither rib nor garter" in result.output
