@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from knitlab.cli.output import droppable_output
 from knitlab.io.errors import BadInput, Fault, fault
 
 if TYPE_CHECKING:
@@ -32,6 +33,11 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 class CommandGroup(click.Group):
     """Commands that explain bad input in sentences, and end with exit code 2."""
+
+    def main(self, *args: Any, **named: Any) -> Any:
+        """Run the command line; the work of a command never depends on what it shows."""
+        with droppable_output():
+            return super().main(*args, **named)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that is named."""

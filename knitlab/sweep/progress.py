@@ -20,7 +20,8 @@ SECONDS_BETWEEN_CLOCKS = 1.0  # time between updates of the elapsed time on a te
 class ProgressBar:
     """A bar over all states of some cases; off a terminal a line every half minute."""
 
-    def __init__(self, cases: Mapping[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
+    def __init__(self, cases: Mapping[str, Case], shown: bool, file: TextIO | None = None) -> None:
+        file = file or sys.stderr
         self._cases = cases
         self._states = dict.fromkeys(cases, 0.0)
         self._ended = 0

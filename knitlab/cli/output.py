@@ -1,0 +1,52 @@
+"""Output that may end: what is shown is dropped once nobody takes it, and work goes on."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+
+class Droppable:
+    """A text stream that drops what cannot be written: a pipe is closed, or a disk full."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text, or drop it."""
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except (OSError, ValueError):
+            # What is buffered, and what other processes write here, goes nowhere from now on.
+            with suppress(OSError, ValueError):
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, self._stream.fileno())
+                os.close(nowhere)
+        return len(text)
+
+    def flush(self) -> None:
+        """Do nothing: every text is written at once."""
+
+
+@contextmanager
+def droppable_output() -> Iterator[None]:
+    """Standard output and error that may end, also from the start (``2>&-``)."""
+    streams = sys.stdout, sys.stderr
+    for stream, descriptor in zip(streams, (1, 2), strict=True):
+        if stream is None:
+            # Else the next file that is opened would be taken for it.
+            with suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+    sys.stdout, sys.stderr = (
+        Droppable(open(os.devnull, "w", encoding="utf-8") if stream is None else stream)  # noqa: PTH123, SIM115
+        for stream in streams
+    )
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = streams
