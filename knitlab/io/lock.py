@@ -36,8 +36,8 @@ def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
     """
     with gate(folder) as locks:
         if not locks and shard is not None:
-            own = folder / f"{_shard_lock(*shard)}.json"
-            if {*folder.glob(f"{LOCK_NAME}-shard-*.json")} - {own}:
+            own = _holder_path(folder, _shard_lock(*shard))
+            if {*folder.glob(_holder_path(folder, f"{LOCK_NAME}-shard-*").name)} - {own}:
                 problem = "is on a file system without locks, and another shard ran in it; give"
                 raise fault(str(folder), f"{problem} each a folder of its own and merge them")
         if shard is not None:
@@ -107,8 +107,7 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AbstractContextM
     holder += f" since {datetime.now().isoformat(timespec='seconds')}"
     holder += f" (shard {shard[1]} of {shard[2]})" if shard else ""
     with suppress(OSError):  # the lock works without the file that names its holder
-        # Beside the lock: a locked file itself cannot be read on Windows.
-        (folder / f"{name}.holder").write_text(holder, encoding="utf-8")
+        _holder_path(folder, name).write_text(holder, encoding="utf-8")
     return lock
 
 
@@ -121,5 +120,10 @@ def _refuse_unless_without_locks(folder: Path, error: OSError) -> None:
 def _in_use(folder: Path, name: str) -> BadInput:
     by = "another process"
     with suppress(OSError, ValueError):
-        by = (folder / f"{name}.holder").read_text(encoding="utf-8") or by
+        by = _holder_path(folder, name).read_text(encoding="utf-8") or by
     return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")
+
+
+def _holder_path(folder: Path, name: str) -> Path:
+    """The file beside a lock that names its holder; a locked file is not readable on Windows."""
+    return folder / f"{name}.holder"
