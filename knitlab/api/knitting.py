@@ -273,6 +273,10 @@ def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tup
     width, height = design.gauge.stitch_width, design.gauge.stitch_height
     rows = [("yarn", design.material or "that of the paper, params/stripes.toml")]
     differences = []
+    if case.folds:
+        angles = ", ".join(sorted({f"{fold.theta_0:.3g} rad" for fold in case.folds}))
+        problem = f"no stitch is known to make single folds of a rest angle, here {angles}, and"
+        differences.append(f"{problem} 1 × 1 rib is narrower than the gauge: knit a swatch first")
     for stripe in dict.fromkeys((case.weft, case.warp)):
         needed = {name: getattr(stripe, name) for name in STRIPE_QUANTITIES}
         numbers = ", ".join(f"{name} {value:.4g} {UNITS[name]}" for name, value in needed.items())
