@@ -127,7 +127,8 @@ class ReadChart:
                     problem = f"{where}: a patch of this size, {band.size}, holds no even number of"
                     yield f"{problem} stripes; take a multiple of one of {fitting}"
                 elif n is None:
-                    yield f"{where}: {stripes[axis]} {band.stripe} courses high; take an even number"
+                    problem = f"{where}: garter stripes {band.stripe} courses high"
+                    yield f"{problem}; take an even number"
                 elif n not in self._known:
                     known = ", ".join(map(str, self._known))
                     problem = f"{where}: {stripes[axis]} of n_stripe {n}, measured are {known}"
