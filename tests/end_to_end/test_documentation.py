@@ -239,6 +239,8 @@ def test_the_commands_of_a_page_run_with_a_stand_in_for_the_simulation(page, tmp
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
+    if table := re.search(r"^```toml\n(.*?)^```$", (ROOT / page).read_text("utf-8"), re.M | re.S):
+        Path("mine.toml").write_text(table[1], "utf-8")
     for example in examples(page):
         words = [STANDS_FOR.get(word, word) for word in example.words]
         compared = example in EXAMPLES and "-o" not in words
@@ -281,3 +283,11 @@ def test_the_job_of_the_guide_to_clusters_can_be_submitted_again_for_one_part(tm
         assert said.returncode == 0, said.stderr
         there = f"{simulated} cases simulated, {1 - simulated} already there in shard 2/3"
         assert there in said.stdout
+
+
+def test_the_workflow_of_the_guide_can_be_planned(tmp_path, monkeypatch):
+    page = (ROOT / "docs/how-to/write_workflow.md").read_text("utf-8")
+    monkeypatch.chdir(tmp_path)
+    Path("wide.toml").write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], "utf-8")
+    done = CliRunner(catch_exceptions=False).invoke(main, ["plan", "wide.toml"])
+    assert done.exit_code == 0, done.output
