@@ -70,7 +70,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
 )
 @options.repeatable(
     "--machine changes",
-    "Override a value of params/machine.toml, such as end=drop.",
+    "Override a value of params/machine.toml, such as end=drop or model=Kniterate.",
     metavar="KEY=VALUE",
 )
 @options.repeatable(
