@@ -21,6 +21,7 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.fingerprint import provenance
 from knitlab.knitting.chart import Face
 from knitlab.knitting.chart_files import Edge, read_stitches
+from knitlab.knitting.instructions import instructions
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
 from knitlab.knitting.patches import ReadChart, patches_of
@@ -43,7 +44,7 @@ from knitlab.sweep.workflow_file import Overrides, read_overrides
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KNITOUT, TABLE = ".k", ".csv"
+KNITOUT, TABLE, WORDS = ".k", ".csv", ".txt"
 MOST_NAMED = 6  # designs that a message lists
 
 
@@ -99,12 +100,29 @@ class KnitSample(Specification):
         with print_style():
             return specification_sheet(self)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the knitout or the chart.
+    def instructions(self, *, in_the_round: bool = False) -> str:
+        """The chart in words, to knit it by hand.
+
+        Args:
+            in_the_round: whether all rows are rounds, knitted on the right side.
+
+        Returns:
+            A line for each group of like rows, such as "Row 1 (RS): *k4, p4; rep from * to end.".
+
+        Example:
+            >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
+            >>> sample.instructions(in_the_round=True).splitlines()[5]
+            'Rounds 1 to 8: k16, [p4, k4] 2 times.'
+        """
+        return instructions(self.chart, in_the_round)
+
+    def save(self, path: str | Path, *, in_the_round: bool = False) -> Path:
+        """Write the knitout, the chart or its words.
 
         Args:
             path: the file; its suffix says what: ``.k`` knitout, ``.csv`` the chart as a table,
-                ``.svg``, ``.png`` or ``.pdf`` the chart as a figure.
+                ``.svg``, ``.png`` or ``.pdf`` the chart as a figure, ``.txt`` the instructions.
+            in_the_round: of instructions, as in :meth:`instructions`.
 
         Raises:
             BadInput: if it has another suffix, or cannot be written.
@@ -116,7 +134,10 @@ class KnitSample(Specification):
             draw_into(self.chart_figure, path)
         else:
             with atomic_write(path) as temporary:
-                text = self.program if suffix == KNITOUT else self.chart.table()
+                if suffix == WORDS:
+                    text = self.instructions(in_the_round=in_the_round)
+                else:
+                    text = self.program if suffix == KNITOUT else self.chart.table()
                 temporary.write_text(text, encoding="utf-8", newline="\n")
         return path
 
@@ -252,6 +273,10 @@ def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tup
     width, height = design.gauge.stitch_width, design.gauge.stitch_height
     rows = [("yarn", design.material or "that of the paper, params/stripes.toml")]
     differences = []
+    if case.folds:
+        angles = ", ".join(sorted({f"{fold.theta_0:.3g} rad" for fold in case.folds}))
+        problem = f"no stitch is known to make single folds of a rest angle, here {angles}, and"
+        differences.append(f"{problem} 1 × 1 rib is narrower than the gauge: knit a swatch first")
     for stripe in dict.fromkeys((case.weft, case.warp)):
         needed = {name: getattr(stripe, name) for name in STRIPE_QUANTITIES}
         numbers = ", ".join(f"{name} {value:.4g} {UNITS[name]}" for name, value in needed.items())
@@ -273,7 +298,7 @@ def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tup
 
 def check_output(path: Path) -> None:
     """Raise ``BadInput`` if the suffix of a file says neither knitout nor a chart."""
-    known = (KNITOUT, TABLE, *FIGURE_SUFFIXES)
+    known = (KNITOUT, TABLE, WORDS, *FIGURE_SUFFIXES)
     if path.suffix.lower() not in known:
         problem = f"has no suffix of knitout or a chart; give {', '.join(known)}"
         raise fault(f"output {path}", problem)

@@ -70,14 +70,15 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
 )
 @options.repeatable(
     "--machine changes",
-    "Override a value of params/machine.toml, such as end=drop.",
+    "Override a value of params/machine.toml, such as end=drop or model=Kniterate.",
     metavar="KEY=VALUE",
 )
 @options.repeatable(
     "-o --output outputs",
-    "File: .k knitout; .svg, .png or .pdf the stitch chart; .csv the chart as a table.",
+    "File: .k knitout; .svg, .png or .pdf the stitch chart; .csv a table; .txt words for hands.",
     type=options.FILE,
 )
+@click.option("--in-the-round", is_flag=True, help="Words for rounds, in place of rows to and fro.")
 @options.repeatable(
     "--sheet sheets", "File for the specification sheet, .pdf, .svg or .png.", type=options.FILE
 )
@@ -91,6 +92,7 @@ def knit(
     face: Any,
     changes: tuple[str, ...],
     outputs: tuple[Path, ...],
+    in_the_round: bool,
     sheets: tuple[Path, ...],
     check: bool,
 ) -> None:
@@ -114,7 +116,8 @@ def knit(
     for remark in sample.remarks:
         click.echo(f"remark: {remark}", err=True)
     for path in outputs:
-        click.echo(f"{'knitout' if path.suffix == '.k' else 'chart':13} {sample.save(path)}")
+        kind = {".k": "knitout", ".txt": "instructions"}.get(path.suffix, "chart")
+        click.echo(f"{kind:13} {sample.save(path, in_the_round=in_the_round)}")
     for path in sheets:
         click.echo(f"{'sheet':13} {sample.save_sheet(path)}")
     if not check:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -69,8 +70,9 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     except FileNotFoundError as error:
         problem = "does not exist; run a workflow or import an experiment first"
         raise fault(str(path), problem) from error
-    except (OSError, ValueError) as error:
-        raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+    except (OSError, ValueError, RuntimeError) as error:
+        problem = f"is not a netCDF file, or a damaged one ({error}); give a cube.nc"
+        raise fault(str(path), problem) from error
     if "status" in cube:
         cube = _in_order(cube)
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
@@ -120,9 +122,11 @@ def _opened(path: Path) -> xr.Dataset:
             problem = "is opened for writing by another program; close it there, or set"
             remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
             raise fault(str(path), remedy) from error
-        dataset = xr.open_dataset(path.read_bytes(), engine="netcdf4")
-        dataset.encoding["source"] = str(path)
-        return dataset
+        with suppress(OSError, ValueError, RuntimeError):
+            dataset = xr.open_dataset(path.read_bytes(), engine="netcdf4")
+            dataset.encoding["source"] = str(path)
+            return dataset
+        raise
 
 
 def design_dims(cube: xr.Dataset) -> tuple[str, ...]:

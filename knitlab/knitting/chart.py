@@ -31,7 +31,7 @@ class StitchChart:
     front: Bool[np.ndarray, "course wale"]  # a stitch of the back bed shows its reverse, a purl
     plated: Int[np.ndarray, "course wale"]  # number of the electrode: 1 A, 2 B, 0 none
     plated_face: tuple[Face, Face]  # of the fabric, that the conductor of each lies on
-    knit: np.ndarray  # of every patch, lowest row first: rib, garter or plain
+    knit: np.ndarray  # of every patch, lowest row first: rib, garter, plain or panel (of folds)
     row_borders: Int[np.ndarray, " border_y"]  # courses at which patches begin and end
     column_borders: Int[np.ndarray, " border_x"]  # wales at which they do
     repeat: tuple[int, int]  # courses and wales of the pattern that repeats

@@ -120,14 +120,15 @@ class ReadChart:
         stripes = {"course": "garter stripes", "wale": "ribs"}
         for axis, bands in (("course", self.rows), ("wale", self.columns)):
             for band in bands:
-                where = f"{axis}s {band.start + 1} to {band.stop}"
+                where = _span(axis, np.arange(band.start, band.stop))
                 n = self._n(axis, band)
                 if n is None and band.stripe is None:
                     fitting = ", ".join(str(2 * PER_RIB_STITCH[axis] * n) for n in self._known)
-                    problem = f"{where}: a patch of {band.size} {axis}s holds no even number of"
+                    problem = f"{where}: a patch of this size, {band.size}, holds no even number of"
                     yield f"{problem} stripes; take a multiple of one of {fitting}"
                 elif n is None:
-                    yield f"{where}: {stripes[axis]} of {band.stripe} {axis}s; take an even number"
+                    problem = f"{where}: garter stripes {band.stripe} courses high"
+                    yield f"{problem}; take an even number"
                 elif n not in self._known:
                     known = ", ".join(map(str, self._known))
                     problem = f"{where}: {stripes[axis]} of n_stripe {n}, measured are {known}"
@@ -201,7 +202,11 @@ class ReadChart:
             if knit != "plain":
                 width, of = (column.stripe, "wales") if knit == "rib" else (row.stripe, "courses")
                 stripe = f", stripes of {width} {of}"
-            yield "patch", f"{_place('courses', row)}, {_place('wales', column)}: {knit}{stripe}"
+            places = (
+                _span(axis, np.arange(band.start, band.stop))
+                for axis, band in (("course", row), ("wale", column))
+            )
+            yield "patch", f"{', '.join(places)}: {knit}{stripe}"
 
     def flat_size(self, gauge: Gauge) -> tuple[float, float]:
         """Width and length in cloth before it folds, by the size of a stitch [mm]."""
@@ -236,10 +241,6 @@ def pattern_name(path: Path) -> str:
     """Name of the pattern in a file."""
     name = re.sub(r"\W+", "_", path.stem)
     return name if is_pattern_name(name) else f"{name}_chart"
-
-
-def _place(name: str, band: Band) -> str:
-    return f"{name} {band.start + 1} to {band.stop}"
 
 
 def _span(name: str, found: np.ndarray) -> str:

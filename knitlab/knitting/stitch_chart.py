@@ -13,6 +13,9 @@ front stripe of rib is a mountain, one of garter a valley. With ``fold_phase = "
 folds of the model run along the middles of these stripes and point to these sides. With
 ``"stripe_border"`` they run half a stripe later, where the model's stripes meet; the chart is the
 same, and a conductor on such a fold is plated on the stripe that makes it, half a stripe before.
+
+Single folds of plain patterns lie between panels of 1 × 1 rib, which does not curl, as lines on one
+bed: a line on the front bed is a mountain along a wale and a valley along a course, as stripes are.
 """
 
 from dataclasses import replace
@@ -29,6 +32,7 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.knitting.chart import Face, StitchChart
 from knitlab.simulation.case import Case
 
+FOLD_WALES = 2  # width of a single fold's line on one bed, that of the narrowest stripe measured
 ASPECT = 2.0  # length over width of a sample on needles (paper, "Kinematics": 200 by 400 mm)
 
 
@@ -46,10 +50,9 @@ def stitch_chart(
     Conductors lie on ``face`` of the fabric; by default on that to which their ridges point, and in
     a drawing on both faces A on the front and B on the back.
     """
-    if case.folds:
-        problem = f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a"
-        remedy = "take a pattern of rib, garter and plain knit alone"
-        raise fault(f"design {case.label}", f"{problem} given rest angle; {remedy}")
+    if case.folds and set(case.sample.knit.ravel()) != {"P"}:
+        problem = f"has {len(case.folds)} single folds beside rib or garter, which folds by itself"
+        raise fault(f"design {case.label}", f"{problem}; take a pattern of plain knit for them")
     turned = is_turned(case)
     unit = _patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].size, unit[1].size
@@ -68,9 +71,13 @@ def stitch_chart(
     back_first = case.options.garter_start == "mountain" and not case.pure
     garter = (rows.first != back_first)[:, None]
     front = np.where(knit == "G", garter, np.where(knit == "R", columns.first, True))
+    if case.folds:
+        front = _panels(case, rows, columns)
     plated = _plated_stitches(case, rows, columns)
     knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit)
     borders = rows.borders, columns.borders
+    if case.folds:
+        knit = np.full(knit.shape, "panel")
     if turned:
         front, plated, borders, repeat = front.T, plated.T, borders[::-1], repeat[::-1]
         knit = np.full(knit.T.shape, "rib")
@@ -138,6 +145,28 @@ def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
     cells = sample.cells_per_period
     of_rows = _lines_of(rows, sample.row_periods, cells)
     return of_rows, _lines_of(columns, sample.column_periods, cells)
+
+
+def _panels(case: Case, rows: _PatchLines, columns: _PatchLines) -> Bool[np.ndarray, "course wale"]:
+    """Panels of 1 × 1 rib with a line on one bed for each single fold."""
+    front = np.tile(np.arange(columns.size) % 2 == 0, (rows.size, 1))
+    # Those along courses go through where they cross others.
+    for fold, line, *ends in sorted(
+        case.sample.grid_folds(), key=lambda each: each[0].along == "course"
+    ):
+        across, along = (columns, rows) if fold.along == "wale" else (rows, columns)
+        width = FOLD_WALES * (1 if fold.along == "wale" else GARTER_STITCHES_PER_RIB_STITCH)
+        middle, first, last = (
+            int(np.rint(of.grid_lines[number]))
+            for of, number in ((across, line), (along, ends[0]), (along, ends[1]))
+        )
+        lines = np.arange(middle - width // 2, middle + width // 2)
+        if case.options.boundary != "periodic":
+            lines = lines[(lines >= 0) & (lines < across.size)]
+        on_front = (fold.sense == "mountain") == (fold.along == "wale")
+        part = np.ix_(lines % across.size, np.arange(first, last))
+        (front.T if fold.along == "wale" else front)[part] = on_front
+    return front
 
 
 def _plated_stitches(

@@ -98,7 +98,6 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
         ((*SMALL, "--machine", "ends=drop"), "there is no setting of the machine 'ends'"),
         ((*SMALL, "-o", "sample.dat"), "sample.dat: has no suffix of knitout or a chart; give .k,"),
         ((*SMALL, "--sheet", "sheet.k"), "sheet.k: has no suffix of a figure"),
-        ((*SMALL, "--set", "pattern=miura"), "has 20 single folds, and no stitch is known"),
         (("nothing",), "is not a file, and there is no workflow 'nothing'"),
         (("results/nothing.nc",), "does not exist; run a workflow"),
     ],

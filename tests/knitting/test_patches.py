@@ -125,9 +125,9 @@ def test_what_has_no_pattern_is_named():
 @pytest.mark.parametrize(
     ("front", "problem"),
     [
-        (np.ones((8, 6)), "wales 1 to 6: a patch of 6 wales holds no even number of stripes; take"),
+        (np.ones((8, 6)), "wales 1 to 6: a patch of this size, 6, holds no even number of stripes"),
         (np.tile([1, 1, 1, 0, 0, 0], (24, 4)), "wales 1 to 24: ribs of n_stripe 3, measured are 2"),
-        (np.tile([[1], [1], [1], [0], [0], [0]], (4, 8)), "garter stripes of 3 courses; take an"),
+        (np.tile([[1], [1], [1], [0], [0], [0]], (4, 8)), "garter stripes 3 courses high; take an"),
     ],
     ids=["plain of no stripes", "rib of no stripe", "odd garter"],
 )

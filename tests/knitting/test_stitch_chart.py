@@ -1,8 +1,11 @@
 """Stitch charts: stripes by their stitches, and the folds of the model they come from."""
 
+import itertools
+
 import numpy as np
 import pytest
 
+import knitlab as kl
 from knitlab.fabric.fold_lines import patch_senses
 from knitlab.io.errors import BadInput
 from knitlab.knitting.stitch_chart import stitch_chart
@@ -164,9 +167,41 @@ def test_electrodes_that_touch_as_whole_stitches_are_refused():
         stitch_chart(case)
 
 
-def test_single_folds_are_refused():
-    with pytest.raises(BadInput, match="has 20 single folds, and no stitch is known to make"):
-        stitch_chart(case_of(**DESIGN, pattern="miura"))
+@pytest.mark.parametrize("boundary", ["periodic", "clamped"])
+def test_single_folds_are_lines_on_one_bed_between_panels_on_both(boundary):
+    case = case_of(**DESIGN, pattern="miura", boundary=boundary)
+    chart = stitch_chart(case)
+    front = chart.front.copy()
+    # Along wales a front line is a mountain, which ends where the next course line begins.
+    middle = chart.column_borders[1]
+    for row, (low, high) in enumerate(itertools.pairwise(chart.row_borders)):
+        line = front[low + 2 : high - 2, middle - 1 : middle + 1]
+        assert (line == (row % 2 == 0)).all()
+        front[low + 2 : high - 2, middle - 1 : middle + 1] = [False, True]  # as the rib there
+    # Along courses a front line is a valley; the pattern begins with a mountain.
+    for row, border in enumerate(chart.row_borders[1:4]):
+        assert (front[border - 2 : border + 2] == (row % 2 == 1)).all()
+    panel = front[2 : chart.row_borders[1] - 2, 2 : chart.column_borders[2] - 2]
+    assert (panel == (np.arange(panel.shape[1]) % 2 == 0)).all()
+    assert set(chart.knit.ravel()) == {"panel"}
+
+
+def test_folds_of_a_pattern_of_one_line():
+    fold = {"along": "wale", "at": 1, "theta_0": 1.5, "sense": "valley", "start": 0.5}
+    pattern = kl.Pattern(rows=("PP",), folds=[fold])
+    sample = kl.knit(kl.Design(2, 8, boundary="periodic", pattern=pattern))
+    rib = "".join("kp"[k % 2] for k in range(16))
+    letters = ["".join("pk"[int(on)] for on in line) for line in sample.chart.front]
+    assert letters == [rib] * 8 + [rib[:7] + "pp" + rib[9:]] * 8
+    assert sample.check(interpret=False).faults == ()
+    assert "here 1.5 rad" in sample.remarks[0]
+
+
+def test_single_folds_beside_stripes_are_refused():
+    fold = {"along": "course", "at": 1, "theta_0": 1.5}
+    pattern = kl.Pattern(rows=("PR", "PP"), folds=[fold])
+    with pytest.raises(BadInput, match="has 1 single folds beside rib or garter, which folds by"):
+        kl.knit(kl.Design(2, 8, boundary="periodic", pattern=pattern))
 
 
 def test_less_needles_than_a_repeat_are_refused():

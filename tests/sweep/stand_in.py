@@ -47,7 +47,7 @@ def contents(case, status=Status.ok):
     sizes |= dict(zip(("cell_y", "cell_x"), case.unit_cells, strict=True))
     sizes |= {"stripe_parameter": len(STRIPE_PARAMETERS), "boundary_point": POINTS}
     values = {
-        name: (variable.dims, numbers.normal(size=[sizes[dim] for dim in variable.dims]))
+        name: (variable.dims, numbers.random([sizes[dim] for dim in variable.dims]))
         for name, variable in variables_of(case).items()
         if variable.in_cube
     }
