@@ -1,0 +1,38 @@
+"""Output that nobody takes any more stops no work: closed pipes and streams, full disks."""
+
+import subprocess
+import sys
+
+import pytest
+
+from knitlab.cube.cube_file import open_cube
+
+RUN = [
+    *(sys.executable, "-m", "knitlab", "run", "preview", "--workers", "1"),
+    *("--set", "n_stripe=2", "--set", "n_subunit=8", "--set", "strain_max=0.06"),
+    *("--set", "robustness=0"),
+]
+
+
+def shell(command, **named):
+    return subprocess.run(["bash", "-c", command], timeout=240, capture_output=True, **named)
+
+
+def test_a_reader_that_takes_one_line_ends_no_command_with_an_error():
+    command = f"{sys.executable} -m knitlab query --list results/reference/periodic"
+    done = shell(f"set -o pipefail; {command} | head -1")
+    assert done.returncode == 0, done.stderr
+    assert b"Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "output",
+    ["2>&1 | head -1", "2>/dev/full >/dev/full", "2>&- >&-", "2>&-"],
+    ids=["closed pipe", "full disk", "closed streams", "closed error stream"],
+)
+def test_a_run_writes_its_cube_and_figures_whatever_becomes_of_its_output(tmp_path, output):
+    done = shell(f"set -o pipefail; {' '.join(RUN)} --results {tmp_path} {output}")
+    assert done.returncode == 0, done.stderr
+    assert (open_cube(tmp_path / "preview")["status"] == 1).all()
+    assert (tmp_path / "preview" / "figures" / "auxetic.png").stat().st_size > 0
