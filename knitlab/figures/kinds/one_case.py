@@ -107,7 +107,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
     _draw_chart(chart, case)
     design = ", ".join(f"{name} = {value}" for name, value in case.design.items())
-    chart.set_title(f"as knitted, {design}")
+    chart.set_title(f"flat, {design}")
     scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
     _draw_fabric(scene, case, case_file)
     scene.set_title(sheets.state_text(float(case_file["applied_strain"][0])), y=0.96)
