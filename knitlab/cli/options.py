@@ -34,20 +34,16 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 class CommandGroup(click.Group):
     """Commands that explain bad input in sentences, and end with exit code 2."""
 
-    def main(self, *args: Any, **named: Any) -> Any:
-        """Run the command line; the work of a command never depends on what it shows."""
-        with droppable_output():
-            return super().main(*args, **named)
-
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command that is named."""
-        try:
-            return super().invoke(ctx)
-        except BadInput as error:
-            command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
-            for each in error.faults:
-                echo_problem(_with_option(str(each), command))
-            sys.exit(BAD_INPUT)
+        """Run the command that is named; its work never depends on what it shows."""
+        with droppable_output():
+            try:
+                return super().invoke(ctx)
+            except BadInput as error:
+                command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
+                for each in error.faults:
+                    echo_problem(_with_option(str(each), command))
+                sys.exit(BAD_INPUT)
 
 
 def echo_problem(problem: object) -> None:
