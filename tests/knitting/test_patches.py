@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import knitlab as kl
@@ -98,7 +98,6 @@ def patterns(draw):
 
 
 @given(patterns(), st.sampled_from(STARTS))
-@settings(max_examples=40, deadline=None)
 def test_any_pattern_of_slender_stripes_is_read_back_as_the_same_stitches(pattern, start):
     design = kl.Design(2, 8, boundary="periodic", pattern=pattern)
     assert_is_read_back(chart_of(design, start))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.laboratory.track_checks import predicted_by_neighbours, without_implausible
@@ -41,7 +41,6 @@ def made(case):
 
 
 @given(cases)
-@settings(max_examples=40)
 def test_a_fabric_loses_no_marker(case):
     relaxed, corners, _ = made(case)
     kept, dropped = without_implausible(relaxed, corners)
@@ -50,7 +49,6 @@ def test_a_fabric_loses_no_marker(case):
 
 
 @given(cases, st.sampled_from(["jump", "origin", "swap", "on neighbour"]))
-@settings(max_examples=80)
 def test_what_a_tracker_confuses_is_left_out_from_that_frame_on(case, fault):
     relaxed, corners, random = made(case)
     frames, rows, columns, _ = corners.shape

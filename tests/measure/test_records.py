@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.measure.records import cycles, resampled
@@ -89,7 +89,6 @@ def test_a_single_loading_is_a_cycle_without_unloading():
     repeats=st.integers(1, 3),
     seed=st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=40, deadline=None)
 def test_a_hold_is_neither_loading_nor_unloading(noise, hold, stops, repeats, seed):
     """Ramps of 0.2 mm/s to 7.5 mm, with stops in which the force relaxes by 30 %."""
     random, speed, peak, rate = np.random.default_rng(seed), 0.2, 7.5, 4.0
