@@ -3,9 +3,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from knitlab.io.errors import BadInput
 from knitlab.laboratory.description import MarkersTable, SampleTable
 from knitlab.laboratory.experiment import import_records
 from knitlab.laboratory.markers import (
@@ -201,3 +203,29 @@ def test_every_second_marker_may_be_a_corner_and_places_may_be_given(tmp_path):
     (tmp_path / "places.csv").write_text("\n".join(["marker,row,column", *lines]))
     given = read_marked(tmp_path, table(markers_per_cell=[2, 2], places="places.csv"), SAMPLE)
     np.testing.assert_allclose(given.relaxed, marked.relaxed)
+
+
+@pytest.mark.parametrize("align", ["picture", "pull"])
+def test_coordinates_in_the_order_row_and_column_are_refused(tmp_path, align):
+    """A square sample, which is pulled along y to 0.2 and grows wider by half as much."""
+    strain = np.linspace(0, 0.2, 21)[:, None, None]
+    y, x = np.mgrid[:3, :3] * 12.5
+    shown = np.stack([(x - 12.5) * (1 + strain / 2), y * (1 + strain)], axis=-1) / 0.05
+    tracks = shown.reshape(21, 9, 2) + 900.0
+    description = {
+        "title": "a square",
+        "sample": SAMPLE.model_dump() | {"unit_cells": (2, 2)},
+        "protocol": {"strain_max": 0.2, "strain_step": 0.05},
+        "markers": {"file": "markers.npy", "pixel": {"value": 0.05, "unit": "mm"}},
+    }
+    side = {"value": 25.0, "unit": "mm"}
+    description["sample"] |= {"length": side, "width": side}
+    description["markers"] |= {"strain_per_frame": 0.01, "align": align}
+    path = tmp_path / "square.toml"
+    path.write_text(tomli_w.dumps(description))
+    np.save(tmp_path / "markers.npy", tracks)
+    cube = import_records("markers", path, tmp_path / "right").cube.squeeze()
+    np.testing.assert_allclose(cube["poisson_ratio"][1:], -0.5)
+    np.save(tmp_path / "markers.npy", tracks[..., ::-1])
+    with pytest.raises(BadInput, match=r"pulled along its weft|off the separation|from the warp"):
+        import_records("markers", path, tmp_path / "wrong")
