@@ -12,14 +12,20 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+UNFINISHED = "/.writing-"
 ROOT = Path(__file__).parents[1]
 
 
 def pause_before_changes(channel: socket.socket, folder: Path, suffix: str = "") -> None:
-    """Make this process wait before it creates, opens for writing, or renames such a file."""
+    """Make this process wait before it creates, opens for writing, or renames such a file.
+
+    Of files with a suffix only finished ones count, so that each is one change.
+    """
 
     def hook(event: str, arguments: tuple) -> None:
         path = _changed(event, arguments)
+        if path and suffix and UNFINISHED in path:
+            return
         if path and path.startswith(str(folder)) and path.endswith(suffix):
             channel.send(b".")
             channel.recv(1)

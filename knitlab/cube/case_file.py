@@ -113,9 +113,10 @@ def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
     if case.attrs.get(LENGTHS) or not set(names) <= set(design):
         return case
     cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
-    factor = math.sqrt(cloth_x * cloth_y / (network_x * network_y))
-    if not math.isfinite(factor):
+    areas = cloth_x * cloth_y / (network_x * network_y)
+    if not 0 < areas < math.inf:
         return case
+    factor = math.sqrt(areas)
     with xr.set_options(keep_attrs=True):
         scaled = {name: factor * case[name] for name in SHAPES if name in case}
     return case.assign(scaled).assign_attrs({LENGTHS: "cloth"})

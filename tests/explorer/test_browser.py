@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 from PIL import Image
 
+from knitlab.cube.case_file import in_cloth
 from knitlab.cube.cube_file import open_cube
 from knitlab.explorer.explorer import write_explorer
 from tests.explorer.conftest import HOSTILE, PREVIEW, REFERENCE, started
@@ -412,7 +413,8 @@ def test_cubes_of_every_kind_are_shown_on_one_page(browser, tmp_path):
 @pytest.mark.slow
 def test_the_browser_unpacks_what_was_packed(preview):
     with xr.open_dataset(next((PREVIEW / "cases").glob("8-64-*.nc"))) as case:
-        wanted = case["position"].values
+        design = open_cube(PREVIEW).sel(n_stripe=8, n_subunit=64)
+        wanted = in_cloth(case.load(), design)["position"].values
     shape, found = preview.driver.execute_async_script(
         """
         const done = arguments[0];
