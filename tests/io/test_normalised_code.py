@@ -209,6 +209,7 @@ def mutated(source, chosen):
     return ast.unparse(ast.fix_missing_locations(tree))
 
 
+@pytest.mark.slow
 def test_any_changed_number_or_operator_makes_other_code(package):
     chosen, changed = random.Random(0), {}
     for name in chosen.sample(computing_files(PACKAGE), 40):

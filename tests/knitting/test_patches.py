@@ -110,6 +110,7 @@ def test_a_chart_that_begins_within_a_stripe_is_moved_over_its_edges():
     assert (read.chart.front == front).all()
 
 
+@pytest.mark.slow
 def test_a_stitch_that_fits_no_patch_is_named_and_its_pattern_kept():
     front = stitch_chart(case_of(n_stripe=4, n_subunit=16)).front.copy()
     front[4, 6] = ~front[4, 6]
@@ -120,6 +121,7 @@ def test_a_stitch_that_fits_no_patch_is_named_and_its_pattern_kept():
     assert read.pattern().rows == ("GR", "RG")
 
 
+@pytest.mark.slow
 def test_what_has_no_pattern_is_named():
     front = np.random.default_rng(0).random((200, 300)) > 0.5
     read = patches_of(front, "any")

@@ -90,6 +90,7 @@ def test_ribs_of_graded_columns_have_their_own_width():
     assert runs(lowest[chart.column_borders[8] : chart.column_borders[9]]) in ([8] * 4, [32])
 
 
+@pytest.mark.slow
 def test_needles_are_filled_with_whole_repeats_twice_as_long_as_wide():
     chart = stitch_chart(case_of(**DESIGN), needles=360)
     sample = case_of("paper", **DESIGN)

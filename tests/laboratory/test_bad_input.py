@@ -344,6 +344,7 @@ def test_a_cube_of_simulations_is_not_overwritten(tmp_path, good):
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "value"), [("sample.length.value", 8.5), ("sample.unit_cells", [4, 4])]
 )

@@ -110,6 +110,7 @@ def test_the_first_cycles_may_be_left_out(tmp_path):
     assert "cycle" not in cube.dims
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("drift", "still"), [((5.0, 2.0), 0.0), ((0.4, 0.5), 0.5)])
 def test_a_drifting_camera_changes_no_strain(tmp_path, drift, still):
     laboratory = Laboratory(tmp_path)
@@ -125,6 +126,7 @@ def test_a_drifting_camera_changes_no_strain(tmp_path, drift, still):
     np.testing.assert_allclose(found.cube["poisson_ratio"].squeeze()[1:], NU, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_cycles_are_separated_along_a_dimension(tmp_path):
     laboratory = Laboratory(tmp_path, test=replace(TEST, cycles=3))
     path = laboratory.write()
