@@ -168,12 +168,13 @@ def without_unit(header: str) -> str:
 def _unit_faults(where: str, header: str, unit: str | None) -> list[Fault]:
     """A fault if a header names another unit than the one stated for it."""
     in_header = IN_BRACKETS.findall(header)
-    if unit is None or not in_header or not _is_unit(in_header[-1][1:-1]):
+    given = in_header[-1] if in_header else ""
+    if unit is None or not given or not _is_unit(given[1:-1]):
         return []
-    factor, faults = factor_of(where, in_header[-1][1:-1], unit, f"such as {unit}")
+    factor, faults = factor_of(where, given[1:-1], unit, f"such as {unit}")
     if not faults and np.isclose(factor, 1):
         return []
-    return [Fault(where, f"is in {in_header[-1]} by its header, but {unit} is stated; correct one")]
+    return [Fault(where, f"is in {given} by its header, but {unit} is stated; correct one")]
 
 
 def factor_of(where: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:

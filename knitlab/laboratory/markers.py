@@ -16,7 +16,7 @@ from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.track_checks import Dropped, without_implausible
-from knitlab.laboratory.track_formats import Trajectories, read_tracks
+from knitlab.laboratory.track_formats import Trajectories, read_tracks, whole_numbers
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
 from knitlab.measure.records import resampled
 from knitlab.measure.unit_cells import (
@@ -28,6 +28,7 @@ from knitlab.measure.unit_cells import (
     poisson_ratio_of_test,
 )
 
+POSITIONS_EXAMPLE = "write it as in 'marker,row,column'"
 LARGEST_AT_REST = 0.25  # strain of the reference shape over the first applied strain
 LEAST_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
 PULLED_MARGIN = 0.1  # frames within this fraction of the largest strain count as fully pulled
@@ -271,20 +272,6 @@ def marker_values(
     return values | lowest_poisson_ratio(strains, ratio)
 
 
-def _columns(path: Path, names: tuple[str, ...]) -> dict[str, Float[np.ndarray, " row"]]:
-    example = f"write it as in '{','.join(names)}'"
-    return read_columns(path, dict.fromkeys(names), example, lower=True)
-
-
-def _integers(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
-    values = table[name]
-    bad = np.flatnonzero((values % 1 != 0) | (values < 0))
-    if len(bad):
-        problem = f"has {values[bad[0]]:g} at point {bad[0] + 1}; count from 0 up"
-        raise fault(f"{path}: column {name}", problem)
-    return values.astype(int)
-
-
 def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
     """Trajectories in pixels along the x and y of the fabric, by the description [mm]."""
     axes = np.array([IN_PICTURE[table.weft], IN_PICTURE[table.warp]])
@@ -302,8 +289,9 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
     try:
         if places is None:
             return find_grid(first)
-        table = _columns(places, ("marker", "row", "column"))
-        marker, row, column = (_integers(places, name, table) for name in table)
+        names = ("marker", "row", "column")
+        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE, lower=True)
+        marker, row, column = (whole_numbers(places, name, table[name]) for name in names)
         if marker.max() >= len(first):
             problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"
             raise fault(f"{places}: column marker", problem)

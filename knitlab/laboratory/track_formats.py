@@ -21,6 +21,7 @@ from knitlab.io.table_file import (
     factor_of,
     numbers_of,
     read_table,
+    without_unit,
 )
 from knitlab.io.text_file import read_text
 
@@ -145,8 +146,10 @@ def _array(path: Path) -> TrackFile:
 
 
 def _table(path: Path) -> TrackFile:
-    if path.suffix.lower() != ".xlsx" and read_text(path).lstrip().startswith("scorer"):
-        return _deeplabcut(path)
+    if path.suffix.lower() != ".xlsx":
+        text = read_text(path).lstrip()
+        if text.startswith("scorer"):
+            return _deeplabcut(path, text)
     table = read_table(path, EXAMPLE)
     names = [row[: len(table.headers)] for row in [*table.above, table.headers]]
     for headers in names:
@@ -160,9 +163,8 @@ def _table(path: Path) -> TrackFile:
     raise fault(str(path), f"has no columns of markers, but {present}; {EXAMPLE}")
 
 
-def _deeplabcut(path: Path) -> TrackFile:
+def _deeplabcut(path: Path, text: str) -> TrackFile:
     """Rows ``scorer``, perhaps ``individuals``, ``bodyparts`` and ``coords`` above the numbers."""
-    text = read_text(path).lstrip()
     begins = [line.split(",")[0] for line in text.splitlines()[:6]]
     if "coords" not in begins:
         raise fault(str(path), "begins as a table of DeepLabCut, but has no row coords below")
@@ -203,7 +205,7 @@ def _trackmate(path: Path, table: Table) -> TrackFile:
 
 def _sleap(path: Path, table: Table) -> TrackFile:
     """A row for each track and frame, with ``NODE.x``, ``NODE.y`` and ``NODE.score``."""
-    frame = _whole(path, "frame_idx", _column(path, table, "frame_idx"))
+    frame = whole_numbers(path, "frame_idx", _column(path, table, "frame_idx"))
     labels, track = np.unique(table.rows[table.headers.index("track")], return_inverse=True)
     nodes = [name[: -len(".x")] for name in table.headers if name.endswith(".x")]
     frames = _frames(path, frame)
@@ -223,11 +225,9 @@ def _wide(path: Path, table: Table) -> TrackFile | None:
     """One row a frame, with two columns ``x`` and ``y`` for each marker."""
     columns: dict[tuple[str, str], dict[str, int]] = {}
     for number, header in enumerate(table.headers):
-        match = X_AND_Y.fullmatch(IN_BRACKETS.sub("", header).strip())
-        if match:
-            columns.setdefault((match["before"], match["after"]), {})[match["axis"].lower()] = (
-                number
-            )
+        if match := X_AND_Y.fullmatch(without_unit(header)):
+            before, axis, after = match.group("before", "axis", "after")
+            columns.setdefault((before, after), {})[axis.lower()] = number
     pairs = [(each["x"], each["y"]) for each in columns.values() if len(each) == 2]
     if len(pairs) < 2:
         return None
@@ -261,7 +261,10 @@ def _numbers(path: Path, name: str, column: pd.Series) -> Float[np.ndarray, " ro
     return values
 
 
-def _whole(path: Path, name: str, values: Float[np.ndarray, " row"]) -> Int[np.ndarray, " row"]:
+def whole_numbers(
+    path: Path, name: str, values: Float[np.ndarray, " row"]
+) -> Int[np.ndarray, " row"]:
+    """Values of a column as whole numbers from 0 up; BadInput names the first that is none."""
     bad = np.flatnonzero(~((values % 1 == 0) & (values >= 0)))
     if len(bad):
         problem = f"has {values[bad[0]]:g} at point {bad[0] + 1}; count from 0 up"
@@ -282,8 +285,8 @@ def _frames(path: Path, frame: Int[np.ndarray, " row"]) -> Int[np.ndarray, " fra
 
 def _from_rows(path: Path, table: Table, markers: str, x: str = "x", y: str = "y") -> Trajectories:
     """Rows in any order; a marker without a row in a frame is lost there."""
-    frame = _whole(path, "frame", _column(path, table, "frame"))
-    marker = _whole(path, markers, _column(path, table, markers))
+    frame = whole_numbers(path, "frame", _column(path, table, "frame"))
+    marker = whole_numbers(path, markers, _column(path, table, markers))
     frames, (names, number) = _frames(path, frame), np.unique(marker, return_inverse=True)
     if len(np.unique(np.stack([frame, marker], axis=1), axis=0)) < len(frame):
         raise fault(str(path), "has a marker twice in one frame; keep one row")
