@@ -1,23 +1,19 @@
 """Knitting a design: its stitch chart, the program of a machine, and its specification."""
 
-import json
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
 
 from knitlab.api.simulation import Design, case_of_design
-from knitlab.cube.cube_file import CUBE, cube_path, design_dims, is_case, open_cube
-from knitlab.cube.selection import chosen_indices, selected
+from knitlab.api.single_design import SingleDesign, is_cube, single_design
 from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import fault
 from knitlab.io.fingerprint import provenance
 from knitlab.knitting.chart import Face
 from knitlab.knitting.chart_files import Edge, read_stitches
@@ -26,35 +22,20 @@ from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
 from knitlab.knitting.patches import ReadChart, patches_of
 from knitlab.knitting.round_trip import RoundTrip, round_trip
-from knitlab.knitting.specification import Prediction, Specification
-from knitlab.knitting.stitch_chart import is_turned, stitch_chart
+from knitlab.knitting.specification import Specification
+from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case, case_of
-from knitlab.sweep.cube import gauge_of
-from knitlab.sweep.declared_fields import checked, declared
+from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
 from knitlab.sweep.parameters import defaults
-from knitlab.sweep.plan import make_plan
-from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import Protocol
-from knitlab.sweep.workflow_file import Overrides, read_overrides
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KNITOUT, TABLE, WORDS = ".k", ".csv", ".txt"
-MOST_NAMED = 6  # designs that a message lists
-
-
-class SingleDesign(NamedTuple):
-    """A case, the size of a stitch in its cloth, and what a cube says of it, if one is given."""
-
-    case: Case
-    gauge: Gauge
-    prediction: Prediction | None = None
-    material: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,114 +283,3 @@ def check_output(path: Path) -> None:
     if path.suffix.lower() not in known:
         problem = f"has no suffix of knitout or a chart; give {', '.join(known)}"
         raise fault(f"output {path}", problem)
-
-
-def single_design(
-    source: str | Path | xr.Dataset, settings: Overrides, selections: Mapping[str, Any]
-) -> SingleDesign:
-    """The one design that settings leave of a workflow, and selections of that, a cube or a test.
-
-    Raises BadInput if one of these is at fault, or if its case is recorded nowhere.
-    """
-    if not is_cube(source):
-        return _of_workflow(str(source), settings, selections)
-    cube = source if isinstance(source, xr.Dataset) else open_cube(source)
-    single, (given, faults) = _of_cube(cube, selections), read_overrides(settings)
-    values = {override.name: override.value for override in given}
-    known = declared(Gauge)
-    problem = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"
-    faults += [Fault(f"settings {name}", problem) for name in values if name not in known]
-    if faults:
-        raise BadInput(faults)
-    return single._replace(gauge=checked("settings", replace(single.gauge, **values), Gauge))
-
-
-def is_cube(source: str | Path | xr.Dataset) -> bool:
-    """Whether this is a cube, a test, or the path of a cube, and no workflow."""
-    if isinstance(source, xr.Dataset):
-        return True
-    return Path(source).suffix == ".nc" or (Path(source) / CUBE).is_file()
-
-
-def _of_workflow(
-    workflow: str, overrides: Overrides, selections: Mapping[str, Any]
-) -> SingleDesign:
-    plan = make_plan(workflow, overrides)
-    designs = list(plan.cases.values())
-    labels = {
-        dim: np.array(list(dict.fromkeys(case.design[dim] for case in designs)))
-        for dim in plan.dims
-    }
-    for dim, kept in chosen_indices(labels, selections).items():
-        designs = [case for case in designs if case.design[dim] in labels[dim][kept]]
-    _check_is_one(plan.workflow, [case.label for case in designs])
-    return SingleDesign(designs[0], plan.gauge, material=plan.material)
-
-
-def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
-    """The design of a cube or of a test."""
-    gauge = gauge_of(cube.attrs) or defaults().gauge
-    material = cube.attrs.get("material")
-    if is_case(cube):
-        case = case_of(json.loads(cube.attrs["parameters"]))
-        return SingleDesign(case, gauge, _prediction(cube, case, "test"), material)
-    dims = design_dims(cube)
-    kept = selected(cube, selections).stack(design=dims)
-    kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
-    names = [
-        " ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
-        for labels in kept["design"].values.tolist()
-    ]
-    _check_is_one("the cube", names)
-    design = kept.isel(design=0)
-    source = cube.encoding.get("source")
-    folder = None if source is None else cube_path(source).parent
-    name = str(cube.attrs.get("workflow", "cube"))
-    case = _recorded(str(design["case_id"].item()), folder, name)
-    return SingleDesign(case, gauge, _prediction(design, case, name), material)
-
-
-def _check_is_one(title: str, designs: Sequence[str]) -> None:
-    if not designs:
-        raise fault("selections", f"no design of {title} is left; select fewer values")
-    if len(designs) > 1:
-        some = [" ".join(name.split()) for name in designs[:MOST_NAMED]]
-        listed = ", ".join([*some, "…"] if len(designs) > MOST_NAMED else some)
-        raise fault("selections", f"{title} has {len(designs)} designs; select one of {listed}")
-
-
-def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
-    """The case in the plan or the case files beside a cube, or else in a new plan."""
-    if folder is not None:
-        with suppress(BadInput):
-            return find_case(folder, case_id).case
-    with suppress(BadInput, KeyError):
-        return make_plan(workflow).cases[case_id]
-    problem = "is recorded in no plan and no case file beside the cube"
-    remedy = "run its workflow into that folder, or name the workflow instead"
-    raise fault(case_id, f"{problem}; {remedy}")
-
-
-def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:
-    """What a cube says of a design, if it has a Poisson's ratio."""
-    if "poisson_ratio" not in design or not np.isfinite(design["poisson_ratio"]).any():
-        return None
-    ratio = design["poisson_ratio"].astype(float)
-    ends = (design.get(f"poisson_ratio_{end}", np.nan * ratio) for end in ("low", "high"))
-    low, high = (np.asarray(end, float) for end in ends)
-    along_x, along_y = (
-        float(design[f"relaxed_cell_{axis}"] / design[f"flat_cell_{axis}"])
-        for axis in ("yx" if is_turned(case) else "xy")
-    )
-    cells_y, cells_x = case.cell_grid.count
-    periodic = case.options.boundary == "periodic"
-    return Prediction(
-        source,
-        "periodic fabric" if periodic else f"{cells_y} × {cells_x} unit cells, clamped",
-        "self_intersections" in design and bool(design["self_intersections"][0] > 0),
-        (along_x, along_y),
-        np.asarray(design["applied_strain"], float),
-        ratio.values,
-        low,
-        high,
-    )

@@ -102,7 +102,8 @@ def knit(
     also predicts the relaxed size and the Poisson's ratio of the sheet.
     Exit code 1 if the check finds a fault.
     """
-    from knitlab.api.knitting import check_output, knitted, single_design
+    from knitlab.api.knitting import check_output, knitted
+    from knitlab.api.single_design import single_design
     from knitlab.sweep.figure_names import check_figure_suffix
 
     for path in outputs:

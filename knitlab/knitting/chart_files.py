@@ -44,9 +44,9 @@ def _of_text(path: Path) -> Stitches:
             symbols = "".join(word.strip()[:1] for word in line.split(",")[1:])
         else:
             symbols = "".join(each for each in line if each not in SEPARATORS)
-        for place, symbol in enumerate(symbols, start=1):
+        for stitch, symbol in enumerate(symbols, start=1):
             if symbol not in KNITS + PURLS:
-                problem = f"stitch {place} is {symbol!r}; write {' '.join(KNITS)} for a knit"
+                problem = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
                 where = f"{path}: line {number}"
                 raise fault(where, f"{problem} and {' '.join(PURLS)} for a purl, nothing else")
         if rows and len(symbols) != len(rows[0]):

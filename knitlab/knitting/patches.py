@@ -12,9 +12,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, product
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -22,9 +22,9 @@ from jaxtyping import Bool
 
 from knitlab.fabric.pattern import KNIT_OF_LETTER
 from knitlab.fabric.settings import GarterStart
-from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
+from knitlab.knitting.bands import PER_RIB_STITCH, Band, bands_of
 from knitlab.knitting.chart import StitchChart
 from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.parameters import defaults
@@ -33,23 +33,9 @@ from knitlab.sweep.patterns import Pattern, is_pattern_name
 ODD_STITCHES = (0, 1, 2)  # in which courses or wales may differ and still count as alike
 SLENDER = (2, 1)  # lengths of a stripe over its width, at least, that are tried
 MOST_SHIFTS = 8  # along each axis, if a chart does not begin with a patch
-PER_RIB_STITCH = {"course": GARTER_STITCHES_PER_RIB_STITCH, "wale": 1}
 MOST_BANDS = 48  # along each axis, of a chart that has a pattern
 MOST_PATCHES = 12  # that are described one by one
 STARTS: tuple[GarterStart, GarterStart] = "valley", "mountain"
-
-
-class Band(NamedTuple):
-    """A row or a column of patches: from a course or wale to the next band's."""
-
-    start: int
-    stop: int
-    stripe: int | None  # courses of its garter stripes or wales of its ribs, None without stripes
-
-    @property
-    def size(self) -> int:
-        """Number of courses or wales."""
-        return self.stop - self.start
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,11 +188,11 @@ class ReadChart:
             if knit != "plain":
                 width, of = (column.stripe, "wales") if knit == "rib" else (row.stripe, "courses")
                 stripe = f", stripes of {width} {of}"
-            places = (
+            spans = (
                 _span(axis, np.arange(band.start, band.stop))
                 for axis, band in (("course", row), ("wale", column))
             )
-            yield "patch", f"{', '.join(places)}: {knit}{stripe}"
+            yield "patch", f"{', '.join(spans)}: {knit}{stripe}"
 
     def flat_size(self, gauge: Gauge) -> tuple[float, float]:
         """Width and length in cloth before it folds, by the size of a stitch [mm]."""
@@ -243,10 +229,9 @@ def pattern_name(path: Path) -> str:
     return name if is_pattern_name(name) else f"{name}_chart"
 
 
-def _span(name: str, found: np.ndarray) -> str:
-    if found[0] == found[-1]:
-        return f"{name} {found[0] + 1}"
-    return f"{name}s {found[0] + 1} to {found[-1] + 1}"
+def _span(name: str, numbers: np.ndarray) -> str:
+    first, last = numbers[0] + 1, numbers[-1] + 1
+    return f"{name} {first}" if first == last else f"{name}s {first} to {last}"
 
 
 def _shortest_repeat(keys: Sequence[object]) -> int:
@@ -282,13 +267,13 @@ def _best(
     shifts: list[tuple[int, int]],
     tolerances: tuple[int, ...],
 ) -> ReadChart:
-    found = []
+    tried = []
     for tolerance, slender in product(tolerances, SLENDER):
-        found += [
+        tried += [
             _read(front, title, start, shift, tolerance, slender)
             for start, shift in product(STARTS, shifts)
         ]
-        if not (best := min(found, key=_badness)).problems:
+        if not (best := min(tried, key=_badness)).problems:
             break
     return best
 
@@ -303,11 +288,11 @@ def _read(
 ) -> ReadChart:
     front = np.roll(front, (-shift[0], -shift[1]), (0, 1))
     back_first = garter_start == "mountain"
-    rows = _bands(front[::-1] if back_first else front, "course", tolerance, slender)
+    rows = bands_of(front[::-1] if back_first else front, "course", tolerance, slender)
     if back_first:
         courses = len(front)
         rows = [Band(courses - b.stop, courses - b.start, b.stripe) for b in rows[::-1]]
-    columns = _bands(front.T, "wale", tolerance, slender)
+    columns = bands_of(front.T, "wale", tolerance, slender)
     if len(rows) * len(columns) > MOST_BANDS**2:
         # No pattern, and slow to describe patch by patch.
         rows, columns = [Band(0, len(front), None)], [Band(0, front.shape[1], None)]
@@ -344,71 +329,3 @@ def _knits(row: Band, column: Band, back_first: bool) -> Iterator[tuple[str, np.
     if row.stripe is not None:
         first = (np.arange(row.size) // row.stripe % 2 == 0) != back_first
         yield "G", np.broadcast_to(first[:, None], shape)
-
-
-def _bands(
-    lines: Bool[np.ndarray, "line stitch"], axis: str, tolerance: int, slender: int
-) -> list[Band]:
-    """Courses in rows of patches, or wales in columns, whose stripes begin on the front bed."""
-    kinds, examples = _kinds(lines, tolerance)
-    runs = []  # of lines that are alike: their kind, and from where to where
-    for kind, of in groupby(range(len(lines)), key=kinds.__getitem__):
-        numbers = list(of)
-        runs.append((kind, numbers[0], numbers[-1] + 1))
-    bands, k = [], 0
-    while k < len(runs):
-        kind, start, stop = runs[k]
-        if k + 1 == len(runs) or not _are_stripes(runs[k], runs[k + 1], examples, axis, slender):
-            bands.append(Band(start, stop, None))
-            k += 1
-            continue
-        other, _, end = runs[k + 1]
-        size = end - stop
-        begin = stop - size
-        if begin > start:
-            bands.append(Band(start, begin, None))
-        k += 2
-        while [(of, b - a) for of, a, b in runs[k : k + 2]] == [(kind, size), (other, size)]:
-            end = runs[k + 1][2]
-            k += 2
-        bands.append(Band(begin, end, size))
-    return bands
-
-
-def _kinds(
-    lines: Bool[np.ndarray, "line stitch"], tolerance: int
-) -> tuple[list[int], list[Bool[np.ndarray, " stitch"]]]:
-    """The kind of every line, and an example of each; lines may differ in a few stitches."""
-    if not tolerance:
-        _, firsts, exact = np.unique(lines, axis=0, return_index=True, return_inverse=True)
-        return exact.ravel().tolist(), list(lines[firsts])
-    examples: list[np.ndarray] = []
-    kinds = []
-    for line in lines:
-        alike = (k for k, each in enumerate(examples) if (each != line).sum() <= tolerance)
-        kind = next(alike, len(examples))
-        if kind == len(examples):
-            examples.append(line)
-        kinds.append(kind)
-    usual = [np.mean(lines[np.array(kinds) == k], axis=0) >= 0.5 for k in range(len(examples))]
-    return kinds, usual
-
-
-def _are_stripes(
-    first: tuple[int, int, int],
-    second: tuple[int, int, int],
-    examples: list[Bool[np.ndarray, " stitch"]],
-    axis: str,
-    slender: int,
-) -> bool:
-    """Whether two runs of lines are a front and a back stripe, not shorter than they are wide."""
-    front, back = examples[first[0]], examples[second[0]]
-    size = second[2] - second[1]
-    differ = front & ~back
-    if (back & ~front).any() or first[2] - first[1] < size:
-        return False
-    if differ.all():
-        return True
-    lengths = [len(list(of)) for changes, of in groupby(differ.tolist()) if changes]
-    across = GARTER_STITCHES_PER_RIB_STITCH / PER_RIB_STITCH[axis]  # 2 courses are a wale high
-    return slender * size / PER_RIB_STITCH[axis] <= min(lengths, default=0) / across
