@@ -14,7 +14,7 @@ from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import loading_of
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.stiffness import free_stiffness
@@ -168,7 +168,7 @@ def _retested(system: System, case: Case, near: SimulatedTest) -> TensileTest:
     relaxed = relax(system, replace(settings, soft_wall=1.0), first.configuration)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
-    loading = tensile(system.shape, relaxed.configuration)
+    loading = loading_of(system.shape, relaxed.configuration)
     free = free_stiffness(system.shape, loading.free)
     rules = SearchRules(free, settings, convexified=False)
     states: list[State] = [relaxed]
