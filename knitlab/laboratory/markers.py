@@ -290,7 +290,7 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
         if places is None:
             return find_grid(first)
         names = ("marker", "row", "column")
-        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE, lower=True)
+        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE)
         marker, row, column = (whole_numbers(places, name, table[name]) for name in names)
         if marker.max() >= len(first):
             problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"

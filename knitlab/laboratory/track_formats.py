@@ -19,9 +19,9 @@ from knitlab.io.table_file import (
     IN_BRACKETS,
     Table,
     factor_of,
+    name_and_unit,
     numbers_of,
     read_table,
-    without_unit,
 )
 from knitlab.io.text_file import read_text
 
@@ -225,7 +225,7 @@ def _wide(path: Path, table: Table) -> TrackFile | None:
     """One row a frame, with two columns ``x`` and ``y`` for each marker."""
     columns: dict[tuple[str, str], dict[str, int]] = {}
     for number, header in enumerate(table.headers):
-        if match := X_AND_Y.fullmatch(without_unit(header)):
+        if match := X_AND_Y.fullmatch(name_and_unit(header)[0]):
             before, axis, after = match.group("before", "axis", "after")
             columns.setdefault((before, after), {})[axis.lower()] = number
     pairs = [(each["x"], each["y"]) for each in columns.values() if len(each) == 2]
