@@ -85,11 +85,11 @@ def read_table(path: Path, example: str) -> Table:
         shown = ", ".join(_fields(lines[begin.line - 1], separator)[:4])
         raise fault(str(path), f"has no header above line {begin.line} ({shown}); {example}")
     width = len(headers)
-    for line, fields, _ in rows[first:]:
+    for number, fields, _ in rows[first:]:
         if any(fields[width:]) or len(fields) < width:
             named = ", ".join(headers[:6])
             problem = f"has {len(fields)} fields and the header {width} ({named}); correct the line"
-            raise fault(f"{path}: line {line}", problem)
+            raise fault(f"{path}: line {number}", problem)
     texts = takewhile(lambda row: len(row.fields) == width and not row.numeric, rows[:first][::-1])
     above = [row.fields for row in texts][::-1]
     return Table(headers, pd.DataFrame([row.fields[:width] for row in rows[first:]]), above)
