@@ -246,6 +246,7 @@ def experiment(case, truth, **changes):
     return cube.assign_coords(**changes)
 
 
+@pytest.mark.slow
 def test_a_target_has_the_size_of_the_sample_and_the_requested_errors(case, truth):
     cube = experiment(case, truth)
     target = target_of(cube, case, model_error=0.01)

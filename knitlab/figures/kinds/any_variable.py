@@ -1,5 +1,6 @@
 """Any variable of a cube: a grid over two dimensions, or all designs along a swept setting."""
 
+from math import floor, log10
 from textwrap import fill
 from typing import Any
 
@@ -62,11 +63,12 @@ def value_grid(
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
     large = values.shape[1] <= MOST_COLUMNS and values.shape[0] <= MOST_ROWS
+    form = _same_decimals(values.values)
     marked: set[Status] = set()
     for row, column in np.ndindex(values.shape):
         code, value = Status(int(status[row, column])), float(values[row, column])
         if code in RUN and np.isfinite(value):
-            text = _text(value) if large else ""
+            text = number(value, form) if large else ""
             cells.value_cell(axes, row, column, colours(value), text, fontsize=6)
         elif code is not Status.excluded:
             look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
@@ -164,6 +166,14 @@ def _axis_label(cube: xr.Dataset, dim: str) -> str:
 
 def _text(value: Any, form: str = ".3g") -> str:
     return value if isinstance(value, str) else number(float(value), form)
+
+
+def _same_decimals(values: np.ndarray) -> str:
+    """The format that gives the largest of the values three digits, and all as many decimals."""
+    largest = np.abs(values[np.isfinite(values)]).max(initial=0)
+    if not 1e-3 <= largest < 1e5:
+        return ".3g"
+    return f".{max(0, 2 - floor(log10(largest)))}f"
 
 
 def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:

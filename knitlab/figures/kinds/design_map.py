@@ -1,6 +1,7 @@
 """Design maps over n_stripe and P: lowest Poisson's ratio, and sensitivity and working range."""
 
 from collections.abc import Sequence
+from math import dist
 from textwrap import fill
 from typing import NamedTuple
 
@@ -111,12 +112,16 @@ class Merit(NamedTuple):
     name: str
     label: str
     form: str
+    signed: str = ""  # variable with the sign of the value, if it has one
 
     def text(self, value: float, design: xr.Dataset) -> str:
-        """The value of a design as text, with its marks."""
-        return format(value, self.form) + _marks(self.name, design)
+        """The value of a design as text, with its sign and marks."""
+        value = float(design[self.signed]) if self.signed else value
+        return number(value, self.form) + _marks(self.name, design)
 
 
+SIGNED = "signed slope"
+CLOSE = 0.05  # of the axes: points so close share one label
 Merits = tuple[Merit, Merit]
 PAPER = (
     Merit("sensitivity", "sensitivity |dC/dε| [pF]", ".2f"),
@@ -136,9 +141,9 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     if window is not None:
         slope, straight = (f"{name}(capacitance, {window})" for name in ("slope", "linearity"))
         cubes = with_columns(cubes, [slope, straight])
-        cubes = [cube.assign({slope: abs(cube[slope])}) for cube in cubes]
+        cubes = [cube.assign({slope: abs(cube[slope]), SIGNED: cube[slope]}) for cube in cubes]
         merits = (
-            Merit(slope, f"|slope| of C over {window} [pF]", ".2f"),
+            Merit(slope, f"|slope| of C over {window} [pF]", "+.2f", SIGNED),
             Merit(straight, f"R² of a line over {window} [1]", ".2f"),
         )
     designs = [design for cube in cubes for design in designs_of(cube)]
@@ -159,7 +164,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
 
 
 def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> None:
-    (up, up_label, up_form), (across, across_label, form) = merits
+    (up, up_label, *_), (across, across_label, form, _) = merits
     table = values_of_designs(cubes, merits)
     measured = table["measured"]
     shown = table if measured.all() else table[~measured]
@@ -176,18 +181,24 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
     if len(shown) < len(table):
         named, points = pd.concat([front, table[measured]]), table[measured]
         axes.plot(points[across], points[up], "o", ms=8, mfc="none", mec="black", label="measured")
+    labels: dict[tuple[float, float], str] = {}
     for _, one in named.iterrows():
         name = f"({one['n_stripe']}, {one['n_subunit']})"
         name += " measured" if one["measured"] and not measured.all() else ""
+        at = one[across] / table[across].max(), one[up] / table[up].max()
+        close = next((other for other in labels if dist(other, at) < CLOSE), at)
+        labels[close] = ", ".join(filter(None, (labels.get(close), name)))
+    for (x, y), text in labels.items():
         # Nothing lies above and to the right of the front, along which slanted names stay apart.
         beside: Look = {"xytext": (2, 2), "textcoords": "offset points", "rotation_mode": "anchor"}
-        axes.annotate(name, (one[across], one[up]), rotation=45, fontsize=6, **beside)
+        at = x * table[across].max(), y * table[up].max()
+        axes.annotate(text, at, rotation=45, fontsize=6, **beside)
     axes.set(xlabel=across_label, ylabel=up_label)
     axes.margins(0.2)
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
     listed = [
-        f"({one['n_stripe']}, {one['n_subunit']}) {one[up]:{up_form}} pF, {one[across]:{form}}"
+        f"({one['n_stripe']}, {one['n_subunit']}) {one[up]:.2f} pF, {one[across]:{form}}"
         for _, one in front.iterrows()
     ]
     title = fill(f"Pareto front: {'; '.join(listed)}", 110)
