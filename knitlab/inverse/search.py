@@ -107,20 +107,19 @@ class DesignSearch:
         methods, ended = list[str](), "the search converged"
         try:
             self.trial(start)
-            if len(start):
-                if self.objective.has_gradient:
-                    constrained = bool(self.objective.subject_to)
-                    methods.append("SLSQP" if constrained else "least squares")
-                    try:
-                        if self.records[0].distance is None:
-                            raise NoDerivative("the start has no distance")
-                        (self._constrained if constrained else self._unconstrained)(start)
-                    except NoDerivative:
-                        self.rough = True
-                met = any(record.met for record in self.records)
-                if not self.objective.has_gradient or (self.rough and not met):
-                    methods.append("CMA-ES")
-                    self._without_gradients()
+            if len(start) and self.objective.has_gradient:
+                constrained = bool(self.objective.request.subject_to)
+                methods.append("SLSQP" if constrained else "least squares")
+                try:
+                    if self.records[0].distance is None:
+                        raise NoDerivative("the start has no distance")
+                    (self._constrained if constrained else self._unconstrained)(start)
+                except NoDerivative:
+                    self.rough = True
+            stuck = self.rough and not any(record.met for record in self.records)
+            if len(start) and (stuck or not self.objective.has_gradient):
+                methods.append("CMA-ES")
+                self._without_gradients()
         except SearchEnded as reason:
             ended = str(reason)
         best = self._best()
@@ -150,7 +149,7 @@ class DesignSearch:
             off_by=[one if np.isfinite(one) else None for one in off_by],
             distance=float(objective.distance(off_by)) if known else None,
             violation=float(objective.violation(off_by)) if known else None,
-            met=known and all_met(objective.wanted, off_by),
+            met=known and all_met(objective.request.wanted, off_by),
         )
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
