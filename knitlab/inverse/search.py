@@ -196,14 +196,16 @@ class DesignSearch:
             trial, _ = self.trial(point)
             return objective.constraints(trial, objective.slopes(trial))[1]
 
+        bounds, ends = [(0.0, 1.0)] * len(start), {"ftol": TOLERANCE, "maxiter": self.budget}
+        limits = {"type": "ineq", "fun": within, "jac": within_jacobian}
         minimize(
             squared,
             start,
             jac=True,
             method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(start),
-            constraints={"type": "ineq", "fun": within, "jac": within_jacobian},
-            options={"ftol": TOLERANCE, "maxiter": self.budget},
+            bounds=bounds,
+            constraints=limits,
+            options=ends,
         )
 
     def _without_gradients(self) -> None:
@@ -221,12 +223,9 @@ class DesignSearch:
             return record.distance + PENALTY * (record.violation or 0.0)
 
         variables, best = len(self.space.names), self._best()
-        strategy = CMA(
-            mean=np.full(variables, 0.5) if best is None else np.array(self.records[best].point),
-            sigma=SPREAD_OF_FIRST,
-            bounds=np.tile([0.0, 1.0], (variables, 1)),
-            seed=0,
-        )
+        mean = np.full(variables, 0.5) if best is None else np.array(self.records[best].point)
+        bounds = np.tile([0.0, 1.0], (variables, 1))
+        strategy = CMA(mean, SPREAD_OF_FIRST, bounds=bounds, seed=0)
         while not strategy.should_stop():
             population = [strategy.ask() for _ in range(strategy.population_size)]
             strategy.tell([(point, cost(point)) for point in population])
@@ -243,14 +242,13 @@ class DesignSearch:
     def _conditions(self, best: TrialRecord) -> dict[str, Any]:
         """The active bounds of the best trial, and how well its values are determined."""
         objective, names, point = self.objective, self.space.names, np.array(best.point)
-        reached = {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
-        if not (objective.has_gradient and names):
-            return reached
         trial = run_trial(self.folder / TRIALS, *self.space.case(self.design, point), objective.own)
         try:
+            if not (objective.has_gradient and names):
+                raise NoDerivative("the targets have none")
             slopes = objective.slopes(trial)
         except NoDerivative:
-            return reached
+            return {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
         residuals, jacobian = objective.residuals(trial, slopes)
         downhill = -(residuals @ jacobian)
         if best.violation:
@@ -283,8 +281,7 @@ def run_searches(
         progress(by_start[case_id].design, distance)
 
     task = Task(partial(_run_search, by_start), folder)
-    failed: dict[str, str] = {}
-    pending = list(starts)
+    failed, pending = dict[str, str](), list(starts)
     with pool_of(task, min(workers, len(searches)), None, False, report) as pool:
         for attempt in range(1, ATTEMPTS + 1):
             errors = {

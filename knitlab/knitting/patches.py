@@ -172,16 +172,11 @@ class ReadChart:
             spans = (_span(band.axis, range(band.start, band.stop)) for band in (row, column))
             yield "patch", f"{', '.join(spans)}: {knit}{stripe}"
 
-    def flat_size(self, gauge: Gauge) -> tuple[float, float]:
-        """Width and length in cloth before it folds, by the size of a stitch [mm]."""
-        return self.chart.wales * gauge.stitch_width, self.chart.courses * gauge.stitch_height
-
     def summary(self, gauge: Gauge) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""
         chart = self.chart
         yield "chart", chart.size
-        size = "{} courses and {} wales".format(*chart.repeat)
-        yield "repeats", "{} × {} (warp × weft) of {}".format(*chart.repeats, size)
+        yield "repeats", chart.repeats_in_words
         if self.begins_at != (1, 1):
             yield "begins at", "course {}, wale {} of the file".format(*self.begins_at)
         rows, columns = self.repeat
@@ -197,7 +192,7 @@ class ReadChart:
             yield "garter_start", self.garter_start
         yield "n_stripe", str(self.n_stripe)
         yield "n_subunit", str(self.n_subunit)
-        width, length = self.flat_size(gauge)
+        width, length = chart.flat_size(gauge)
         yield "size flat", f"{width:.0f} × {length:.0f} mm (width × length)"
 
 
@@ -267,17 +262,11 @@ def _read(
         letters[i, j] = min(wrong, key=lambda letter: int(wrong[letter].sum()))
         odd[patch] = wrong[letters[i, j]]
     repeat = _repeat_of((*rows,), letters), _repeat_of((*columns,), letters.T)
-    chart = StitchChart(
-        title,
-        front,
-        np.zeros(front.shape, int),
-        ("front", "front"),
-        np.vectorize(KNIT_OF_LETTER.__getitem__)(letters),
-        np.array([0, *(band.stop for band in rows)]),
-        np.array([0, *(band.stop for band in columns)]),
-        (repeat[0][-1].stop, repeat[1][-1].stop),
-        periodic=True,
-    )
+    knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(letters)
+    borders = np.array([0, *(b.stop for b in rows)]), np.array([0, *(b.stop for b in columns)])
+    size = repeat[0][-1].stop, repeat[1][-1].stop
+    none = np.zeros(front.shape, int)
+    chart = StitchChart(title, front, none, ("front", "front"), knit, *borders, size, True)
     begins_at = shift[0] + 1, shift[1] + 1
     return ReadChart(chart, (*rows,), (*columns,), letters, garter_start, begins_at, odd)
 
