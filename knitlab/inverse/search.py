@@ -196,17 +196,12 @@ class DesignSearch:
             trial, _ = self.trial(point)
             return objective.constraints(trial, objective.slopes(trial))[1]
 
-        bounds, ends = [(0.0, 1.0)] * len(start), {"ftol": TOLERANCE, "maxiter": self.budget}
-        limits = {"type": "ineq", "fun": within, "jac": within_jacobian}
-        minimize(
-            squared,
-            start,
-            jac=True,
-            method="SLSQP",
-            bounds=bounds,
-            constraints=limits,
-            options=ends,
-        )
+        settings: dict[str, Any] = {
+            "bounds": [(0.0, 1.0)] * len(start),
+            "constraints": {"type": "ineq", "fun": within, "jac": within_jacobian},
+            "options": {"ftol": TOLERANCE, "maxiter": self.budget},
+        }
+        minimize(squared, start, jac=True, method="SLSQP", **settings)
 
     def _without_gradients(self) -> None:
         """Sample around the best trial with an evolution strategy."""
