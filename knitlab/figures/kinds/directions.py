@@ -5,6 +5,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
+from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
@@ -36,21 +37,23 @@ def directions(cube: xr.Dataset) -> Figure:
     figure = Figure(figsize=(TWO_COLUMNS, 3.9), layout="constrained")
     ratio, force = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
     strain = f"{float(at[STRAIN]):.0%}"
-    _draw(ratio, at["poisson_ratio"], f"Poisson's ratio at {strain}")
-    _draw(force, 10 * at["force_per_width"], f"force over width at {strain} [N/cm]")
+    # A checkerboard is its own mirror image: a quarter of the directions tells the others.
+    mirrored = parameters_of(cube).get("pattern") == ["GR", "RG"]
+    _draw(ratio, at["poisson_ratio"], f"Poisson's ratio at {strain}", mirrored)
+    _draw(force, 10 * at["force_per_width"], f"force over width at {strain} [N/cm]", mirrored)
     figure.legend(*ratio.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
-def _draw(axes: PolarAxes, values: xr.DataArray, title: str) -> None:
+def _draw(axes: PolarAxes, values: xr.DataArray, title: str, mirrored: bool) -> None:
     angles = np.deg2rad(values[ANGLE].values)
     whole = np.concatenate([angles, angles + np.pi])
+    quarter = mirrored and np.isclose(angles[-1] - angles[0], np.pi / 2)
     for row, colour, marker in zip(values, CATEGORY_COLOURS, MARKERS, strict=False):
         n_stripe, n_subunit = row["design"].item()
         look: Look = {"label": f"({n_stripe}, {n_subunit})", "lw": 0.9, "ms": 3}
         curve = np.tile(row.values, 2)
-        if np.isclose(angles[-1] - angles[0], np.pi / 2):
-            # A checkerboard is its own mirror image: the other quadrants are known.
+        if quarter:
             whole = np.concatenate([angles, np.pi - angles[::-1], np.pi + angles, -angles[::-1]])
             curve = np.concatenate([row.values, row.values[::-1]] * 2)
         axes.plot([*whole, whole[0]], [*curve, curve[0]], color=colour, marker=marker, **look)
