@@ -86,9 +86,9 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
 
 
 def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
-    """Write a mesh for each strain into a folder, then a ``.pvd`` file for ParaView that lists them.
+    """Write a mesh for each strain into a folder, then the ``.pvd`` file, of ParaView, of them.
 
-    Times are the strains. Returns it, then the meshes; those of an earlier series are removed.
+    Its times are the strains. Returns it, then the meshes; those of an earlier series are removed.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
