@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # imports JAX
     from knitlab.fabric.fabric import Configuration
 
 LENGTHS = "lengths_of_shapes"  # attribute of a case whose shapes are in mm of cloth
+LENGTH_FACTOR = "mm_of_cloth_per_mm_of_network"  # attribute of such a case
 SHAPES = tuple(
     f"{state}{name}" for state in ("", "snapshot_") for name in ("position", "length_x", "length_y")
 )
@@ -119,7 +120,7 @@ def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
     factor = math.sqrt(areas)
     with xr.set_options(keep_attrs=True):
         scaled = {name: factor * case[name] for name in SHAPES if name in case}
-    return case.assign(scaled).assign_attrs({LENGTHS: "cloth"})
+    return case.assign(scaled).assign_attrs({LENGTHS: "cloth", LENGTH_FACTOR: factor})
 
 
 def length_unit(case: xr.Dataset) -> str:

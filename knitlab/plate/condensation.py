@@ -60,6 +60,11 @@ class Plate:
     forces: Float[np.ndarray, "6"]  # membrane forces and moments in the state
     height: float  # of the reference plane, the mean of all nodes
 
+    @classmethod
+    def unknown(cls, status: PlateStatus, height: float = np.nan) -> "Plate":
+        """A plate without numbers."""
+        return cls(status, np.full((6, 6), np.nan), np.full(6, np.nan), height)
+
 
 class PlateSolver:
     """The plates of states of periodic fabrics of one mesh shape."""
@@ -73,14 +78,13 @@ class PlateSolver:
         height = float(np.mean(state.positions[..., 2]))
         forces, stiffness, mixed, unbalanced = _derivatives(self._shape, fabric, state, height)
         area = float(np.prod(state.lengths))
-        unknown = np.full((6, 6), np.nan)
         if not unbalanced < UNBALANCED:
-            return Plate(PlateStatus.not_converged, unknown, unknown[0], height)
+            return Plate.unknown(PlateStatus.not_converged, height)
         try:
             response = self._response.at(fabric, np.asarray(state.flattened()))
             relaxing = response.to(np.pad(mixed, ((0, 0), (0, 2))))[:, :-2]
         except NoDerivative:
-            return Plate(PlateStatus.unstable, unknown, forces / area, height)
+            return Plate.unknown(PlateStatus.unstable, height)
         condensed = (stiffness - mixed @ relaxing.T) / area
         condensed = (condensed + condensed.T) / 2
         return Plate(judged(condensed), condensed, forces / area, height)
@@ -126,6 +130,7 @@ def _derivatives(
             np.add.at(on_nodes, place, force)
             np.add.at(by_nodes, place, mixed)
             largest = max(largest, float(np.abs(force).max()))
+    by_nodes[2::3] -= by_nodes[2::3].mean(axis=0)  # the plane stays at the mean height
     z = jnp.asarray(state.positions[..., 2]).ravel()
     on_nodes[2::3] += jax.grad(lambda at: wall_energy(at, fabric.z_max, fabric.k_wall).sum())(z)
     unbalanced = np.abs(on_nodes).max() / largest if largest > 0 else 0.0
