@@ -149,6 +149,7 @@ repeats = click.option(
     metavar="NxM",
     help="Repeats of the pattern along the warp and the weft, such as 4x2.",
 )
+where = click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
 table_format = click.option(
     "--format", "style", type=click.Choice(["table", "csv", "json"]), default="table"
 )

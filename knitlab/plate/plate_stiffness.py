@@ -1,7 +1,7 @@
 """The plates of the states of a case, and of the designs of a cube, as labelled datasets."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +9,22 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
-from knitlab.cube.cube_file import design_dims
+from knitlab.cube.cube_file import cube_name, design_dims, model_options
 from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import COORDINATES, STRAIN
-from knitlab.cube.selection import refuse_others, selected, selections_along
+from knitlab.cube.selection import chosen_indices, refuse_others, selected, selections_along
 from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import BadInput, ErrorCollector, fault
-from knitlab.meshes.chosen_case import chosen_case, chosen_strains, has_shape
+from knitlab.meshes.chosen_case import chosen_case, has_shape
 from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import case_of
 
 DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp), pulled
 STATUS = "plate_status"
+OF_PERIODIC = (
+    "is of clamped samples, and a plate is the mean of periodic fabric;"
+    " simulate it with boundary = periodic"
+)
 VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "membrane_stiffness": (("row", "column"), "N/mm", "A, membrane force by strain"),
     "coupling_stiffness": (("row", "column"), "N", "B, membrane force by curvature"),
@@ -39,13 +43,19 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
 """Dimensions beside those of states, unit and meaning of the variables of a plate."""
 
 
-def plates_of_case(case_file: xr.Dataset, strains: Sequence[int]) -> xr.Dataset:
-    """The plates of a periodic case at applied strains, by their indices, in its lengths.
+def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
+    """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
 
-    BadInput if it is a clamped sample, or has contact.
+    BadInput if it is a clamped sample, has contact, or was not tested at a strain.
     """
     case = case_of(json.loads(case_file.attrs["parameters"]))
-    _check(case)
+    if case.options.boundary != "periodic":
+        raise fault(case.label, OF_PERIODIC)
+    if case.options.contact != "none":
+        problem = "has contact, whose stiffness a plate leaves out"
+        raise fault(case.label, f"{problem}; simulate it with contact = none")
+    along = {STRAIN: case_file[STRAIN].values}
+    strains = chosen_indices(along, selections).get(STRAIN, range(len(along[STRAIN])))
     _, fabric = case.assemble()
     solver, reached = PlateSolver(case.mesh_shape), has_shape(case_file)
     factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
@@ -54,7 +64,7 @@ def plates_of_case(case_file: xr.Dataset, strains: Sequence[int]) -> xr.Dataset:
         plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(2, np.nan)
         if reached[index]:
             state = configurations(case_file.isel({STRAIN: [index]}))[0]
-            lengths = state.lengths
+            lengths = np.asarray(state.lengths)
             plate = solver.plate(fabric, Configuration(state.positions / factor, lengths / factor))
         plates.append(_numbers(plate, factor) | {"length_x": lengths[0], "length_y": lengths[1]})
     labels = {STRAIN: case_file[STRAIN].values[list(strains)]}
@@ -73,33 +83,44 @@ def plates_of_cube(
     known = (*dims, STRAIN)
     remedy = f"select along {', '.join(known)}"
     refuse_others(selections, known, f"is not a coordinate of a plate; {remedy}")
+    if model_options(cube).get("boundary") == "clamped":
+        raise fault(cube_name(cube), OF_PERIODIC)
+    strains = selections_along(selections, [STRAIN])
+    chosen_indices({STRAIN: cube[STRAIN].values}, strains)
     left = selected(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
     if rows.empty:
         raise fault("where" if where else "selections", "leaves no design; choose others")
-    faults, plates = ErrorCollector(), dict[tuple[Any, ...], xr.Dataset]()
+    faults, case_files = ErrorCollector(), dict[tuple[Any, ...], xr.Dataset]()
     for design in rows.itertuples(index=False, name=None):
         with faults:
-            case_file = chosen_case(cube, folder, dict(zip(dims, design, strict=True)))
-            strains = range(case_file.sizes[STRAIN])
-            if STRAIN in selections:
-                strains = chosen_strains(case_file, selections, several=True)
-            plates[design] = plates_of_case(case_file, strains)
-    if not plates:
+            # Of a cube few designs may have their shapes beside it.
+            case_files[design] = chosen_case(cube, folder, dict(zip(dims, design, strict=True)))
+    plates = {design: plates_of_case(each, strains) for design, each in case_files.items()}
+    if len(rows) == 1 and faults.all:
         raise BadInput(faults.all)
-    labels: dict[str, list[Any]] = {
-        dim: list(dict.fromkeys(design[k] for design in sorted(plates))) for k, dim in enumerate(dims)
+    if not plates:
+        problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
+        raise fault(str(folder / "cases"), problem)
+    present = [set(labels) for labels in zip(*plates, strict=True)]
+    labels = {
+        dim: [value for value in cube[dim].values.tolist() if value in own]
+        for dim, own in zip(dims, present, strict=True)
     }
     labels[STRAIN] = sorted({s for each in plates.values() for s in each[STRAIN].values.tolist()})
     units = {each.attrs["length_unit"] for each in plates.values()}
     shape = [len(each) for each in labels.values()]
-    values = {name: np.full((*shape, *(3 for _ in of[0])), np.nan) for name, of in VARIABLES.items()}
+    values = {
+        name: np.full((*shape, *(len(DIRECTIONS) for _ in inner)), np.nan)
+        for name, (inner, *_) in VARIABLES.items()
+    }
     values[STATUS] = np.full(shape, int(PlateStatus.no_shape))
     for design, plate in plates.items():
         at = [labels[dim].index(value) for dim, value in zip(dims, design, strict=True)]
         places = [labels[STRAIN].index(strain) for strain in plate[STRAIN].values.tolist()]
+        index: tuple[Any, ...] = (*at, places)
         for name, every in values.items():
-            every[*at, places] = plate[name].values
+            every[index] = plate[str(name)].values
     return _labelled(values, labels).assign_attrs(length_unit=" and ".join(sorted(units)))
 
 
@@ -172,12 +193,3 @@ def _labelled(values: Mapping[str, np.ndarray], labels: Mapping[str, Any]) -> xr
     for name in set(labels) & set(COORDINATES):
         dataset[name].attrs |= COORDINATES[name].attributes
     return dataset
-
-
-def _check(case: Case) -> None:
-    if case.options.boundary != "periodic":
-        problem = "is a clamped sample, and a plate is the mean of periodic fabric"
-        raise fault(case.label, f"{problem}; simulate it with boundary = periodic")
-    if case.options.contact != "none":
-        problem = "has contact, whose stiffness a plate leaves out"
-        raise fault(case.label, f"{problem}; simulate it with contact = none")

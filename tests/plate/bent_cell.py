@@ -72,7 +72,9 @@ class BentCell:
             z = height * jnp.cos(bend * arc) - sag
             moved = u * across[:, None, None] + (plane @ along) * along[:, None, None]
             moved = jnp.concatenate([moved, z[None]])
-            vectors = jnp.stack([moved[..., end] - moved[..., start] for start, end in elements.ends])
+            vectors = jnp.stack(
+                [moved[..., end] - moved[..., start] for start, end in elements.ends]
+            )
             total += of(vectors, *numbers).sum()
         fabric, heights = self.fabric, nodes[:, 2] + self.plane
         total += wall_energy(heights, fabric.z_max, fabric.k_wall).sum()
