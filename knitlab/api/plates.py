@@ -28,9 +28,9 @@ def plate_stiffness(
 
     To first order from a state, forces over width are N = N0 + A e + B κ and moments
     M = M0 + Bᵀ e + D κ, with strain and curvature in the order xx, yy, 2 xy. x is along the courses
-    (weft), y along the wales (warp), which the test pulls; z is to the technical face. Curvature is
-    positive where the side at +z gets longer. The nodes of one unit cell are condensed out; what is
-    included of the forces in a state is in ``docs/explanation/plate.md``. Lengths are in mm of
+    (weft), y along the wales (warp), which tests pull by default, and z to the technical face.
+    Curvature is positive where the side at +z gets longer. The nodes of one unit cell are condensed
+    out; ``docs/explanation/plate.md`` says what the forces in a state add. Lengths are in mm of
     cloth where the gauge says how long that is.
 
     Args:

@@ -95,9 +95,9 @@ def find(
         click.echo(f"{count} designs {reason}", err=True)
     if output is not None and len(nearest.table):
         from knitlab.figures.figure_files import draw_into
-        from knitlab.figures.found_designs import found_figure
+        from knitlab.figures.nearest_designs import nearest_figure
 
-        draw_into(lambda: found_figure(nearest), output)
+        draw_into(lambda: nearest_figure(nearest), output)
         click.echo(f"figure  {output}", err=True)
 
 
@@ -210,8 +210,8 @@ def plate(
     """List the stiffness of the periodic fabric of CUBE as a plate, for shell elements.
 
     Shapes are in the case files beside a cube. 1 is x along the courses (weft), 2 is y along the
-    wales (warp), which is pulled; A is in N/mm, B in N and D in N mm over the width. csv and json
-    have all entries and the forces in the state.
+    wales (warp), along which tests pull by default. A is in N/mm, B in N and D in N mm, over the
+    width. csv and json have all entries and the forces in the state.
     Exit code 1 if a state has no positive definite stiffness.
     """
     from knitlab.api.plates import plate_stiffness

@@ -16,7 +16,7 @@ then relax: they are condensed out with the stiffness of the periodic fabric.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import partial
 from typing import Any
@@ -29,7 +29,7 @@ from jaxtyping import Array, Float, Int
 from knitlab.equilibrium.adjoint import LinearResponse, NoDerivative
 from knitlab.fabric.energy import hinge_energy, spring_energy, wall_energy
 from knitlab.fabric.fabric import Configuration, Fabric
-from knitlab.fabric.network import Elements, MeshShape, network
+from knitlab.fabric.network import UPRIGHT, Elements, MeshShape, network
 from knitlab.fabric.settings import FoldAngle
 
 CHUNK = 1024  # elements in a chunk: one compiled program serves all mesh shapes
@@ -69,20 +69,22 @@ class Plate:
 class PlateSolver:
     """The plates of states of periodic fabrics of one mesh shape."""
 
-    def __init__(self, shape: MeshShape) -> None:
-        self._shape = shape
-        self._response = LinearResponse(shape, np.arange(3 * shape.nodes))
+    def __init__(self, shape: MeshShape, sheared: bool = False) -> None:
+        # States have their courses along x, in whichever direction they were pulled.
+        self._shape = replace(shape, frame=UPRIGHT if sheared else None)
+        self._response = LinearResponse(self._shape, np.arange(3 * shape.nodes))
 
     def plate(self, fabric: Fabric, state: Configuration) -> Plate:
         """The plate of one state."""
         height = float(np.mean(state.positions[..., 2]))
         forces, stiffness, mixed, unbalanced = _derivatives(self._shape, fabric, state, height)
-        area = float(np.prod(state.lengths))
+        area = float(np.prod(state.lengths[:2]))
         if not unbalanced < UNBALANCED:
             return Plate.unknown(PlateStatus.not_converged, height)
         try:
             response = self._response.at(fabric, np.asarray(state.flattened()))
-            relaxing = response.to(np.pad(mixed, ((0, 0), (0, 2))))[:, :-2]
+            held = len(state.lengths)
+            relaxing = response.to(np.pad(mixed, ((0, 0), (0, held))))[:, :-held]
         except NoDerivative:
             return Plate.unknown(PlateStatus.unstable, height)
         condensed = (stiffness - mixed @ relaxing.T) / area
@@ -152,7 +154,9 @@ def _relative(
 ) -> Float[np.ndarray, "node 3 lane"]:
     """Nodes of elements in the endless sheet, from the middle of their first two, and the plane."""
     nodes = state.positions.reshape(-1, 3)[elements.nodes[chosen]]
-    nodes[..., :2] += elements.images[chosen] * state.lengths
+    length_x, length_y, *shear = state.lengths
+    lattice = np.array([[length_x, 0], [shear[0] if shear else 0, length_y]])
+    nodes[..., :2] += elements.images[chosen] @ lattice
     middle = nodes[:, :2].mean(axis=1)
     middle[:, 2] = height
     return np.ascontiguousarray((nodes - middle[:, None]).transpose(1, 2, 0))

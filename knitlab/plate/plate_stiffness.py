@@ -19,7 +19,7 @@ from knitlab.meshes.chosen_case import chosen_case, has_shape
 from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
 from knitlab.simulation.case import case_of
 
-DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp), pulled
+DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp)
 STATUS = "plate_status"
 OF_PERIODIC = (
     "is of clamped samples, and a plate is the mean of periodic fabric;"
@@ -38,9 +38,11 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "poisson_ratio_y": ((), "1", "contraction along x over a small extension along y"),
     "length_x": ((), "mm", "length of the periodic cell along the courses"),
     "length_y": ((), "mm", "length of the periodic cell along the wales"),
+    "length_shear": ((), "mm", "shift of the upper end of the periodic cell along the courses"),
     "reference_height": ((), "mm", "height of the reference plane, the mean of all nodes"),
 }
 """Dimensions beside those of states, unit and meaning of the variables of a plate."""
+SIDES = ("length_x", "length_y", "length_shear")
 
 
 def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
@@ -57,16 +59,18 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
     along = {STRAIN: case_file[STRAIN].values}
     strains = chosen_indices(along, selections).get(STRAIN, range(len(along[STRAIN])))
     _, fabric = case.assemble()
-    solver, reached = PlateSolver(case.mesh_shape), has_shape(case_file)
+    solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
+    reached = has_shape(case_file)
     factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
     plates = []
     for index in strains:
-        plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(2, np.nan)
+        plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(3, np.nan)
         if reached[index]:
             state = configurations(case_file.isel({STRAIN: [index]}))[0]
             lengths = np.asarray(state.lengths)
             plate = solver.plate(fabric, Configuration(state.positions / factor, lengths / factor))
-        plates.append(_numbers(plate, factor) | {"length_x": lengths[0], "length_y": lengths[1]})
+        sides = dict(zip(SIDES, [*lengths, 0.0], strict=False))
+        plates.append(_numbers(plate, factor) | sides)
     labels = {STRAIN: case_file[STRAIN].values[list(strains)]}
     values = {name: np.array([each[name] for each in plates]) for name in (STATUS, *VARIABLES)}
     return _labelled(values, labels).assign_attrs(length_unit=length_unit(case_file))
@@ -163,6 +167,7 @@ def _numbers(plate: Plate, factor: float) -> dict[str, Any]:
         "bending_stiffness": d * factor,
         "membrane_force": plate.forces[:3] / factor,
         "moment": plate.forces[3:],
+        "length_shear": ((), "mm", "shift of the upper end of the periodic cell along the courses"),
         "reference_height": plate.height * factor,
         STATUS: int(plate.status),
     }

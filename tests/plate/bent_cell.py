@@ -36,7 +36,8 @@ class BentCell:
             (net.springs, (fabric.rest_length, fabric.stretch_stiffness), spring_energy),
             (net.hinges, (fabric.rest_fold, fabric.fold_stiffness), hinges),
         ]
-        self.lengths = np.asarray(state.lengths)
+        length_x, length_y, *shear = np.asarray(state.lengths)
+        self.lattice = np.array([[length_x, 0], [sum(shear), length_y]])
         nodes = np.asarray(state.positions).reshape(-1, 3).copy()
         self.plane = nodes[:, 2].mean()
         nodes[:, 2] -= self.plane
@@ -64,7 +65,7 @@ class BentCell:
         total = 0.0
         for elements, numbers, of in self._elements:
             at = nodes[elements.nodes] - jnp.array([0, 0, nodes[:, 2].mean()])
-            plane = at[..., :2] + (elements.images * self.lengths) @ stretch.T
+            plane = at[..., :2] + elements.images @ self.lattice @ stretch.T
             arc, height = plane @ across, at[..., 2]
             # (1 / bend + height) × (sin, cos) of the angle, without a division by bend.
             u = arc * jnp.sinc(bend * arc / np.pi) + height * jnp.sin(bend * arc)
@@ -78,7 +79,7 @@ class BentCell:
             total += of(vectors, *numbers).sum()
         fabric, heights = self.fabric, nodes[:, 2] + self.plane
         total += wall_energy(heights, fabric.z_max, fabric.k_wall).sum()
-        return total / np.prod(self.lengths)
+        return total / np.linalg.det(self.lattice)
 
     def relaxed(self, strain, direction, curvature):
         """The energy of the relaxed cell, from the state, with the stiffness of the state."""

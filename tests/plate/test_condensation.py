@@ -6,9 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from knitlab.equilibrium.loading import Load
+from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.plate.condensation import PlateSolver, PlateStatus
+from knitlab.plate.plate_stiffness import in_plane
 from tests.equilibrium.test_pure_stripes import across_the_ridges, along_the_ridges
 from tests.fabrics import (
     FINE,
@@ -17,6 +20,7 @@ from tests.fabrics import (
     assemble_fabric,
     cell_of,
     checkerboard,
+    equations,
     patch_map,
     patterned,
     pure,
@@ -28,13 +32,15 @@ from tests.fabrics import (
 from tests.plate.bent_cell import BentCell
 
 FLAT = ModelOptions(boundary="periodic")
+ANGLE = np.deg2rad(35)
+OBLIQUE = Load("off_axis", angle=35.0)
 PLAIN = PlainKnit(1.0, 0.6, 0.02, 0.05)
 SWAPPED = [1, 0, 2, 4, 3, 5]
 """The order of strain and curvature with x and y exchanged."""
 
 
 def plate_of(net, fabric, state):
-    return PlateSolver(net.shape).plate(fabric, state)
+    return PlateSolver(net.shape, len(state.lengths) == 3).plate(fabric, state)
 
 
 def plain_sheet():
@@ -45,9 +51,12 @@ def plain_sheet():
 
 @cache
 def checkered_states(z_max: float = 6.0) -> tuple:
-    """A small checkerboard, and its states: relaxed, and pulled by 10 %."""
+    """A small checkerboard, and its states: relaxed, pulled by 10 %, and by 10 % at an angle."""
     net, fabric = patterned(4, checkerboard(1), FLAT, Sheet(z_max=z_max, k_wall=100.0))
-    states = stretched(net, fabric, [0.0, 0.1], FINE).states
+    states = [
+        *stretched(net, fabric, [0.0, 0.1], FINE).states,
+        stretch(equations(net, fabric), [0.0, 0.1], FINE, load=OBLIQUE).states[-1],
+    ]
     return net, fabric, *(state.configuration for state in states)
 
 
@@ -125,7 +134,7 @@ def test_the_stiffness_is_the_curvature_of_the_energy_of_rolled_up_cells():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("state", "z_max"), [(0, 6.0), (1, 6.0), (0, 0.2), (1, 0.2)])
+@pytest.mark.parametrize(("state", "z_max"), [(0, 6.0), (1, 6.0), (2, 6.0), (0, 0.2), (1, 0.2)])
 def test_it_is_also_relaxed_or_stretched_and_between_walls(state, z_max):
     _, fabric, *states = checkered_states(z_max)
     touched = np.abs(states[state].positions[..., 2]).max() > float(fabric.z_max)
@@ -149,6 +158,27 @@ def test_tangents_are_those_of_the_tensile_test():
     assert 1 / compliance[1, 1] + plate.forces[1] == pytest.approx(tangent, rel=1e-5)
 
 
+def test_a_pull_at_an_angle_stores_the_energy_of_the_modulus_along_it():
+    net, fabric, *_ = checkered_states()
+    strain = 1e-4
+    strains = [0.0, strain, 2 * strain]
+    start, *ends = stretch(equations(net, fabric), strains, FINE, load=OBLIQUE).states
+    modulus, ratio = in_plane(plate_of(net, fabric, start.configuration).stiffness[:3, :3], ANGLE)
+    one, two = (float(end.energy.total) - float(start.energy.total) for end in ends)
+    area = np.prod(start.configuration.lengths[:2])
+    # Without the part of third order.
+    assert modulus == pytest.approx(2 * (8 * one - two) / 4 / strain**2 / area, rel=1e-5)
+    (length_x, length_y, _), (x, y, shear) = (
+        state.configuration.lengths for state in (start, ends[0])
+    )
+    gradient = np.array([[x / length_x, shear / length_y], [0, y / length_y]])
+    green = (gradient.T @ gradient - np.eye(2)) / 2
+    along, across = (
+        np.array([np.cos(angle), np.sin(angle)]) for angle in (ANGLE, ANGLE + np.pi / 2)
+    )
+    assert ratio == pytest.approx(-(across @ green @ across) / (along @ green @ along), rel=1e-2)
+
+
 def transposed(state: Configuration) -> Configuration:
     """The mirror image of a state in the plane x = y."""
     return Configuration(
@@ -157,7 +187,7 @@ def transposed(state: Configuration) -> Configuration:
 
 
 def test_a_design_with_its_axes_exchanged_has_its_stiffness_exchanged():
-    net, fabric, _, state = checkered_states()
+    net, fabric, _, state, _ = checkered_states()
     other_net, other = assemble_fabric(
         patch_map(["RG", "GR"], 1),
         stripe("garter", 8),
@@ -173,7 +203,7 @@ def test_a_design_with_its_axes_exchanged_has_its_stiffness_exchanged():
 
 
 def test_turned_over_only_the_coupling_and_moments_change_sign():
-    net, fabric, _, state = checkered_states()
+    net, fabric, _, state, _ = checkered_states()
     turned = replace_z(state, -1.0)
     over = replace_fabric(fabric, rest_fold=-fabric.rest_fold)
     plate, back = plate_of(net, fabric, state), plate_of(net, over, turned)
@@ -191,7 +221,7 @@ def replace_fabric(fabric, **changed):
 
 
 def test_two_unit_cells_have_the_plate_of_one():
-    _, fabric, _, state = checkered_states()
+    _, fabric, _, state, _ = checkered_states()
     net, double = patterned(4, checkerboard(1, (1, 2)), FLAT)
     right = state.positions + np.array([state.lengths[0], 0, 0])
     both = Configuration(
@@ -204,7 +234,7 @@ def test_two_unit_cells_have_the_plate_of_one():
 
 
 def test_a_shape_out_of_balance_has_no_stiffness():
-    net, fabric, state, _ = checkered_states()
+    net, fabric, state, *_ = checkered_states()
     plate = plate_of(net, fabric, shaken(state, 1e-3))
     assert plate.status is PlateStatus.not_converged
     assert np.isnan(plate.stiffness).all()
