@@ -78,41 +78,36 @@ def build_cube(
     """
     known = cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
+    # A swept setting, such as contact, may give some cases variables that others lack.
+    names = set() if old is None else set(map(str, old.data_vars))
     for case_id, case in plan.cases.items():
+        variables = {name for name, each in variables_of(case).items() if each.in_cube}
+        names |= variables
         design = tuple(case.design.values())
-        cell = known.get(design)
+        cell, state = known.get(design), states.get(case_id)
         has_results = cell is not None and cell.has_results
-        state, path = states.get(case_id), case_path(results, case_id)
         if cell and has_results and state is CaseState.done and cell.case_id == case_id:
             continue
+        values, path = known_in_advance(case), case_path(results, case_id)
         if state is not CaseState.damaged and path.is_file():
-            wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
-            values = known_in_advance(case) | read_values(path, wanted)
+            values |= read_values(path, variables)
             values |= sizes_of(case, values, plan.gauge)
-            entries[design] = Entry(values, case.applied_strain)
-        elif not has_results:
+        elif has_results:
+            continue
+        else:
             status = Status.failed if case_id in failed else Status.pending
-            values = known_in_advance(case) | {"code": "", "status": status}
-            entries[design] = Entry(values, case.applied_strain)
+            values |= {"code": "", "status": status}
+        entries[design] = Entry(values, case.applied_strain)
 
-    cube = _gridded(plan, _names(plan, old), entries)
+    pure = any(case.pure for case in plan.cases.values())
+    kinds = ("design", "stripes") if pure else ("design", "stripes", "cloth")
+    names |= {name for name, each in VARIABLES.items() if each.of in kinds}
+    # A stripe number that is swept is a coordinate.
+    cube = _gridded(plan, [name for name in VARIABLES if name in names - {*plan.dims}], entries)
     cube.attrs |= _attributes(plan, old, entries)
     if "knit_cell_x" in cube:
         cube.attrs |= stated_gauge(plan.gauge)
     return cube
-
-
-def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
-    """Variables of the cube, in the order of the registry."""
-    case = next(iter(plan.cases.values()))
-    # A swept setting, such as contact, may give some cases variables that others lack.
-    wanted = set() if old is None else set(map(str, old.data_vars))
-    for each in plan.cases.values():
-        wanted |= {name for name, variable in variables_of(each).items() if variable.in_cube}
-    kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
-    named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]
-    # A stripe number that is swept is a coordinate.
-    return [name for name in named if name not in plan.dims]
 
 
 def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import xarray as xr
 
@@ -26,21 +26,15 @@ CASES = "cases"
 MOST_NAMED = 5  # largest number of cases that a message names
 
 
-@dataclass(frozen=True)
-class Merge:
-    """The result of a merge: its folder and cube, and the case files copied and left out."""
+class Merge(NamedTuple):
+    """The result of a merge."""
 
     folder: Path
     cube: xr.Dataset
+    counts: dict[str, int]  # of designs by status, without excluded combinations
     sources: tuple[Path, ...]
-    copied: tuple[str, ...]
-    damaged: tuple[Path, ...]
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Number of designs by status, without excluded combinations."""
-        numbers = {each.name: int((self.cube["status"] == each).sum()) for each in Status}
-        return {name: n for name, n in numbers.items() if n and name != Status.excluded.name}
+    copied: tuple[str, ...]  # cases whose files were copied
+    damaged: tuple[Path, ...]  # files that were left out
 
 
 @dataclass(frozen=True)
@@ -89,24 +83,22 @@ class FolderContents:
         """Dimensions of its designs; empty if it does not state any."""
         if self.cube is not None:
             return cube_file.design_dims(self.cube)
-        return () if self.record is None else tuple(self.record["dims"])
+        return tuple(self.record["dims"]) if self.record else ()
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The settings that its designs share, and its gauge."""
         if self.cube is None:
-            return {} if self.record is None else dict(self.record["parameters"])
+            return dict(self.record["parameters"]) if self.record else {}
         gauge = {name: self.cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
         return parameters_of(self.cube) | gauge
 
     def numbers(self, case_id: str) -> xr.Dataset:
         """What is compared of a case: from its file, or else from the cube."""
-        if case_id in self.sound:
+        cell = self.results[case_id]
+        if cell is None or self.cube is None or case_id in self.sound:
             case = case_file.read_case(self.path, case_id)
         else:
-            cell = self.results[case_id]
-            assert self.cube is not None
-            assert cell is not None
             case = self.cube.isel(dict(zip(self.dims, cell.indices, strict=True)), drop=True)
         return case[[name for name in CURVES if name in case]]
 
@@ -129,25 +121,37 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
         if _holds_results(target):
             merged = [FolderContents.of(target), *merged]
         _check_agreement(merged, any_code)
-        copied = _copied(merged, target)
         failures: dict[str, Failure] = {}
+        owners: dict[str, Path] = {}
         for source in reversed(merged):
             failures |= results_folder.earlier_failures(source.path)
+            owners |= dict.fromkeys(source.sound, source.path)
+        copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
+        for case_id, owner in copied.items():
+            # The checksum first, as where a case is simulated.
+            for path in (case_file.checksum_path, case_file.case_path):
+                with atomic_write(path(target, case_id)) as temporary:
+                    shutil.copyfile(path(owner, case_id), temporary)
         cube = _joined(merged, target, failures)
         cube_file.write_cube(cube, target / CUBE)
         bad = cube["status"].isin([Status.not_converged, Status.failed]).values
         not_ok = [failures[name] for name in cube["case_id"].values[bad] if name in failures]
         results_folder.write_failures(target, not_ok)
-    sound = {case_id for source in merged for case_id in source.sound}
-    damaged = {path for source in sources for path in source.damaged if path.stem not in sound}
-    return Merge(results / target.name, cube, tuple(paths), copied, tuple(sorted(damaged)))
+    counts = {each.name: int((cube["status"] == each).sum()) for each in Status}
+    damaged = {file for source in sources for file in source.damaged if file.stem not in owners}
+    return Merge(
+        folder=results / target.name,
+        cube=cube,
+        counts={name: n for name, n in counts.items() if n and name != Status.excluded.name},
+        sources=tuple(paths),
+        copied=tuple(copied),
+        damaged=tuple(sorted(damaged)),
+    )
 
 
 def _results_folders(path: Path) -> list[Path]:
     """A results folder of a workflow, or those in a folder of such folders."""
-    if _holds_results(path):
-        return [path]
-    folders = sorted(each for each in path.glob("*") if each.is_dir() and _holds_results(each))
+    folders = [path] if _holds_results(path) else [*filter(_holds_results, sorted(path.glob("*")))]
     if not folders:
         raise fault(str(path), f"holds no results: neither {PLAN} nor {CUBE}; check the path")
     return folders
@@ -155,18 +159,6 @@ def _results_folders(path: Path) -> list[Path]:
 
 def _holds_results(path: Path) -> bool:
     return any((path / name).exists() for name in (PLAN, CUBE, CASES))
-
-
-def _copied(merged: Sequence[FolderContents], target: Path) -> tuple[str, ...]:
-    """Copy the case files that the target lacks; their identifiers."""
-    owners = {case_id: source.path for source in reversed(merged) for case_id in source.sound}
-    copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
-    for case_id, owner in copied.items():
-        # The checksum first, as where a case is simulated.
-        for path in (case_file.checksum_path, case_file.case_path):
-            with atomic_write(path(target, case_id)) as temporary:
-                shutil.copyfile(path(owner, case_id), temporary)
-    return tuple(copied)
 
 
 def _joined(

@@ -90,16 +90,14 @@ class Parameters:
 
     def with_tables(self, **given: object) -> "Parameters":
         """The parameters with other tables, None keeps one; BadInput has every one out of range."""
-        faults, tables = ErrorCollector(), dict[str, Any]()
-        for name, table in given.items():
-            if table is None:
-                continue
-            kind = TABLES[name]
+        faults = ErrorCollector()
+        tables: dict[str, Any] = {name: each for name, each in given.items() if each is not None}
+        for name, table in tables.items():
             with faults:
-                if not isinstance(table, kind):
+                if not isinstance(table, TABLES[name]):
                     problem = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
                     raise fault(name, problem)
-                tables[name] = checked(name, table, kind)
+                tables[name] = checked(name, table, TABLES[name])
         if faults.all:
             raise BadInput(faults.all)
         return replace(self, **tables)

@@ -6,6 +6,7 @@ Needs no JAX.
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -71,27 +72,25 @@ def survey(
 ) -> dict[str, CaseState]:
     """State of every planned case in a folder; ``check`` compares case files with checksums."""
     names = {path.name for path in (folder / "cases").glob("*")}
-    states = {}
-    for case_id, design in designs.items():
-        cell = stored.get(design)
-        own = cell if cell and cell.case_id == case_id else None
-        code = None
+
+    def state(case_id: str, cell: Cell | None) -> CaseState:
+        in_cube = cell is not None and cell.case_id == case_id
         if case_path(folder, case_id).name not in names:
-            stale = cell is not None and own is None and cell.has_results
-            states[case_id] = CaseState.stale_parameters if stale else CaseState.pending
-            continue
-        if checksum_path(folder, case_id).name in names and (
-            not check or check_case_file(folder, case_id) is StoredCase.sound
-        ):
-            code = (own and own.code) or read_code(folder, case_id)
+            stale = cell is not None and not in_cube and cell.has_results
+            return CaseState.stale_parameters if stale else CaseState.pending
+        if checksum_path(folder, case_id).name not in names:
+            return CaseState.damaged
+        if check and check_case_file(folder, case_id) is not StoredCase.sound:
+            return CaseState.damaged
+        code = (cell.code if cell and in_cube else None) or read_code(folder, case_id)
         if code is None:
-            states[case_id] = CaseState.damaged
-        else:
-            states[case_id] = CaseState.done if code == code_fingerprint() else CaseState.stale_code
-    return states
+            return CaseState.damaged
+        return CaseState.done if code == code_fingerprint() else CaseState.stale_code
+
+    return {case_id: state(case_id, stored.get(design)) for case_id, design in designs.items()}
 
 
-def labelled(dims: Iterable[str], design: Design) -> str:
+def labelled(dims: Iterable[str], design: Iterable[Any]) -> str:
     """A design as text."""
     return "  ".join(f"{name} {label}" for name, label in zip(dims, design, strict=True))
 
@@ -208,11 +207,10 @@ def folder_status(
     cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
     stored, statuses = cells(cube), {}
     failures = {case_id: entry["reason"] for case_id, entry in earlier_failures(folder).items()}
+    in_cube = {cell.case_id: cell.status.name for cell in stored.values()}
     for case_id, state in survey(designs, folder, stored, check).items():
-        cell = stored.get(designs[case_id])
         if state is CaseState.done:
-            in_cube = cell if cell and cell.case_id == case_id else None
-            statuses[case_id] = in_cube.status.name if in_cube else "done, not yet in the cube"
+            statuses[case_id] = in_cube.get(case_id, "done, not yet in the cube")
         elif state is CaseState.pending and case_id in failures:
             statuses[case_id] = Status.failed.name
         else:
@@ -222,7 +220,7 @@ def folder_status(
 
 def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[str, Any] | None:
     """The record of a plan of which a run would change nothing; None if there is none."""
-    try:
+    with suppress(BadInput, OSError):
         path = workflow_file(workflow)
         folder = results / path.stem
         record = read_plan(folder)
@@ -234,6 +232,4 @@ def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[st
         ):
             status = folder_status(folder, record["dims"], planned_designs(record), check=True)
             return record if set(status.counts) == {Status.ok.name} else None
-    except (BadInput, OSError):
-        pass
     return None

@@ -2,7 +2,7 @@
 
 import itertools
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +28,6 @@ from knitlab.sweep.results_folder import FAILURES, PLAN, CaseState, Failure, ear
 from knitlab.sweep.workers import BatchError, SchedulerLost, Simulate, Task
 
 ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
-Failed = dict[str, BatchError]  # why cases could not be computed, by identifier
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ class Run:
         """One line for each case that is not ok, then on damaged, stale and unfinished ones."""
         lines = []
         for entry in self.failures:
-            label = "  ".join(f"{name} {entry[name]}" for name in dims)
+            label = results_folder.labelled(dims, [entry[name] for name in dims])
             lines.append(f"{entry['status']}: {label}: {entry['reason']}")
         for case_id in self.in_state(CaseState.damaged):
             lines.append(f"damaged: {case_path(folder, case_id)} was not as it had been written")
@@ -158,16 +157,14 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         }
         with workers.interrupted_by_signals():
             done = _simulate(part, results, missing, options)
-        simulated = tuple(case_id for case_id in missing if case_id in done.ended)
-        failed = done.failed
         if joined := shard is None:
-            cube, failures = _join(plan, results, old, states, simulated, failed)
+            cube, failures = _join(plan, results, old, states, done)
         else:
-            shown, after = part, states | dict.fromkeys(simulated, CaseState.pending)
+            shown, after = part, states | dict.fromkeys(done.ended, CaseState.pending)
             if not part.cases:  # with more shards than cases: a cube without results
                 shown, after = plan, dict.fromkeys(plan.cases, CaseState.damaged)
-            cube = build_cube(shown, results, None, after, failed)
-            failures = _failures(part, results, cube, simulated, failed)
+            cube = build_cube(shown, results, None, after, done.failed)
+            failures = _failures(part, results, cube, done)
             with gate(results):
                 of_others = earlier_failures(results)
                 others = [entry for name, entry in of_others.items() if name not in part.cases]
@@ -177,8 +174,9 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                     now = previous_cube(plan, results / CUBE)
                     stored = results_folder.cells(now)
                     states_now = results_folder.survey(plan.designs, results, stored, check=True)
-                    _join(plan, results, now, states_now, simulated, failed)
+                    _join(plan, results, now, states_now, done)
     changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
+    simulated = tuple(sorted(done.ended))
     return Run(cube, simulated, states, failures, done.stopped, tuple(changed), joined)
 
 
@@ -197,7 +195,7 @@ def _check_same_plan(plan: Plan, results: Path) -> None:
 @dataclass
 class _Simulated:
     ended: set[str] = field(default_factory=set)
-    failed: Failed = field(default_factory=dict)
+    failed: dict[str, BatchError] = field(default_factory=dict)  # why they have no results
     stopped: bool = False
 
 
@@ -271,32 +269,29 @@ def _join(
     results: Path,
     old: xr.Dataset | None,
     states: dict[str, CaseState],
-    simulated: Collection[str],
-    failed: Failed,
+    done: _Simulated,
 ) -> tuple[xr.Dataset, tuple[Failure, ...]]:
     """Write the cube and the failures of a folder, with the states of its cases before the run."""
-    failed_earlier = results_folder.without_results(earlier_failures(results))
-    after = states | dict.fromkeys(simulated, CaseState.pending)
-    cube = build_cube(plan, results, old, after, failed_earlier | failed.keys())
-    failures = _failures(plan, results, cube, simulated, failed)
+    failed = results_folder.without_results(earlier_failures(results)) | done.failed.keys()
+    after = states | dict.fromkeys(done.ended, CaseState.pending)
+    cube = build_cube(plan, results, old, after, failed)
+    failures = _failures(plan, results, cube, done)
     write_cube(cube, results / CUBE)
     results_folder.write_failures(results, failures)
     return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
 
 
-def _failures(
-    plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
-) -> tuple[Failure, ...]:
+def _failures(plan: Plan, results: Path, cube: xr.Dataset, done: _Simulated) -> tuple[Failure, ...]:
     """For every design of the cube that is not ok the reason, and the record to run it alone."""
     earlier = earlier_failures(results)
     bad = cube["status"].isin([Status.not_converged, Status.failed])
     entries = []
     # A case that failed when it was refreshed keeps its old results in the cube.
-    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
-        if case_id in earlier and case_id not in simulated and case_id not in failed:
+    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *done.failed]):
+        error = done.failed.get(case_id)
+        if case_id in earlier and case_id not in done.ended and not error:
             entries.append(earlier[case_id])
         elif case := plan.cases.get(case_id):
-            error = failed.get(case_id)
             reason = error.reason if error else read_case(results, case_id).attrs["reason"]
             status = Status.failed if error else Status.not_converged
             entry = {"case_id": case_id, **case.design, "status": status.name}

@@ -25,6 +25,7 @@ from knitlab.sweep.declared_fields import (
     with_fields,
 )
 
+KNITS: tuple[Knit, ...] = ("rib", "garter")
 QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS))
 """Fitted numbers of a stripe, by their types."""
 UNITS = {name: unit_of(kind) for name, kind in QUANTITIES.items()}
@@ -110,10 +111,8 @@ class StripeTables(StrictModel):
 
     def sizes(self, knit: Knit) -> list[int]:
         """Numbers of stitches of the stripes that there are of one knit, ascending."""
-        tabulated = list(self.rows(knit))
-        if self.interpolate and tabulated:
-            return list(range(tabulated[0], tabulated[-1] + 1))
-        return tabulated
+        sizes = list(self.rows(knit))
+        return list(range(sizes[0], sizes[-1] + 1)) if self.interpolate and sizes else sizes
 
     def stripe(self, knit: Knit, stitches: int) -> Stripe:
         """One stripe; KeyError if there is none, BadInput between two with springs not linear."""
@@ -130,7 +129,6 @@ class StripeTables(StrictModel):
             problem = f"lies between {smaller} and {larger}, whose springs are not both linear"
             raise fault(f"{knit} {stitches}", f"{problem}; calibrate it")
         fraction = (stitches - smaller) / (larger - smaller)
-
         interpolated: dict[str, Any] = {}
         for name in QUANTITIES:
             first, last = getattr(rows[smaller], name), getattr(rows[larger], name)
