@@ -33,9 +33,8 @@ from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cases import cases, designs_of_section, electrode_problems
 from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
 from knitlab.sweep.material import Material, with_material
-from knitlab.sweep.parameters import Parameters, defaults
+from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
-from knitlab.sweep.stripe_tables import StripeRow
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
 OWN_PATTERN = "own pattern"  # name of a pattern that is given as an object

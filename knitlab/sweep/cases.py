@@ -27,10 +27,9 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.material import scaled_lengths
-from knitlab.sweep.parameters import Parameters
+from knitlab.sweep.parameters import UNITS, Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.results_folder import Design
-from knitlab.sweep.stripe_tables import UNITS
 from knitlab.sweep.workflow import (
     CHANGES,
     PATTERN,

@@ -17,8 +17,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.toml import StrictModel, read_checked, read_toml
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
-from knitlab.sweep.parameters import Parameters
-from knitlab.sweep.stripe_tables import KNITS, UNITS, StripeRow, StripeTable, StripeTables
+from knitlab.sweep.parameters import KNITS, UNITS, Parameters, StripeRow, StripeTable, StripeTables
 from knitlab.sweep.workflow import SETTINGS, Workflow
 from knitlab.sweep.workflow_text import WorkflowText
 

@@ -17,7 +17,7 @@ from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.lock import held
 from knitlab.sweep import results_folder
-from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube
+from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes
 from knitlab.sweep.plan import joined_plan
 from knitlab.sweep.reproduce import CURVES, comparison
 from knitlab.sweep.results_folder import PLAN, Cell, Design, Failure
@@ -166,7 +166,7 @@ def _joined(
 ) -> xr.Dataset:
     """The cube of all folders and of the case files in the target, which gets their joint plan."""
     cubes = [source.cube for source in merged if source.cube is not None]
-    old = cube_file.joined_cubes(cubes) if cubes else None
+    old = joined_cubes(cubes) if cubes else None
     records = [source.record for source in merged if source.record]
     if not records:
         if old is None:

@@ -80,28 +80,15 @@ class Run:
     changed: tuple[str, ...]  # differences to the parameters of the cube before the run
     joined: bool  # whether ``cube.nc`` was written; it is left to other shards that still run
 
-    def in_state(self, *states: CaseState) -> tuple[str, ...]:
-        """The cases that were in one of some states before the run."""
-        return tuple(case_id for case_id, state in self.states_before.items() if state in states)
-
-    def left_in(self, *states: CaseState) -> tuple[str, ...]:
-        """The cases that were in one of some states, and that the run did not simulate."""
-        return tuple(set(self.in_state(*states)) - set(self.simulated))
-
-    @property
-    def reused(self) -> tuple[str, ...]:
-        """Cases whose results were reused, even if other code computed them."""
-        return self.left_in(CaseState.done, CaseState.stale_code)
-
-    @property
-    def stale_parameters(self) -> tuple[str, ...]:
-        """Cases whose results are still of other parameters."""
-        return self.left_in(CaseState.stale_parameters)
+    def left_in(self, *states: CaseState) -> set[str]:
+        """The cases that were in one of some states before the run, which did not simulate them."""
+        before = {case_id for case_id, state in self.states_before.items() if state in states}
+        return before.difference(self.simulated)
 
     @property
     def all_ok(self) -> bool:
         """Whether every case is ok and was computed with the requested parameters."""
-        return not (self.failures or self.stale_parameters or self.stopped)
+        return not (self.failures or self.stopped or self.left_in(CaseState.stale_parameters))
 
     def remarks(self, dims: Sequence[str], folder: Path) -> list[str]:
         """One line for each case that is not ok, then on damaged, stale and unfinished ones."""
@@ -109,20 +96,22 @@ class Run:
         for entry in self.failures:
             label = results_folder.labelled(dims, [entry[name] for name in dims])
             lines.append(f"{entry['status']}: {label}: {entry['reason']}")
-        for case_id in self.in_state(CaseState.damaged):
-            lines.append(f"damaged: {case_path(folder, case_id)} was not as it had been written")
+        for case_id, state in self.states_before.items():
+            if state is CaseState.damaged:
+                path = case_path(folder, case_id)
+                lines.append(f"damaged: {path} was not as it had been written")
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
             kept = f"stale: {stale} cases were computed by other code and are kept"
             lines.append(f"{kept}; a refresh recomputes them")
-        if stale := len(self.stale_parameters):
+        if stale := len(self.left_in(CaseState.stale_parameters)):
             listed = "; ".join(self.changed) or "of single designs"
             kept = f"stale: {stale} cases are kept as computed with other parameters ({listed})"
             lines.append(f"{kept}; a refresh recomputes them, another results folder keeps both")
         if self.stopped:
             left = len(self.left_in(CaseState.pending, CaseState.damaged))
-            left_over = f"{left} case is left" if left == 1 else f"{left} cases are left"
+            left_over = "1 case is left" if left == 1 else f"{left} cases are left"
             lines.append(f"stopped: finished cases are kept, {left_over}; run again to continue")
         return lines
 

@@ -39,8 +39,8 @@ from knitlab.sweep.declared_fields import (
     with_inner,
 )
 from knitlab.sweep.figure_names import FIGURE_NAMES
+from knitlab.sweep.parameters import KNITS, QUANTITIES
 from knitlab.sweep.patterns import is_pattern_name
-from knitlab.sweep.stripe_tables import KNITS, QUANTITIES
 
 Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]  # numbers of stitches
 
