@@ -11,7 +11,7 @@ from jaxtyping import Float
 from knitlab.cube.schema import STRAIN, VARIABLES
 from knitlab.cube.strain_window import REDUCTIONS, gradient
 from knitlab.cube.target import Target, check_window
-from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, ShapeFunctions, Slopes, Trial
+from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, OVER_WIDTH, ShapeFunctions, Slopes, Trial
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
@@ -63,7 +63,7 @@ class Objective:
     def has_gradient(self) -> bool:
         """Whether all variables have derivatives."""
         names = {target.name for target in self.wanted}
-        return names <= {*ALONG_STRAIN, *OF_DESIGN, *dict(self.own)}
+        return names <= {*ALONG_STRAIN, *OF_DESIGN, *OVER_WIDTH, *dict(self.own)}
 
     def off_by(self, trial: Trial) -> list[float]:
         """Distance of a trial from each target and constraint, in the unit of its variable."""
@@ -91,7 +91,7 @@ class Objective:
         for target in self.wanted:
             if target.window is not None:
                 _, weights = target.window.read(trial.strains, np.eye(len(trial.strains)))
-                needed |= (weights != 0).any(axis=1)
+                needed |= (weights != 0).any(axis=1) | (target.name in OVER_WIDTH)
         # Variables without a value at zero strain take that of the next strain.
         needed[1:2] |= needed[:1]
         names = tuple(dict.fromkeys(target.name for target in self.wanted))
@@ -153,6 +153,8 @@ def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) ->
         for name, variable in VARIABLES.items()
         if set(variable.dims) <= {STRAIN} and (name in stored or variable.of in OF_PLANS)
     } | dict.fromkeys(dict(own), True)
+    if {"reaction_force", "knit_cell_x"} <= known.keys():
+        known |= dict.fromkeys(OVER_WIDTH, True)
     for target in targets:
         where = f"target {target.text}"
         if target.name not in known:

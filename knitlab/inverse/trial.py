@@ -12,6 +12,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from knitlab.cube import case_file
+from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.strain_window import without_gap_at_zero
 from knitlab.equilibrium.adjoint import Adjoint, Measure
@@ -37,6 +38,8 @@ OF_CLOTH = {
 """Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
 OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
 """Quantities of the relaxed fabric that have derivatives."""
+OVER_WIDTH = ("force_per_width", "tangent_stiffness", "stretch_energy")
+"""Curves that follow from the reaction force and the width of the relaxed cloth."""
 
 ShapeFunction = Callable[[Configuration], Float[Array, ""]]  # a user's function, in JAX
 ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]  # by name, hashable
@@ -75,6 +78,8 @@ class Trial:
         """A variable: one value for each strain, or a single one."""
         if function := dict(self.own).get(name):
             return np.array([float(function(self._shapes[k])) for k in range(len(self.strains))])
+        if name in OVER_WIDTH:
+            return self._over_width(name, self.values("reaction_force") / self._width)
         if name in self.results:
             values = np.atleast_1d(np.asarray(self.results[name], float))
         else:
@@ -85,12 +90,25 @@ class Trial:
             values = without_gap_at_zero(self.strains, values[None])[0]
         return values
 
+    @property
+    def _width(self) -> float:
+        return float(self.values("knit_cell_x")[0] * self.values("unit_cells_x")[0])
+
+    def _over_width(self, name: str, force: Float[np.ndarray, "strain ..."]) -> np.ndarray:
+        """A curve, or its derivatives, from those of the force over the width."""
+        curve = xr.Dataset({"force_per_width": ((STRAIN, *"p"[: force.ndim - 1]), force)})
+        return with_derived(curve.assign_coords({STRAIN: self.strains}))[name].values
+
     @lru_cache(maxsize=1)  # noqa: B019, a constrained search needs those of a trial twice
     def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> Slopes:
         """Derivatives by the logarithm of each parameter, where needed; NoDerivative at a snap."""
         case, stripes = self.case, len(sensitivity.STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
         adjoint = sensitivity.adjoint_of(case, shapes[0])
+        over_width = [name for name in names if name in OVER_WIDTH]
+        names = tuple(name for name in names if name not in OVER_WIDTH)
+        if over_width:
+            names = tuple(dict.fromkeys((*names, "reaction_force", "knit_cell_x")))
         along = tuple(name for name in names if name not in OF_DESIGN)
         of_design = tuple(name for name in names if name in OF_DESIGN)
         slopes: Slopes = {
@@ -113,6 +131,11 @@ class Trial:
                 slopes[name][0, :stripes] = row * value / reference
                 if name in OF_CLOTH:
                     slopes[name][0, PARAMETERS.index(OF_CLOTH[name][1])] = value
+        for name in over_width:
+            force = self.values("force_per_width")[:, None]
+            by_width = slopes["knit_cell_x"] / self.values("knit_cell_x")
+            slope = slopes["reaction_force"] / self._width - force * by_width
+            slopes[name] = self._over_width(name, slope)
         return slopes
 
 

@@ -101,6 +101,7 @@ def test_the_history_of_a_relaxation_balances(options):
         assert stored == pytest.approx(history.potential[place], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("snapshots", "relax_time"), [(1, 0.1), (2, 0.1), (3, 0.005)])
 def test_few_records_reach_the_end_of_a_relaxation(snapshots, relax_time):
     settings = replace(SETTINGS, ending="time", snapshots=snapshots, relax_time=relax_time)

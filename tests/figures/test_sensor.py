@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cli import main
-from knitlab.figures.found_designs import non_dominated
 from knitlab.figures.kinds.capacitors import capacitors_figure
 from knitlab.figures.kinds.design_map import PAPER, sensor_map, values_of_designs
+from knitlab.figures.nearest_designs import non_dominated
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import values_written
@@ -105,11 +105,11 @@ def test_a_map_of_one_cube_refuses_two(tmp_path):
 def test_a_window_shows_slope_and_linearity_within_it():
     """From 4 through 3 to 2.5: the mean slope of 0 to 0.2 is −7.5, that of 0 to 0.1 is −10."""
     figure = sensor_map([with_electrodes()], window="0:0.1")
-    assert values_written(figure.axes[0]) == ["10.00"] * 3
+    assert values_written(figure.axes[0]) == ["−10.00"] * 3
     assert values_written(figure.axes[1]) == ["1.00"] * 3
     assert "0:0.1" in figure.axes[2].get_ylabel()
     wider = sensor_map([with_electrodes()], window="0:0.2")
-    assert values_written(wider.axes[0]) == ["7.50"] * 3
+    assert values_written(wider.axes[0]) == ["−7.50"] * 3
     # R² of a line through two straight parts, one of half the slope of the other.
     parts = np.concatenate([np.linspace(4, 3, 1001), np.linspace(3, 2.5, 1001)[1:]])
     straight = np.corrcoef(np.linspace(0, 1, 2001), parts)[0, 1] ** 2

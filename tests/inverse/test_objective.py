@@ -127,6 +127,9 @@ WANTED = [
     "knit_cell_x = 50 ± 1",
     "knit_length < 1 ± 1",
     "relaxed_cell_y = 50 ± 1",
+    "force_per_width = 9 ± 1 @ 0.03:0.06",
+    "tangent_stiffness = 99 ± 10 @ 0.03",
+    "stretch_energy = 9 ± 1 @ 0.06",
     "thickness = 9 ± 1 @ 0:0.06",
 ]
 

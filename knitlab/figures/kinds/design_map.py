@@ -1,6 +1,9 @@
 """Design maps over n_stripe and P: lowest Poisson's ratio, and sensitivity and working range."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from itertools import chain
+from math import dist
 from textwrap import fill
 from typing import NamedTuple
 
@@ -9,15 +12,26 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import with_columns
-from knitlab.figures.cells import EMPTY, PERIODS_LABEL, designs_of, draw_map, marks_legend
-from knitlab.figures.found_designs import non_dominated
+from knitlab.figures import cells
+from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import snapped_before
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.figures.nearest_designs import non_dominated
+from knitlab.figures.style import (
+    CATEGORY_COLOURS,
+    MARKERS,
+    TWO_COLUMNS,
+    Look,
+    colour_bar,
+    ink_on,
+    number,
+    value_colours,
+)
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
@@ -56,15 +70,72 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     axes = figure.add_subplot()
     label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
     label += "\n(negative: auxetic)"
-    marked, gaps = draw_map(figure, axes, cubes, name, label, text, signed=True)
-    axes.set_xlabel(PERIODS_LABEL)
+    marked = _draw_map(axes, cubes, name, label, text, signed=True)
+    axes.set_xlabel(cells.PERIODS_LABEL)
     said = "lowest ν, and the applied strain there" if lowest else "ν"
-    notes = [f"in each cell: (n_stripe, n_subunit), {said}", *([EMPTY] if gaps else [])]
+    notes = [f"in each cell: (n_stripe, n_subunit), {said}"]
     if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
         notes.append(SPREAD_NOTE)
     notes += sorted({note for design in designs for note in _notes(name, design)})
     marks_legend(figure, marked, NO_RATIO, notes, cubes)
     return figure
+
+
+def _draw_map(
+    axes: Axes,
+    cubes: Sequence[xr.Dataset],
+    name: str,
+    label: str,
+    text: Callable[[float, xr.Dataset], str],
+    signed: bool = False,
+) -> set[Status]:
+    """Draw a map of cells over n_stripe and P, with its colour bar; the statuses that it marks.
+
+    A measured design has a dashed frame; if it is simulated too, the measurement is the strip at
+    the bottom of its cell. Several experiments on one design are refused.
+    """
+    values = [cube[name].values.ravel() for cube in cubes if name in cube]
+    colours = value_colours(np.concatenate([np.empty(0), *values]), signed)
+    by_cell = defaultdict[tuple[int, float], list[xr.Dataset]](list)
+    for design in chain.from_iterable(map(designs_of, sorted(cubes, key=is_measured))):
+        n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
+        by_cell[n_stripe, n_subunit / (2 * n_stripe)].append(design)
+    if any(sum(map(is_measured, designs)) > 1 for designs in by_cell.values()):
+        raise fault("experiments", "there are several on one design; show one of them")
+    stripes, periods = (sorted({each[k] for each in by_cell}) for k in (0, 1))
+    marked = {Status.excluded} if len(by_cell) < len(stripes) * len(periods) else set[Status]()
+    for (n_stripe, p), designs in by_cell.items():
+        row, column = stripes.index(n_stripe), periods.index(p)
+        border = row - 0.5 + (0.42 if len(designs) > 1 else 0)
+        spans = (border, row + 0.5), (row - 0.5, border)
+        for design, (bottom, top) in zip(designs, spans, strict=False):
+            status = Status(int(design["status"]))
+            value = float(design[name]) if name in design else np.nan
+            valid = status is Status.ok and np.isfinite(value)
+            look: Look = (
+                {"facecolor": colours.to_rgba(np.array(value))} if valid else cells.MARKS[status]
+            )
+            ink = ink_on(look["facecolor"])
+            if design is designs[0]:
+                at: Look = {"xytext": (3, -3), "textcoords": "offset points", "va": "top"}
+                # Of a mark the name hides the hatching.
+                box = None if valid else {"fc": "white", "ec": "none", "pad": 0.8}
+                at |= {"fontsize": 6, "color": ink, "zorder": 4, "bbox": box}
+                axes.annotate(design_name(design), (column - 0.5, row + 0.5), **at)
+            shown = text(float(value), design) if valid else ""
+            letters: Look = {"fontsize": 7.5 if len(designs) == 1 else 6, "linespacing": 0.95}
+            cell(axes, row, column, shown, (bottom, top), letters, **look)
+            if not valid:
+                marked.add(status)
+            elif is_measured(design):
+                inset, frame = 0.015, cells.MEASURED | {"edgecolor": ink}
+                corner = column - 0.5 + inset, bottom + inset
+                size = 1 - 2 * inset, top - bottom - 2 * inset
+                axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
+    cells.name_columns_and_rows(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
+    axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
+    colour_bar(axes, colours, pad=0.01, label=label)
+    return marked
 
 
 def _notes(name: str, design: xr.Dataset) -> list[str]:
@@ -111,12 +182,16 @@ class Merit(NamedTuple):
     name: str
     label: str
     form: str
+    signed: str = ""  # variable with the sign of the value, if it has one
 
     def text(self, value: float, design: xr.Dataset) -> str:
-        """The value of a design as text, with its marks."""
-        return format(value, self.form) + _marks(self.name, design)
+        """The value of a design as text, with its sign and marks."""
+        value = float(design[self.signed]) if self.signed else value
+        return number(value, self.form) + _marks(self.name, design)
 
 
+SIGNED = "signed slope"
+CLOSE = 0.05  # of the axes: points so close share one label
 Merits = tuple[Merit, Merit]
 PAPER = (
     Merit("sensitivity", "sensitivity |dC/dε| [pF]", ".2f"),
@@ -136,9 +211,9 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     if window is not None:
         slope, straight = (f"{name}(capacitance, {window})" for name in ("slope", "linearity"))
         cubes = with_columns(cubes, [slope, straight])
-        cubes = [cube.assign({slope: abs(cube[slope])}) for cube in cubes]
+        cubes = [cube.assign({slope: abs(cube[slope]), SIGNED: cube[slope]}) for cube in cubes]
         merits = (
-            Merit(slope, f"|slope| of C over {window} [pF]", ".2f"),
+            Merit(slope, f"|slope| of C over {window} [pF]", "+.2f", SIGNED),
             Merit(straight, f"R² of a line over {window} [1]", ".2f"),
         )
     designs = [design for cube in cubes for design in designs_of(cube)]
@@ -148,10 +223,9 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
         label = fill(merit.label, 18)
-        more, gaps = draw_map(figure, axes, cubes, merit.name, label, merit.text)
-        marked |= more
-    maps[1].set_xlabel(PERIODS_LABEL)
-    notes = ["in each cell: (n_stripe, n_subunit), value", *([EMPTY] if gaps else [])]
+        marked |= _draw_map(axes, cubes, merit.name, label, merit.text)
+    maps[1].set_xlabel(cells.PERIODS_LABEL)
+    notes = ["in each cell: (n_stripe, n_subunit), value"]
     notes += sorted({note for design in designs for note in _notes(merits[1].name, design)})
     marks_legend(figure, marked, NO_VALUE, notes, cubes)
     _draw_trade_off(below, cubes, merits)
@@ -159,7 +233,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
 
 
 def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> None:
-    (up, up_label, up_form), (across, across_label, form) = merits
+    (up, up_label, *_), (across, across_label, form, _) = merits
     table = values_of_designs(cubes, merits)
     measured = table["measured"]
     shown = table if measured.all() else table[~measured]
@@ -176,18 +250,24 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
     if len(shown) < len(table):
         named, points = pd.concat([front, table[measured]]), table[measured]
         axes.plot(points[across], points[up], "o", ms=8, mfc="none", mec="black", label="measured")
+    labels: dict[tuple[float, float], str] = {}
     for _, one in named.iterrows():
         name = f"({one['n_stripe']}, {one['n_subunit']})"
         name += " measured" if one["measured"] and not measured.all() else ""
+        at = one[across] / table[across].max(), one[up] / table[up].max()
+        close = next((other for other in labels if dist(other, at) < CLOSE), at)
+        labels[close] = ", ".join(filter(None, (labels.get(close), name)))
+    for (x, y), text in labels.items():
         # Nothing lies above and to the right of the front, along which slanted names stay apart.
         beside: Look = {"xytext": (2, 2), "textcoords": "offset points", "rotation_mode": "anchor"}
-        axes.annotate(name, (one[across], one[up]), rotation=45, fontsize=6, **beside)
+        at = x * table[across].max(), y * table[up].max()
+        axes.annotate(text, at, rotation=45, fontsize=6, **beside)
     axes.set(xlabel=across_label, ylabel=up_label)
     axes.margins(0.2)
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
     listed = [
-        f"({one['n_stripe']}, {one['n_subunit']}) {one[up]:{up_form}} pF, {one[across]:{form}}"
+        f"({one['n_stripe']}, {one['n_subunit']}) {one[up]:.2f} pF, {one[across]:{form}}"
         for _, one in front.iterrows()
     ]
     title = fill(f"Pareto front: {'; '.join(listed)}", 110)

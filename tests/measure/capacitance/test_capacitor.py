@@ -118,6 +118,7 @@ def test_a_grounded_plane_adds_capacitance_and_shields(options):
     assert far.capacitance[0] == pytest.approx(alone.capacitance[0], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_fold_past_half_a_turn_has_a_status_and_no_number():
     found = measured([-0.2, 1.0])
     assert found.status[0] == CapacitorStatus.folded_through
