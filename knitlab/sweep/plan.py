@@ -37,6 +37,9 @@ from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workfl
 from knitlab.sweep.workflow_file import Overrides, workflow_file
 from knitlab.sweep.workflow_text import WorkflowText
 
+RECORDED = ("workflow", "title", "figures", "dims", "overrides", "inputs", "stripes", "material")
+"""Attributes of a plan that its file has as they are."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -70,8 +73,8 @@ class Plan:
         """Labels of the cases, by identifier."""
         return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
 
-    def part(self, shard: Shard) -> "Plan":
-        """The part that one shard simulates; without cases if there are more shards than cases."""
+    def share(self, shard: Shard) -> "Plan":
+        """The share of one shard; without cases if there are more shards than cases."""
         batches = split(self.batches, self.cases, shard.count)[shard.number - 1]
         wanted = {case_id for batch in batches for case_id in batch.cases}
         cases = {case_id: case for case_id, case in self.cases.items() if case_id in wanted}
@@ -88,31 +91,18 @@ class Plan:
         """Strains of the protocol, the same for every case."""
         return next(iter(self.cases.values())).applied_strain
 
-    def record(self) -> dict[str, Any]:
-        """The plan as a JSON object."""
-        return {
-            "workflow": self.workflow,
-            "title": self.title,
-            "figures": self.figures,
-            "dims": self.dims,
-            "overrides": self.overrides,
-            "inputs": self.inputs,
+    def write(self, path: Path) -> None:
+        """Write the plan into a JSON file, one line for each case."""
+        record = {name: getattr(self, name) for name in RECORDED} | {
             "code": code_fingerprint(),
             "package": package_fingerprint(),
             "gauge": asdict(self.gauge),
-            "stripes": self.stripes,
-            "material": self.material,
             "parameters": self.common,
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
-            "cases": {case_id: case.record for case_id, case in self.cases.items()},
         }
-
-    def write(self, path: Path) -> None:
-        """Write the plan into a JSON file, one line for each case."""
-        record = self.record()
-        cases = record.pop("cases").items()
-        lines = (f"  {json.dumps(case_id)}: {json.dumps(case)}" for case_id, case in cases)
+        cases = self.cases.items()
+        lines = (f"  {json.dumps(case_id)}: {json.dumps(case.record)}" for case_id, case in cases)
         head = json.dumps(record, indent=1).removesuffix("\n}")
         with atomic_write(path) as temporary:
             temporary.write_text(f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n")
@@ -208,7 +198,7 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
             raise fault(f"{source}: {case_id}", problem) from error
     designs = {tuple(case.design.values()) for case in cases.values()}
     excluded = {tuple(row[:-1]): row[-1] for record in records for row in record["excluded"]}
-    alike = all(record["cases"].keys() == first["cases"].keys() for record in records)
+    alike = all(record["cases"].keys() == cases.keys() for record in records)
     return Plan(
         workflow=first["workflow"],
         title=first["title"],

@@ -68,22 +68,21 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
 
 
 def survey(
-    designs: Mapping[str, Design], folder: Path, stored: Mapping[Design, Cell], check: bool
+    designs: Mapping[str, Design], folder: Path, cube: xr.Dataset | None, check: bool
 ) -> dict[str, CaseState]:
-    """State of every planned case in a folder; ``check`` compares case files with checksums."""
-    names = {path.name for path in (folder / "cases").glob("*")}
+    """State of every planned case in a folder and its cube; ``check`` compares with checksums."""
+    names, stored = {path.name for path in (folder / "cases").glob("*")}, cells(cube)
 
     def state(case_id: str, cell: Cell | None) -> CaseState:
         in_cube = cell is not None and cell.case_id == case_id
         if case_path(folder, case_id).name not in names:
             stale = cell is not None and not in_cube and cell.has_results
             return CaseState.stale_parameters if stale else CaseState.pending
-        if checksum_path(folder, case_id).name not in names:
-            return CaseState.damaged
-        if check and check_case_file(folder, case_id) is not StoredCase.sound:
-            return CaseState.damaged
-        code = (cell.code if cell and in_cube else None) or read_code(folder, case_id)
-        if code is None:
+        sound = checksum_path(folder, case_id).name in names and (
+            not check or check_case_file(folder, case_id) is StoredCase.sound
+        )
+        code = (cell.code if cell and in_cube else "") or (sound and read_code(folder, case_id))
+        if not (sound and code):
             return CaseState.damaged
         return CaseState.done if code == code_fingerprint() else CaseState.stale_code
 
@@ -205,10 +204,10 @@ def folder_status(
 ) -> FolderStatus:
     """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
     cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
-    stored, statuses = cells(cube), {}
+    statuses = {}
     failures = {case_id: entry["reason"] for case_id, entry in earlier_failures(folder).items()}
-    in_cube = {cell.case_id: cell.status.name for cell in stored.values()}
-    for case_id, state in survey(designs, folder, stored, check).items():
+    in_cube = {cell.case_id: cell.status.name for cell in cells(cube).values()}
+    for case_id, state in survey(designs, folder, cube, check).items():
         if state is CaseState.done:
             statuses[case_id] = in_cube.get(case_id, "done, not yet in the cube")
         elif state is CaseState.pending and case_id in failures:

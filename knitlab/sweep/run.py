@@ -72,7 +72,7 @@ class RunOptions:
 class Run:
     """The result of a run; cases are named by their identifiers."""
 
-    cube: xr.Dataset  # as written; of a shard, the designs of its part alone
+    cube: xr.Dataset  # as written; of a shard, the designs of its share alone
     simulated: tuple[str, ...]
     states_before: dict[str, CaseState]
     failures: tuple[Failure, ...]
@@ -127,7 +127,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     if options.scheduler is not None:
         workers.connected(options.scheduler).close()  # before anything is written
     shard = options.shard
-    part = plan if shard is None else plan.part(shard)
+    share = plan if shard is None else plan.share(shard)
     with held(results, None if shard is None else (shard.number, shard.count)):
         with gate(results):
             old = previous_cube(plan, results / CUBE)
@@ -137,32 +137,31 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        states = results_folder.survey(part.designs, results, results_folder.cells(old), check=True)
+        states = results_folder.survey(share.designs, results, old, check=True)
         missing = {
-            case_id: part.cases[case_id]
+            case_id: share.cases[case_id]
             for case_id, state in states.items()
             if state in (CaseState.pending, CaseState.damaged)
             or (state is not CaseState.done and options.refresh)
         }
         with workers.interrupted_by_signals():
-            done = _simulate(part, results, missing, options)
+            done = _simulate(share, results, missing, options)
         if joined := shard is None:
             cube, failures = _join(plan, results, old, states, done)
         else:
-            shown, after = part, states | dict.fromkeys(done.ended, CaseState.pending)
-            if not part.cases:  # with more shards than cases: a cube without results
+            shown, after = share, states | dict.fromkeys(done.ended, CaseState.pending)
+            if not share.cases:  # with more shards than cases: a cube without results
                 shown, after = plan, dict.fromkeys(plan.cases, CaseState.damaged)
             cube = build_cube(shown, results, None, after, done.failed)
-            failures = _failures(part, results, cube, done)
+            failures = _failures(share, results, cube, done)
             with gate(results):
                 of_others = earlier_failures(results)
-                others = [entry for name, entry in of_others.items() if name not in part.cases]
+                others = [entry for name, entry in of_others.items() if name not in share.cases]
                 results_folder.write_failures(results, [*others, *failures])
                 if joined := not _others_run(results, shard):
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
-                    stored = results_folder.cells(now)
-                    states_now = results_folder.survey(plan.designs, results, stored, check=True)
+                    states_now = results_folder.survey(plan.designs, results, now, check=True)
                     _join(plan, results, now, states_now, done)
     changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
     simulated = tuple(sorted(done.ended))
@@ -242,7 +241,7 @@ def _simulate(
 
 @contextmanager
 def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
-    """End a part of a run early, but not the run, if it is interrupted or its scheduler is lost."""
+    """End a step of a run early, but not the run, if it is interrupted or its scheduler is lost."""
     try:
         yield
     except KeyboardInterrupt:
