@@ -26,7 +26,7 @@ from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.material import scaled_lengths
+from knitlab.sweep.material import SCALED
 from knitlab.sweep.parameters import UNITS, Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.results_folder import Design
@@ -306,7 +306,16 @@ def unusual_values(
     """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
     cases = tuple(cases)
     contact = any(case.options.contact != "none" for case in cases)
-    sentences = scaled_lengths(workflow, parameters, contact)
+    uses = {"sheet": True, "gauge": not workflow.stripes, "capacitor": bool(workflow.electrodes)}
+    scaled = [
+        f"{name} = {value:.3g} mm"
+        for name, value in sorted(parameters.scaled.items())
+        if uses[SCALED[name]] and (contact or name != "thickness")
+    ]
+    sentences = []
+    if scaled:
+        origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
+        sentences.append(f"{', '.join(scaled)}: {origin}; give others in its file or as settings")
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
             usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"

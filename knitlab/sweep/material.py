@@ -18,7 +18,7 @@ from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.toml import StrictModel, read_checked, read_toml
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
 from knitlab.sweep.parameters import KNITS, UNITS, Parameters, StripeRow, StripeTable, StripeTables
-from knitlab.sweep.workflow import SETTINGS, Workflow
+from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_text import WorkflowText
 
 SCALED = {
@@ -254,16 +254,3 @@ def with_material_file(
                 axes[name] = tuple(new / old * each for each in values)
     text = replace(text, table=text.table | tables, axes=axes)
     return replace(changed, scaled=scaled), text
-
-
-def scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -> list[str]:
-    """A sentence on the lengths that were scaled to a material, and that matter in a workflow."""
-    uses = {"sheet": True, "gauge": not workflow.stripes, "capacitor": bool(workflow.electrodes)}
-    scaled = [name for name in sorted(parameters.scaled) if uses[SCALED[name]]]
-    if not contact and "thickness" in scaled:
-        scaled.remove("thickness")
-    if not scaled:
-        return []
-    lengths = ", ".join(f"{name} = {parameters.scaled[name]:.3g} mm" for name in scaled)
-    origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
-    return [f"{lengths}: {origin}; give others in its file or as settings"]

@@ -42,56 +42,42 @@ class FolderContents:
     """What a results folder of one workflow holds: plan, cube, and case files by their state."""
 
     path: Path
+    workflow: str
     record: Mapping[str, Any] | None
     cube: xr.Dataset | None
+    dims: tuple[str, ...]  # of its designs; empty if it states none
+    parameters: dict[str, Any]  # settings that its designs share, and its gauge
+    cells: dict[Design, Cell]  # of its cube, with results
     sound: frozenset[str]
     damaged: tuple[Path, ...]
 
     @classmethod
     def of(cls, path: Path) -> "FolderContents":
         """Read a results folder; BadInput if it holds an experiment."""
+        workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
-        if cube is not None and cube_file.is_measured(cube):
-            raise fault(str(path), "holds an experiment; only simulations are merged")
+        if cube is not None:
+            if cube_file.is_measured(cube):
+                raise fault(str(path), "holds an experiment; only simulations are merged")
+            workflow, dims = str(cube.attrs["workflow"]), cube_file.design_dims(cube)
+            gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
+            parameters = parameters_of(cube) | gauge
         record = results_folder.read_plan(path) if (path / PLAN).exists() else None
+        if record is not None:
+            workflow = record["workflow"]
+            dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
+        known = results_folder.cells(cube).items()
+        cells = {design: cell for design, cell in known if cell.has_results}
         files = {file.stem: file for file in (path / CASES).glob("*.nc")}
         intact = case_file.StoredCase.sound
         sound = {name for name in files if case_file.check_case_file(path, name) is intact}
         damaged = tuple(file for name, file in files.items() if name not in sound)
-        return cls(path, record, cube, frozenset(sound), damaged)
-
-    @property
-    def workflow(self) -> str:
-        """Name of the workflow."""
-        if self.record is not None:
-            return str(self.record["workflow"])
-        return self.path.name if self.cube is None else str(self.cube.attrs["workflow"])
-
-    @cached_property
-    def cells(self) -> dict[Design, Cell]:
-        """The simulated designs of its cube."""
-        known = results_folder.cells(self.cube)
-        return {design: cell for design, cell in known.items() if cell.has_results}
+        return cls(path, workflow, record, cube, dims, parameters, cells, frozenset(sound), damaged)
 
     @cached_property
     def results(self) -> dict[str, Cell | None]:
         """The cases that it has results of, and their cells if they are in its cube."""
         return dict.fromkeys(self.sound) | {cell.case_id: cell for cell in self.cells.values()}
-
-    @property
-    def dims(self) -> tuple[str, ...]:
-        """Dimensions of its designs; empty if it does not state any."""
-        if self.cube is not None:
-            return cube_file.design_dims(self.cube)
-        return tuple(self.record["dims"]) if self.record else ()
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """The settings that its designs share, and its gauge."""
-        if self.cube is None:
-            return dict(self.record["parameters"]) if self.record else {}
-        gauge = {name: self.cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
-        return parameters_of(self.cube) | gauge
 
     def numbers(self, case_id: str) -> xr.Dataset:
         """What is compared of a case: from its file, or else from the cube."""

@@ -133,7 +133,12 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             old = previous_cube(plan, results / CUBE)
             # Another shard that has its lock may still wait at the gate, without a plan written.
             if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
-                _check_same_plan(plan, results)
+                recorded = results_folder.read_plan(results)
+                other_code = recorded.get("code") != code_fingerprint()
+                if other_code or recorded["cases"].keys() != plan.cases.keys():
+                    problem = "is that of the shards that run in this folder, and has other cases"
+                    problem += " or was made by other code; wait for them, or name another results"
+                    raise fault(str(results / PLAN), f"{problem} folder")
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
@@ -170,14 +175,6 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
 
 def _others_run(results: Path, shard: Shard) -> bool:
     return any(other != (shard.number, shard.count) for other in running_shards(results))
-
-
-def _check_same_plan(plan: Plan, results: Path) -> None:
-    record = results_folder.read_plan(results)
-    if record["cases"].keys() != plan.cases.keys() or record.get("code") != code_fingerprint():
-        problem = "is that of the shards that run in this folder, and has other cases or was made"
-        problem += " by other code; wait for them, or name another results folder"
-        raise fault(str(results / PLAN), problem)
 
 
 @dataclass
