@@ -281,27 +281,25 @@ def _check_together(
         "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
         "has no sensitivities; leave them out, or take contact = none": sensitivities,
     }
-    protocol, kind, periodic = workflow.protocol, load.kind, "periodic" in boundaries
+    biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
     alone = options.contact == "none" and workflow.electrodes is None
     of_load = {
-        "= biaxial needs load_ratio, strain along the weft over that along the warp": kind
-        == "biaxial"
-        and protocol.load_ratio is None,
-        "= off_axis needs load_angle, in degrees from the courses": kind == "off_axis"
-        and protocol.load_angle is None,
-        "other than warp is found by equilibria; take method = equilibrium": kind != "warp"
-        and by_dynamics,
-        "other than warp has no sensitivities; leave them out": kind != "warp" and sensitivities,
-        "at an angle needs fabric without clamps; take boundary = periodic": kind == "off_axis"
+        "= biaxial needs load_ratio, strain along the weft over that along the warp": biaxial
+        and workflow.protocol.load_ratio is None,
+        "= off_axis needs load_angle, in degrees from the courses": off_axis
+        and workflow.protocol.load_angle is None,
+        "other than warp is found by equilibria; take method = equilibrium": by_dynamics,
+        "other than warp has no sensitivities; leave them out": sensitivities,
+        "at an angle needs fabric without clamps; take boundary = periodic": off_axis
         and "clamped" in boundaries,
         "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
-        " shear a clamped sample": load.shears and periodic and not alone,
+        " shear a clamped sample": load.shears and "periodic" in boundaries and not alone,
     }
     drag, contact = solver.drag > 0 and not by_dynamics, options.contact != "none"
     for key, used, refused in (
         ("solver.drag", drag, of_drag),
         ("model.contact", contact, of_contact),
-        ("protocol.load", True, of_load),
+        ("protocol.load", load.kind != "warp", of_load),
     ):
         for problem in (problem for problem, holds in refused.items() if used and holds):
             raise fault(source(key), problem)

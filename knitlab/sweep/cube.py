@@ -2,10 +2,10 @@
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -31,8 +31,7 @@ Values = dict[str, Any]
 GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}  # in mm
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """Values of a design by variable, along the strains [1] and unit cells of its own test."""
 
     values: Values

@@ -5,9 +5,8 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -31,8 +30,7 @@ CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capa
 MOST_NAMED = 5  # largest number of identifiers that a message lists
 
 
-@dataclass(frozen=True)
-class RecordedCase:
+class RecordedCase(NamedTuple):
     """A case in a results folder, and its identifier there, perhaps that of another version."""
 
     case: Case

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -39,8 +39,7 @@ class CaseState(Enum):
     damaged = "damaged"
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """A design of a cube: its indices, its case, and the fingerprint of the code behind it."""
 
     indices: tuple[int, ...]
