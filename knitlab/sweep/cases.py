@@ -284,13 +284,13 @@ def _check_together(
     biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
     alone = options.contact == "none" and workflow.electrodes is None
     of_load = {
-        "= biaxial needs load_ratio, strain along the weft over that along the warp": biaxial
-        and workflow.protocol.load_ratio is None,
-        "= off_axis needs load_angle, in degrees from the courses": off_axis
+        "is biaxial, which needs load_ratio: strain along the weft over that along the"
+        " warp": biaxial and workflow.protocol.load_ratio is None,
+        "is off_axis, which needs load_angle: degrees from the courses": off_axis
         and workflow.protocol.load_angle is None,
-        "other than warp is found by equilibria; take method = equilibrium": by_dynamics,
-        "other than warp has no sensitivities; leave them out": sensitivities,
-        "at an angle needs fabric without clamps; take boundary = periodic": off_axis
+        "is not warp, and is found by equilibria; take method = equilibrium": by_dynamics,
+        "is not warp, and has no sensitivities; leave them out": sensitivities,
+        "is off_axis, which clamps cannot pull; take boundary = periodic": off_axis
         and "clamped" in boundaries,
         "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
         " shear a clamped sample": load.shears and "periodic" in boundaries and not alone,
