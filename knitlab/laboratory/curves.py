@@ -14,7 +14,7 @@ from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import loading_of
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.state import State
 from knitlab.equilibrium.stiffness import free_stiffness
@@ -80,10 +80,9 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         if name not in cell:
             continue
         scale = across if name == "reaction_force" else 1.0
-        values[row] = scale * cell[name].values
-        known = np.nan_to_num(scale * cell[f"{name}_error"].values)
+        values[row], known = (scale * cell[each].values for each in (name, f"{name}_error"))
         # The error of the model is a fraction of the largest value of a curve.
-        errors[row] = np.hypot(known, model_error * np.nanmax(np.abs(values[row])))
+        errors[row] = np.hypot(np.nan_to_num(known), model_error * np.nanmax(np.abs(values[row])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
     if pulled.sum() < FEWEST_STRAINS:
         problem = f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
@@ -177,7 +176,7 @@ def _continued(system: System, case: Case, near: SimulatedTest) -> list[State]:
     """States next to those of a test, up to the first that does not converge."""
     settings = case.equilibrium_solver
     relaxed = relax(system, replace(settings, soft_wall=1.0), near.configurations[0])
-    loading = tensile(system.shape, relaxed.configuration)
+    loading = loading_of(system.shape, relaxed.configuration)
     rules = SearchRules(free_stiffness(system.shape, loading.free), settings, convexified=False)
     states, first = [relaxed], near.unknowns[0]
     for strain, other in zip(case.applied_strain[1:], near.unknowns[1:], strict=True):

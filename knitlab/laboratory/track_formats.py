@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from numpy.lib.format import MAGIC_PREFIX
+from numpy.lib.format import read_array
 
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
@@ -32,21 +32,15 @@ ROWS = {
 SLEAP = ("frame_idx", "track", "instance.score")
 
 
-class TrackFile(NamedTuple):
-    """What a tracker has written, in the axes of its file."""
+class Tracks(NamedTuple):
+    """What a tracker has written: in the axes of its file, or as read with y down."""
 
-    tracks: Trajectories  # NaN where a marker is lost
+    positions: Trajectories  # NaN where a marker is lost
     program: str
     y_axis: YAxis = "down"  # direction in which y increases in the picture
     confidence: Float[np.ndarray, "frame marker"] | None = None  # from 0 to 1, where stated
     unit: str = ""  # of the positions, if it is not the pixel
-
-
-class Tracks(NamedTuple):
-    """Trajectories in pixels, y down, NaN where a marker is lost; and sentences on how."""
-
-    positions: Trajectories
-    summary: list[str]
+    summary: tuple[str, ...] = ()  # sentences on what was read, and what was left out
 
 
 def read_tracks(
@@ -71,7 +65,7 @@ def read_tracks(
         if faults or not np.isclose(factor, pixel):
             stated = f'pixel = {{ value = 1, unit = "{read.unit}" }}'
             raise fault(str(path), f"has positions in {read.unit}; give {stated}")
-    tracks, summary = read.tracks, []
+    tracks, summary = read.positions, []
     lost = np.isnan(tracks)
     if np.isinf(tracks).any():
         frame, marker, _ = np.argwhere(np.isinf(tracks))[0]
@@ -99,20 +93,21 @@ def read_tracks(
         listed = ", ".join(map(str, empty[:5])) + (", …" if len(empty) > 5 else "")
         problem = f"shows no marker in {len(empty)} frames ({listed})"
         raise fault(str(path), f"{problem}; track them again, or cut them off")
-    return Tracks(tracks * [1.0, -1.0] if up else tracks, summary)
+    tracks = tracks * [1.0, -1.0] if up else tracks
+    return read._replace(positions=tracks, y_axis="down", summary=tuple(summary))
 
 
-def _array(path: Path) -> TrackFile:
+def _array(path: Path) -> Tracks:
     try:
         with path.open("rb") as file:
-            if file.read(len(MAGIC_PREFIX)) != MAGIC_PREFIX:
-                raise fault(str(path), "is not an .npy array; save it with numpy.save")
-        tracks = np.load(path, allow_pickle=False)
+            tracks = read_array(file, allow_pickle=False)
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except (ValueError, EOFError) as error:
         problem = f"is not a complete .npy array ({error}); save it with numpy.save"
-        if "allow_pickle" in str(error):
+        if "magic string" in str(error):
+            problem = "is not an .npy array; save it with numpy.save"
+        elif "allow_pickle" in str(error):
             problem = "holds pickled objects, which may execute code; save a plain array of floats"
         raise fault(str(path), problem) from error
     if tracks.dtype.kind not in "fiu":
@@ -122,10 +117,10 @@ def _array(path: Path) -> TrackFile:
         raise fault(str(path), problem)
     if not tracks.size:
         raise fault(str(path), f"is empty, of shape {tracks.shape}; track some markers")
-    return TrackFile(tracks.astype(float), "tracking-markers", y_axis="up")
+    return Tracks(tracks.astype(float), "tracking-markers", y_axis="up")
 
 
-def _table(path: Path) -> TrackFile:
+def _table(path: Path) -> Tracks:
     if path.suffix.lower() != ".xlsx":
         text = read_text(path).lstrip()
         if text.startswith("scorer"):
@@ -144,7 +139,7 @@ def _table(path: Path) -> TrackFile:
     raise fault(str(path), f"has no columns of markers, but {present}; {EXAMPLE}")
 
 
-def _deeplabcut(path: Path, text: str) -> TrackFile:
+def _deeplabcut(path: Path, text: str) -> Tracks:
     """Rows ``scorer``, perhaps ``individuals``, ``bodyparts`` and ``coords`` above the numbers."""
     begins = [line.split(",")[0] for line in text.splitlines()[:6]]
     if "coords" not in begins:
@@ -162,10 +157,10 @@ def _deeplabcut(path: Path, text: str) -> TrackFile:
         problem = "begins as a table of DeepLabCut, but its columns are not x, y, likelihood"
         raise fault(str(path), f"{problem}; export it again")
     of_markers = columns.reshape(len(columns), -1, 3)
-    return TrackFile(of_markers[..., :2], "DeepLabCut", confidence=of_markers[..., 2])
+    return Tracks(of_markers[..., :2], "DeepLabCut", confidence=of_markers[..., 2])
 
 
-def _rows(path: Path, table: Table, program: str) -> TrackFile:
+def _rows(path: Path, table: Table, program: str) -> Tracks:
     """Rows in any order; a marker without a row in a frame is lost there."""
     unit = ""
     if program == "TrackMate":
@@ -175,38 +170,24 @@ def _rows(path: Path, table: Table, program: str) -> TrackFile:
         unit = next(filter(None, (name_and_unit(name)[1] for name in of_x[::-1])), "")
         track = pd.to_numeric(table.rows[table.headers.index("track_id")], errors="coerce")
         table = table._replace(rows=table.rows[track.notna()].reset_index(drop=True))
-    of_frame, of_marker, *_ = ROWS[program]
-    numbers = {name: _column(path, table, name) for name in ROWS[program]}
-    for name in (of_frame, of_marker):
-        numbers[name] = whole_numbers(path, name, numbers[name])
-    frames = _frames(path, numbers[of_frame])
-    rows = pd.DataFrame(numbers)
-    if rows.duplicated([of_frame, of_marker]).any():
-        raise fault(str(path), "has a marker twice in one frame; keep one row")
-    wide = rows.pivot(index=of_frame, columns=of_marker).to_numpy()
-    tracks = wide.reshape(len(frames), 2, -1).swapaxes(1, 2)
-    return TrackFile(tracks, program, unit="" if unit in PIXELS else unit)
+    of_frame, of_marker, x, y = ROWS[program]
+    marker = whole_numbers(path, of_marker, _column(path, table, of_marker))
+    tracks = _by_frame(path, table, of_frame, marker, [x, y])
+    return Tracks(tracks, program, unit="" if unit in PIXELS else unit)
 
 
-def _sleap(path: Path, table: Table) -> TrackFile:
+def _sleap(path: Path, table: Table) -> Tracks:
     """A row for each track and frame, with ``NODE.x``, ``NODE.y`` and ``NODE.score``."""
-    frame = whole_numbers(path, "frame_idx", _column(path, table, "frame_idx"))
-    labels, track = np.unique(table.rows[table.headers.index("track")], return_inverse=True)
     nodes = [name[: -len(".x")] for name in table.headers if name.endswith(".x")]
-    frames = _frames(path, frame)
-    shape = (len(frames), len(labels), len(nodes))
-    values = np.full((3, *shape), np.nan)
-    for number, node in enumerate(nodes):
-        for kind, name in enumerate((f"{node}.x", f"{node}.y", f"{node}.score")):
-            if name in table.headers:
-                values[kind, frame - frames[0], track, number] = _column(path, table, name)
-    x, y, score = values.reshape(3, len(frames), -1)
-    seen = ~np.isnan(x).all(axis=0)
-    confidence = np.nan_to_num(score[:, seen], nan=1.0)
-    return TrackFile(np.stack([x, y], axis=-1)[:, seen], "SLEAP", confidence=confidence)
+    names = [f"{node}.{each}" for node in nodes for each in ("x", "y", "score")]
+    track = table.rows[table.headers.index("track")].to_numpy()
+    of_tracks = _by_frame(path, table, "frame_idx", track, names)
+    of_nodes = of_tracks.reshape(len(of_tracks), -1, 3)
+    seen = of_nodes[:, ~np.isnan(of_nodes[..., :2]).all(axis=(0, 2))]
+    return Tracks(seen[..., :2], "SLEAP", confidence=np.nan_to_num(seen[..., 2], nan=1.0))
 
 
-def _wide(path: Path, table: Table) -> TrackFile | None:
+def _wide(path: Path, table: Table) -> Tracks | None:
     """One row a frame, with two columns ``x`` and ``y`` for each marker."""
     columns: dict[tuple[str, str], dict[str, int]] = {}
     for number, header in enumerate(table.headers):
@@ -217,21 +198,19 @@ def _wide(path: Path, table: Table) -> TrackFile | None:
     if len(pairs) < 2:
         return None
     coordinates = [
-        [_numbers(path, table.headers[column], table.rows[column]) for column in pair]
-        for pair in pairs
+        [_column(path, table, table.headers[column], column) for column in pair] for pair in pairs
     ]
-    return TrackFile(np.array(coordinates).transpose(2, 0, 1), "a picture")
+    return Tracks(np.array(coordinates).transpose(2, 0, 1), "a picture")
 
 
-def _column(path: Path, table: Table, name: str) -> Float[np.ndarray, " row"]:
-    return _numbers(path, name, table.rows[table.headers.index(name)])
-
-
-def _numbers(path: Path, name: str, column: pd.Series) -> Float[np.ndarray, " row"]:
-    """Numbers of a column, NaN where it is empty."""
-    gap = column.str.lower().isin(["", "nan"])
-    values = np.full(len(column), np.nan)
-    values[~gap], faults = numbers_of(path, name, column[~gap])
+def _column(
+    path: Path, table: Table, name: str, column: int | None = None
+) -> Float[np.ndarray, " row"]:
+    """Numbers of a column, by its header or its index, NaN where it is empty."""
+    texts = table.rows[table.headers.index(name) if column is None else column]
+    gap = texts.str.lower().isin(["", "nan"])
+    values = np.full(len(texts), np.nan)
+    values[~gap], faults = numbers_of(path, name, texts[~gap])
     if faults:
         raise BadInput(faults)
     return values
@@ -248,12 +227,21 @@ def whole_numbers(
     return values.astype(int)
 
 
-def _frames(path: Path, frame: Int[np.ndarray, " row"]) -> Int[np.ndarray, " frame"]:
-    """Consecutive frames, checked to begin with 0 or 1 and to skip none."""
-    frames = np.unique(frame)
+def _by_frame(
+    path: Path, table: Table, frame: str, marker: np.ndarray, names: list[str]
+) -> Float[np.ndarray, "frame marker value"]:
+    """Columns of rows in any order; NaN where a marker has no row, or the table no such column."""
+    known = {name: _column(path, table, name) for name in names if name in table.headers}
+    rows = pd.DataFrame(dict.fromkeys(names, np.nan) | known, index=range(len(marker)))
+    index = whole_numbers(path, frame, _column(path, table, frame))
+    frames = np.unique(index)
     if frames[0] > 1:
         problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
         raise fault(f"{path}: column frame", problem)
     if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
         raise fault(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
-    return frames
+    rows.index = pd.MultiIndex.from_arrays([index, marker])
+    if rows.index.has_duplicates:
+        raise fault(str(path), "has a marker twice in one frame; keep one row")
+    wide = rows.unstack().to_numpy()
+    return wide.reshape(len(frames), len(names), -1).swapaxes(1, 2)
