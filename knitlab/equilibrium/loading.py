@@ -15,17 +15,23 @@ from knitlab.fabric.array_library import array_library
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
 
+Unknowns = Float[Array | np.ndarray, " unknown"]
+Points = Float[Array | np.ndarray, "point 3"]
+
 
 @dataclass(frozen=True, eq=False)
 class Loading:
     """A displacement-controlled test along y, from a relaxed configuration."""
 
     shape: MeshShape
-    free: Int[np.ndarray, " free"]  # indices of the free unknowns
-    reference: Float[np.ndarray, " unknown"]  # the relaxed configuration, flattened [mm]
-    # per unit of strain: prescribed if held, else of an affine stretch [mm]
-    drive: Float[np.ndarray, " unknown"]
-    length: float  # that the applied strain refers to [mm]
+    reference: Unknowns  # the relaxed configuration, flattened [mm]
+    drive: Unknowns  # per unit of strain: prescribed if held, else of an affine stretch [mm]
+    length: Float[Array, ""] | float  # that the applied strain refers to [mm]
+
+    @property
+    def free(self) -> Int[np.ndarray, " free"]:
+        """Indices of the free unknowns."""
+        return free_under_tension(self.shape)
 
     def holding(
         self, unknowns: Float[np.ndarray, " unknown"], applied_strain: float
@@ -50,9 +56,10 @@ class Loading:
             )
         return self.holding(extrapolated, applied_strain)
 
-    def reaction_force(self, gradient: Float[np.ndarray, " unknown"]) -> float:
+    def reaction_force(self, gradient: Unknowns) -> Float[Array, ""]:
         """Force on the driven end: Σ of y forces on the top row, or ∂V/∂L_y if periodic [N]."""
-        return float(reaction_force(self.shape, self.drive, self.length, gradient))
+        held = held_under_tension(self.shape)
+        return self.drive[held] @ gradient[held] / self.length
 
 
 def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
@@ -73,32 +80,13 @@ def held_under_tension(shape: MeshShape) -> Int[np.ndarray, " held"]:
     return np.setdiff1d(np.arange(shape.unknowns), free_under_tension(shape))
 
 
-def reaction_force(
-    shape: MeshShape,
-    drive: Float[Array | np.ndarray, " unknown"],
-    length: Float[Array | np.ndarray, ""] | float,
-    gradient: Float[Array | np.ndarray, " unknown"],
-) -> Float[Array, ""]:
-    """See :meth:`Loading.reaction_force`; for JAX and NumPy arrays [N]."""
-    held = held_under_tension(shape)
-    return drive[held] @ gradient[held] / length
-
-
 def tensile(shape: MeshShape, relaxed: Configuration) -> Loading:
     """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
 
     A clamped sample has its bottom row held and its top row displaced along y, by the applied
-    strain times their relaxed distance. Periodic fabric has L_y prescribed and L_x free.
+    strain times their relaxed distance. Periodic fabric has L_y prescribed and L_x free. Made from
+    JAX arrays, the loading is differentiable by the relaxed shape.
     """
-    drive, length = drive_along(shape, relaxed)
-    reference = np.asarray(relaxed.flattened())
-    return Loading(shape, free_under_tension(shape), reference, np.asarray(drive), float(length))
-
-
-def drive_along(
-    shape: MeshShape, relaxed: Configuration
-) -> tuple[Float[Array | np.ndarray, " unknown"], Float[Array | np.ndarray, ""]]:
-    """The drive and the length of a :class:`Loading`, differentiable by the relaxed shape [mm]."""
     xp, rows = array_library(relaxed), relaxed.positions[..., 1]
     if shape.periodic:
         length = relaxed.lengths[1]
@@ -109,7 +97,8 @@ def drive_along(
         ends = np.zeros((1, shape.nodes_x))
         moved, grown = xp.concatenate([ends, inner, ends + length]), np.zeros(2)
     still = np.zeros(rows.shape)
-    return Configuration(xp.stack([still, moved, still], axis=-1), grown).flattened(), length
+    drive = Configuration(xp.stack([still, moved, still], axis=-1), grown)
+    return Loading(shape, relaxed.flattened(), drive.flattened(), length)
 
 
 def rigidly_aligned(shape: MeshShape, flat: Configuration, relaxed: Configuration) -> Configuration:
@@ -131,9 +120,7 @@ def rigidly_aligned(shape: MeshShape, flat: Configuration, relaxed: Configuratio
     return Configuration(level.reshape(relaxed.positions.shape), relaxed.lengths)
 
 
-def aligning_rotation(
-    target: Float[Array | np.ndarray, "point 3"], points: Float[Array | np.ndarray, "point 3"]
-) -> Float[Array | np.ndarray, "3 3"]:
+def aligning_rotation(target: Points, points: Points) -> Float[Array | np.ndarray, "3 3"]:
     """The unique rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976)."""
     xp, covariance = array_library(target, points), target.T @ points
     constant = covariance if xp is np else lax.stop_gradient(covariance)

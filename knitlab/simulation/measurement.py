@@ -123,6 +123,7 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
         return {}
     reached = [state for state in test.states if state.converged]
     configurations = Configuration.stacked([state.configuration for state in reached])
+    forces = [state.gradient for state in reached]
     corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
     strain_xx, strain_yy = local_strain(corners[0], corners)
     mean_xx, mean_yy = (np.asarray(central_mean(each)) for each in (strain_xx, strain_yy))
@@ -136,9 +137,7 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     cell_x, cell_y = mean_cell_size(corners[0])
     complete = len(reached) == len(case.applied_strain)
     return {
-        "reaction_force": np.array(
-            [test.loading.reaction_force(state.gradient) for state in reached]
-        ),
+        "reaction_force": np.array([*map(test.loading.reaction_force, forces)]),
         "strain_xx": strain_xx,
         "strain_yy": strain_yy,
         "mean_strain_xx": mean_xx,
@@ -279,16 +278,13 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
     }
     variables: dict[str, Any] = {}
     for name, variable in variables_of(case).items():
-        given = values.get(name)
         if not variable.dims:
-            variables[name] = ((), np.nan if given is None else given)
-            continue
-        if given is None and not variable.in_cube:
-            continue
-        padded = np.full([sizes[dim] for dim in variable.dims], np.nan)
-        if given is not None:
-            padded[: len(given)] = given
-        variables[name] = (variable.dims, padded)
+            variables[name] = ((), values.get(name, np.nan))
+        elif name in values or variable.in_cube:
+            padded = np.full([sizes[dim] for dim in variable.dims], np.nan)
+            if name in values:
+                padded[: len(values[name])] = values[name]
+            variables[name] = (variable.dims, padded)
     coordinates: dict[str, Any] = {
         **case.design,
         "applied_strain": list(case.applied_strain),
