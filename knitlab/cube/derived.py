@@ -1,12 +1,13 @@
 """Variables that follow from others when a cube is opened: force over width, validity."""
 
+import numpy as np
 import xarray as xr
 
 from knitlab.cube.schema import STRAIN, VARIABLES
 
 
 def with_derived(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with force, tangent stiffness and energy over the width of the cloth, and validity.
+    """The cube with force, tangent stiffness and energy over a side of the cloth, and validity.
 
     They are in no file: files of every version then have them. ``force_per_width`` of an experiment
     is that of its records.
@@ -14,7 +15,10 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
     derived: dict[str, xr.DataArray] = {}
     force = cube.get("force_per_width")
     if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
-        width = cube["knit_cell_x"] * cube["unit_cells_x"]
+        width, length = (cube[f"knit_cell_{axis}"] * cube[f"unit_cells_{axis}"] for axis in "xy")
+        if "load_direction" in cube:
+            angle = np.deg2rad(cube["load_direction"].fillna(90))
+            width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
         force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)
         derived["force_per_width"] = force
     if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:

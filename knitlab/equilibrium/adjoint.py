@@ -22,8 +22,9 @@ import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
+from knitlab.equilibrium.alignment import rigidly_aligned
 from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
-from knitlab.equilibrium.loading import all_free, free_under_tension, rigidly_aligned, tensile
+from knitlab.equilibrium.loading import all_free, drive_along, free_under
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.element_chunks import ChunkedFabric
@@ -131,7 +132,7 @@ class Adjoint:
         # Derivatives of all parameters of the fabric with respect to those of its stripes.
         by_numbers = jax.jacfwd(lambda x: ravel_pytree(layout.fabric(self._pair(x)))[0])(numbers)
         self._slope = np.asarray(by_numbers)
-        self._under_tension = LinearResponse(shape, free_under_tension(shape))
+        self._under_tension = LinearResponse(shape, free_under(shape))
         self._at_rest = LinearResponse(shape, all_free(shape)).at(self._fabric, self._relaxed)
 
     def of_strained(
@@ -216,8 +217,8 @@ def _through_loading(
     """From the derivative by the held unknowns to that by the relaxed shape."""
 
     def loaded(unknowns: Unknowns) -> Unknowns:
-        drive = tensile(shape, Configuration.of(unknowns, shape)).drive
-        return unknowns + applied_strain * jnp.asarray(drive)
+        drive, _ = drive_along(shape, Configuration.of(unknowns, shape))
+        return unknowns + applied_strain * drive
 
     return jax.vmap(jax.vjp(loaded, relaxed)[1])(by_held)[0]
 

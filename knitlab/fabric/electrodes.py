@@ -103,12 +103,9 @@ class Electrodes:
 
         def common(pairs: Iterable[tuple[Strip, Strip]]) -> list[Strip]:
             """What strips share, also with images before and after them along the electrodes."""
-            return [
-                common
-                for one, other in pairs
-                for turn in ((-1, 0, 1) if period else (0,))
-                if (common := one.shared(other.moved(turn * x, turn * y)))
-            ]
+            turns = (-1, 0, 1) if period else (0,)
+            images = ((one, other.moved(k * x, k * y)) for one, other in pairs for k in turns)
+            return [strip for one, image in images if (strip := one.shared(image))]
 
         def leaves(strip: Strip) -> bool:
             """Whether a strip extends beyond the fabric; across periodic electrodes it may wrap."""
@@ -230,36 +227,30 @@ def _along_ridges(
     wale = layout.along == "wale"
     across, length = stitches[wale], pattern.grid[not wale]
     start, end = (fraction * length for fraction in layout.span)
-    strips: list[tuple[Strip, ...]] = []
-    for line in (lines[number - 1] for number in layout.ridges):
+
+    def strip(line: int) -> Strip:
         stripe = pattern.cells_per_period / 2
         width = stripe if layout.width == "stripe" else layout.width / across[line]
         low, high = line - width / 2, line + width / 2
-        strips.append((Strip(low, high, start, end) if wale else Strip(start, end, low, high),))
-    return strips
+        return Strip(low, high, start, end) if wale else Strip(start, end, low, high)
+
+    return [(strip(lines[number - 1]),) for number in layout.ridges]
 
 
 def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> list[tuple[Strip, ...]]:
     drawing = np.array([list(row.upper()) for row in layout.mask[::-1]])
     if drawing.shape != (shape.cells_y, shape.cells_x):
-        raise BadLayout(
-            [
-                f"the mask has {len(layout.mask)} rows of {len(layout.mask[0])} letters, the fabric"
-                f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter per cell"
-            ]
+        problem = (
+            f"the mask has {len(layout.mask)} rows of {len(layout.mask[0])} letters, the fabric"
+            f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter per cell"
         )
-    problems = [
+        raise BadLayout([problem])
+    if problems := [
         problem for name in NAMES for problem in _broken(name, drawing == name, layout.along, shape)
-    ]
-    if problems:
+    ]:
         raise BadLayout(problems)
-    return [
-        tuple(
-            Strip(column, column + 1.0, row, row + 1.0)
-            for row, column in np.argwhere(drawing == name).astype(float).tolist()
-        )
-        for name in NAMES
-    ]
+    plated = (np.argwhere(drawing == name).astype(float).tolist() for name in NAMES)
+    return [tuple(Strip(x, x + 1, y, y + 1) for y, x in cells) for cells in plated]
 
 
 def _broken(

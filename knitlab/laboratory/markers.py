@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
-from knitlab.laboratory.track_checks import Dropped, without_implausible
+from knitlab.laboratory.track_checks import without_implausible
 from knitlab.laboratory.track_formats import Trajectories, read_tracks, whole_numbers
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
-from knitlab.measure.records import resampled
+from knitlab.measure.records import Record, resampled
 from knitlab.measure.unit_cells import (
     central_mean,
     lattice_vectors,
@@ -28,6 +28,8 @@ from knitlab.measure.unit_cells import (
     poisson_ratio_of_test,
 )
 
+Vector = Float[np.ndarray, "2"]
+Strains = Float[np.ndarray, " frame"]  # applied, of every frame
 POSITIONS_EXAMPLE = "write it as in 'marker,row,column'"
 LARGEST_AT_REST = 0.25  # strain of the reference shape over the first applied strain
 LEAST_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
@@ -64,6 +66,18 @@ class MarkedSample:
             summary += f"; markers {strays} are not on the grid and are ignored"
         return summary
 
+    def motion(self, strain: Strains) -> tuple[Vector, Vector, Vector]:
+        """Where the pull is largest: motion of the middle, last row from first, and last column."""
+        pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
+        moved = self.corners[pulled] - self.relaxed
+        drifts = (moved + moved[:, ::-1, ::-1]) / 2
+        motions = [_median(drifts)]
+        for along in (moved, moved.swapaxes(1, 2)):
+            one, other = np.triu_indices(count := along.shape[1], 1)
+            apart = (along[:, other] - along[:, one]) / (other - one)[:, None, None]
+            motions.append(_median(apart) * (count - 1))
+        return motions[0], motions[1], motions[2]
+
 
 def read_markers(folder: Path, description: Description) -> Imports:
     """Strains and Poisson's ratio in every cycle."""
@@ -98,7 +112,8 @@ def read_markers(folder: Path, description: Description) -> Imports:
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
     check_pull(path, marked, strain)
-    values = [marker_values(marked, requested, strain[span], span) for span in spans]
+    strains = np.array(requested)
+    values = [marker_values(marked, strains, strain[span], span) for span in spans]
     mean, error = values[0]["mean_strain_yy"], values[0]["mean_strain_yy_error"]
     if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(error[0])):
         problem = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
@@ -130,12 +145,11 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     _check_fits(path, marked, sample)
     corners, dropped = without_implausible(relaxed, corners)
     markers = grid.marker[::every_y, ::every_x]
-    remarks = [_remark(markers[each.row, each.column], each) for each in dropped]
+    remarks = [
+        f"marker {markers[row, column]} {reason}: it is left out from frame {frame} on"
+        for row, column, frame, reason in dropped
+    ]
     return replace(marked, corners=corners, remarks=(*read.summary, *remarks))
-
-
-def _remark(marker: int, dropped: Dropped) -> str:
-    return f"marker {marker} {dropped.reason}: it is left out from frame {dropped.frame} on"
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
@@ -156,19 +170,15 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     if abs(misaligned) > LARGEST_MISALIGNMENT:
         problem = f"are {misaligned:.0f}° from the rows and columns of markers"
         raise fault(f"{path}: weft and warp", f"{problem}; correct them, or give turned")
-    for size, stated, count, side in (
-        (sizes[0], sample.width.to("mm"), columns, "width"),
-        (sizes[1], sample.length.to("mm"), rows, "length"),
-    ):
+    for size, count, side in zip(sizes, (columns, rows), ("width", "length"), strict=True):
+        stated = getattr(sample, side).to("mm")
         if not 1 / LARGEST_SIZE_RATIO < size * count / stated < LARGEST_SIZE_RATIO:
             problem = f"is {stated:.4g} mm for {count} unit cells, but the markers give"
             remedy = "correct it, unit_cells, pixel or markers_per_cell"
             raise fault(f"{path}: sample.{side}", f"{problem} {size:.4g} mm each; {remedy}")
 
 
-def along_pull(
-    path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]
-) -> MarkedSample:
+def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSample:
     """The same markers, rotated so that the pull is along y.
 
     If one clamp moves, the middle of the sample drifts along the pull: the sample is symmetric
@@ -176,10 +186,13 @@ def along_pull(
     pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
     along the pull, but less exactly. So the drift is used where it agrees with the separation.
     """
-    drift, separation = _motion(marked, strain)
+    drift, separation, _ = marked.motion(strain)
     if not separation.any():
         return marked
-    by_drift, turn = _direction(drift), _direction(separation)
+    by_drift, turn = (
+        float(np.arctan(-across / along)) if along else np.pi / 2
+        for across, along in (drift, separation)
+    )
     difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
     drifting = np.linalg.norm(drift) > LEAST_DRIFT * np.linalg.norm(separation)
     if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
@@ -197,16 +210,12 @@ def along_pull(
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
 
 
-def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]) -> None:
+def check_pull(path: Path, marked: MarkedSample, strain: Strains) -> None:
     """Refuse a sample whose middle moves along its weft, to which also its columns are pulled.
 
     So it is if coordinates are in the order (row, column), and the sample about as long as wide.
     """
-    drift, separation = _motion(marked, strain)
-    columns = replace(
-        marked, relaxed=marked.relaxed.swapaxes(0, 1), corners=marked.corners.swapaxes(1, 2)
-    )
-    _, across = _motion(columns, strain)
+    drift, separation, across = marked.motion(strain)
     size = np.linalg.norm(separation)
     drifts_across = np.linalg.norm(drift) > LEAST_DRIFT * size and abs(drift[0]) > abs(drift[1])
     if drifts_across and abs(across[0]) > size:
@@ -214,37 +223,16 @@ def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " fra
         raise fault(str(path), f"{problem} order of the coordinates, which is x, y")
 
 
-def _motion(
-    marked: MarkedSample, strain: Float[np.ndarray, " frame"]
-) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
-    """Motion of the middle, and of the last row from the first, where the pull is largest."""
-    pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
-    moved = marked.corners[pulled] - marked.relaxed
-    drifts = (moved + moved[:, ::-1, ::-1]) / 2
-    one, other = np.triu_indices(moved.shape[1], 1)
-    separations = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    if not np.isfinite(drifts).any() or not np.isfinite(separations).any():
-        return np.zeros(2), np.zeros(2)
-    drift, separation = (
-        np.nanmedian(each.reshape(-1, 2), axis=0) for each in (drifts, separations)
-    )
-    return drift, separation * (moved.shape[1] - 1)
-
-
-def _direction(moved: Float[np.ndarray, "2"]) -> float:
-    """Angle of an undirected line from y, anticlockwise [rad]."""
-    across, along = moved
-    return float(np.arctan(-across / along)) if along else np.pi / 2
+def _median(vectors: Float[np.ndarray, "*any 2"]) -> Vector:
+    known = vectors[np.isfinite(vectors).all(axis=-1)]
+    return np.median(known, axis=0) if len(known) else np.zeros(2)
 
 
 def marker_values(
-    marked: MarkedSample,
-    requested: Sequence[float],
-    strain: Float[np.ndarray, " frame"],
-    frames: np.ndarray,
+    marked: MarkedSample, strains: Record, strain: Strains, frames: Int[np.ndarray, " frame"]
 ) -> Values:
     """Strains and Poisson's ratio at the requested strains, from some frames at given strains."""
-    strains, corners = np.asarray(requested), marked.corners[frames]
+    corners = marked.corners[frames]
     values: Values = {}
     for name, field in zip(("xx", "yy"), local_strain(marked.relaxed, corners), strict=True):
         mean = resampled(strains, strain, np.asarray(central_mean(field)))
@@ -290,7 +278,7 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
         if places is None:
             return find_grid(first)
         names = ("marker", "row", "column")
-        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE, lower=True)
+        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE)
         marker, row, column = (whole_numbers(places, name, table[name]) for name in names)
         if marker.max() >= len(first):
             problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.equilibrium.adjoint import Adjoint, NoDerivative
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import drive_along, reaction_force
 from knitlab.equilibrium.state import State
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Configuration, Fabric
@@ -48,16 +48,20 @@ def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
         local = local_strain(corners(relaxed), corners(strained))
         return [jnp.asarray(central_mean(strain)) for strain in local]
 
+    def cell(relaxed: Configuration) -> Float[Array, "2"]:
+        return jnp.stack(mean_cell_size(corners(relaxed)))
+
     def force(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
-        return tensile(shape, relaxed).reaction_force(gradient.flattened())
+        drive, length = drive_along(shape, relaxed)
+        return reaction_force(shape, drive, length, gradient.flattened())
 
     return {
         "mean_strain_xx": lambda q0, q, fabric: strains(q0, q)[0],
         "mean_strain_yy": lambda q0, q, fabric: strains(q0, q)[1],
         "poisson_ratio": lambda q0, q, fabric: jnp.asarray(poisson_ratio(*strains(q0, q))),
-        "relaxed_cell_x": lambda q0, q, fabric: jnp.asarray(mean_cell_size(corners(q0))[0]),
-        "relaxed_cell_y": lambda q0, q, fabric: jnp.asarray(mean_cell_size(corners(q0))[1]),
+        "relaxed_cell_x": lambda q0, q, fabric: cell(q0)[0],
+        "relaxed_cell_y": lambda q0, q, fabric: cell(q0)[1],
         "reaction_force": force,
     }
 
