@@ -145,7 +145,7 @@ class DesignSearch:
             values=self.space.values(point),
             case_id=trial.case.case_id,
             converged=trial.converged,
-            snapped=trial.snapped,
+            snapped=bool((trial.results["snapped"] == 1).any()),
             off_by=[one if np.isfinite(one) else None for one in off_by],
             distance=float(objective.distance(off_by)) if known else None,
             violation=float(objective.violation(off_by)) if known else None,

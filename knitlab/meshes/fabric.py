@@ -43,7 +43,14 @@ def fabric_meshes(
     from knitlab.simulation.case import case_of
 
     case = case_of(json.loads(case_file.attrs["parameters"]))
-    _check_repeats(case_file, repeats)
+    given = f"repeats {' '.join(map(str, repeats))}"
+    if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
+        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
+    if tuple(repeats) != (1, 1) and not is_periodic(case_file):
+        raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
+    faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
+    if faces > MOST_FACES:
+        raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
     shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])
@@ -88,17 +95,6 @@ def closed_nodes(
     rows, columns = np.arange(repeats[0] * cells_y + 1), np.arange(repeats[1] * cells_x + 1)
     shape = MeshShape(cells_y, cells_x, periodic)
     return np.asarray(nodes_at(shape, configurations(case_file), rows, columns))
-
-
-def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
-    given = f"repeats {' '.join(map(str, repeats))}"
-    if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
-        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
-    if tuple(repeats) != (1, 1) and not is_periodic(case_file):
-        raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
-    faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
-    if faces > MOST_FACES:
-        raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
 
 
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
