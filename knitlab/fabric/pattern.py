@@ -214,10 +214,13 @@ def graded_pattern(
     """The pattern of a fabric: its letters, top course first, with sizes, and repeats (y, x)."""
     knit = letters_of(rows)
     if grading is None:
-        sizes = [np.full(count, periods) for count in knit.shape]
-        stripes = [np.zeros(count, int) for count in knit.shape]
+        height, width = knit.shape
+        sizes = np.full(height, periods), np.full(width, periods)
+        stripes = np.zeros(height, int), np.zeros(width, int)
     else:
-        sizes = [np.array(grading.row_periods[::-1]), np.array(grading.column_periods)]
-        of_lines = (grading.warp, grading.row_stripes[::-1]), (grading.weft, grading.column_stripes)
-        stripes = [np.array([kinds.index(each) for each in lines]) for kinds, lines in of_lines]
+        sizes = np.array(grading.row_periods[::-1]), np.array(grading.column_periods)
+        stripes = (
+            np.array([grading.warp.index(stripe) for stripe in grading.row_stripes[::-1]]),
+            np.array([grading.weft.index(stripe) for stripe in grading.column_stripes]),
+        )
     return PatchGrid(knit, *sizes, *stripes, folds, cells_per_period).tiled(repeats)
