@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from tqdm.auto import tqdm
 
 from knitlab.cube.case_file import configurations
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import with_derived
 from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.adjoint import NoDerivative

@@ -7,8 +7,7 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.cube.cube_file import CUBE
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import CUBE, with_derived
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan

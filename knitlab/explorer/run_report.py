@@ -11,8 +11,7 @@ from typing import Any
 import xarray as xr
 from PIL import Image
 
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import is_measured, source_of
+from knitlab.cube.cube_file import is_measured, parameters_of, source_of
 from knitlab.cube.schema import Status
 from knitlab.sweep.results_folder import PLAN
 

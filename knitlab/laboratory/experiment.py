@@ -9,8 +9,15 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.common_settings import ATTRIBUTE, parameters_of
-from knitlab.cube.cube_file import CUBE, design_dims, is_measured, read_cube, write_cube
+from knitlab.cube.cube_file import (
+    ATTRIBUTE,
+    CUBE,
+    design_dims,
+    is_measured,
+    parameters_of,
+    read_cube,
+    write_cube,
+)
 from knitlab.cube.schema import CYCLE, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
