@@ -157,8 +157,7 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
         files, faults = write_page(judgements, output, selections)
         for path in files:
             click.echo(f"{'page' if path == output else 'figure':6}  {path}")
-        for fault in faults:
-            options.echo_problem(fault)
+        options.echo_report([], warnings=faults)
 
 
 @click.command()

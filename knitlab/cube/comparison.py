@@ -106,9 +106,9 @@ def _at_measured_strains(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Simulated and measured values of a curve, and standard errors; NaN where unknown."""
     values, unknown = measured[name].values, np.nan * measured[name]
-    at = unknown.values
+    at: np.ndarray = unknown.values
     if curve.size:
-        at = np.interp(measured[STRAIN], curve[STRAIN], curve, left=np.nan, right=np.nan)
+        at = np.interp(measured[STRAIN].values, curve[STRAIN], curve, left=np.nan, right=np.nan)
     if name != "capacitance_ratio":
         return at, values, measured.get(f"{name}_error", unknown).values
     errors = measured.get("capacitance_error", unknown).values * values

@@ -179,7 +179,7 @@ def main_columns(table: pd.DataFrame, asked: Sequence[str] = ()) -> list[str]:
 
     Those that were ``asked`` for, as by a condition, are among them.
     """
-    first = list(table.loc[:, :"status"])
+    first = [str(name) for name in table.loc[:, :"status"]]
     varying = [name for name in first if name not in ("cube", SOURCE) or table[name].nunique() > 1]
     wanted = [*varying, *asked, *MAIN_COLUMNS]
     present = dict.fromkeys(name for name in wanted if name in table.columns)
