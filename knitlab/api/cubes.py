@@ -38,14 +38,9 @@ def query(
     columns: Sequence[str] | None = None,
     **selections: Any,
 ) -> pd.DataFrame:
-    """The designs of several cubes, simulated and measured, in one table.
+    """The designs of several cubes along the same dimensions, simulated and measured, in one table.
 
-    Args:
-        cubes: cubes of designs along the same dimensions.
-        where: expression over the columns that the rows must meet.
-        sort: column to sort by, or several; a leading minus sorts descending.
-        columns: columns to keep, by default all but the stripe parameters.
-        selections: a value or a list of values for each coordinate.
+    The other arguments are those of ``cube.knitlab.query``.
 
     Raises:
         BadInput: with everything that is wrong in these arguments.

@@ -169,7 +169,7 @@ def simulate(
     if not isinstance(design, Design):
         raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
     parameters = defaults() if material is None else with_material(defaults(), material)
-    settings = {"model": model, "sheet": sheet, "plain": plain, "solver": solver}
+    settings: dict[str, object] = {"model": model, "sheet": sheet, "plain": plain, "solver": solver}
     settings |= {"dynamics": dynamics, "capacitor": capacitor, "gauge": gauge}
     parameters = parameters.with_tables(**settings)
     protocol = protocol or Protocol()

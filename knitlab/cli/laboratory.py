@@ -119,9 +119,9 @@ def _add_import(kind: "RecordKind", records: str) -> None:
     @click.argument("description", type=FILE)
     @options.results
     def command(description: Path, results: Path) -> None:
-        from knitlab.api import laboratory as api
+        from knitlab.laboratory.experiment import import_records
 
-        imported = api.import_records(kind, description, results=results)
+        imported = import_records(kind, description, results)
         options.echo_report(imported.summary)
         click.echo(f"cube    {imported.path}")
 

@@ -210,9 +210,9 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.sweep.results_folder import workflow_status
+    from knitlab.sweep import results_folder
 
-    state = workflow_status(workflow, results, check)
+    state = results_folder.status(workflow, results=results, check=check)
     if as_json:
         click.echo(json.dumps(state.record(), indent=1))
         return
@@ -236,9 +236,9 @@ def reproduce(case_id: str, results: Path) -> None:
     CASE_ID may be the first characters of an identifier. The results are compared with the case
     file, if there is one.
     """
-    from knitlab.api.sweeps import reproduce as reproduce_case
+    from knitlab.sweep import reproduce as case_again
 
-    options.exit_unless(reproduce_case(case_id, results=results, report=click.echo))
+    options.exit_unless(case_again.reproduce(case_id, results=results, report=click.echo))
 
 
 COMMANDS = (plan, run, merge, status, reproduce)
