@@ -57,14 +57,17 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def with_derived(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with force, tangent stiffness and energy over the width of the cloth, and validity.
+    """The cube with force, tangent stiffness and energy over a side of the cloth, and validity.
 
     They are in no file, but for ``force_per_width`` of an experiment, which is that of its records.
     """
     derived: dict[str, xr.DataArray] = {}
     force = cube.get("force_per_width")
     if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
-        width = cube["knit_cell_x"] * cube["unit_cells_x"]
+        width, length = (cube[f"knit_cell_{axis}"] * cube[f"unit_cells_{axis}"] for axis in "xy")
+        if "load_direction" in cube:
+            angle = np.deg2rad(cube["load_direction"].fillna(90))
+            width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
         force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)
         derived["force_per_width"] = force
     if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:

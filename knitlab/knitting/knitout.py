@@ -94,8 +94,8 @@ class _Program:
         self._bring_out(machine.body_carrier)
         if machine.waste_courses:
             self._band("waste", machine.waste_carrier, machine.waste_courses)
-        held = map(Needle, self.on_front, self.needles)
-        return [*self.lines, ";drop", *(f"drop {needle}" for needle in held)]
+        dropped = (f"drop {needle}" for needle in map(Needle, self.on_front, self.needles))
+        return [*self.lines, ";drop", *dropped]
 
     def _take_stitch_size(self, use: str) -> None:
         number = getattr(self.machine, f"{use}_stitch_number")
@@ -212,12 +212,8 @@ class _Program:
         self._form("knit", self.direction, order[0], [carrier])
         for number, following in pairwise(order):
             # At racking R, back needle B is opposite front needle B + R.
-            self.lines += [
-                f"xfer f{number} b{number}",
-                f"rack {following - number}",
-                f"xfer b{number} f{following}",
-                "rack 0",
-            ]
+            self.lines += [f"xfer f{number} b{number}", f"rack {following - number}"]
+            self.lines += [f"xfer b{number} f{following}", "rack 0"]
             self._form("knit", self.direction, following, [carrier])
         for _ in range(self.machine.bind_off_tail):
             self.direction = -self.direction

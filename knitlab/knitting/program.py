@@ -113,9 +113,8 @@ def duration(program: Iterable[Operation], machine: Machine) -> Duration:
     """Passes of a program, and its time by the speeds of the machine."""
     listed = list(program)
     passes = carriage_passes(listed)
-    kinds = Counter(each.kind for each in passes)
     opcodes = Counter(operation.opcode for operation in listed)
-    needles: Counter[str] = Counter()
+    kinds, needles = Counter(each.kind for each in passes), Counter[str]()
     for each in passes:
         needles[each.kind] += abs(each.last - each.first) + 1
     returns = [

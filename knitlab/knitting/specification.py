@@ -62,8 +62,7 @@ class Specification:
     @property
     def flat_size(self) -> tuple[float, float]:
         """Width and length in cloth before it folds, by the gauge [mm]."""
-        chart = self.chart
-        return chart.wales * self.gauge.stitch_width, chart.courses * self.gauge.stitch_height
+        return self.chart.flat_size(self.gauge)
 
     @property
     def relaxed_size(self) -> tuple[float, float] | None:
@@ -101,13 +100,9 @@ class Specification:
         """Names and values of its lines."""
         chart, machine = self.chart, self.machine
         time, plated = self.duration, int((chart.plated > 0).sum())
-        along_y, along_x = chart.repeats
         yield "design", " ".join(chart.title.split())
-        if chart.is_whole_sample:
-            yield "repeats", "none: it is a whole sample"
-        else:
-            size = "{} courses and {} wales".format(*chart.repeat)
-            yield "repeats", f"{along_y} × {along_x} (warp × weft) of {size}"
+        whole = "none: it is a whole sample"
+        yield "repeats", whole if chart.is_whole_sample else chart.repeats_in_words
         needles = f"{machine.needles} needles, {machine.needles_per_inch} an inch"
         yield "machine", f"{machine.model}, {needles}"
         yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
