@@ -64,8 +64,9 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
     derived: dict[str, xr.DataArray] = {}
     force = cube.get("force_per_width")
     if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
-        width, length = (cube[f"knit_cell_{axis}"] * cube[f"unit_cells_{axis}"] for axis in "xy")
+        width = cube["knit_cell_x"] * cube["unit_cells_x"]
         if "load_direction" in cube:
+            length = cube["knit_cell_y"] * cube["unit_cells_y"]
             angle = np.deg2rad(cube["load_direction"].fillna(90))
             width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
         force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)
