@@ -57,7 +57,7 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def with_derived(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with force, tangent stiffness and energy over a side of the cloth, and validity.
+    """The cube with force, stiffness and energy over a side of the cloth, recovery and validity.
 
     They are in no file, but for ``force_per_width`` of an experiment, which is that of its records.
     """
@@ -74,6 +74,10 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
     if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:
         derived["tangent_stiffness"] = force.differentiate(STRAIN)
         derived["stretch_energy"] = force.cumulative_integrate(STRAIN)
+    back = cube.get("reaction_force_unloading")
+    if back is not None and cube.sizes.get(STRAIN, 0) > 1:
+        stored, returned = (each.integrate(STRAIN) for each in (cube["reaction_force"], back))
+        derived["energy_recovery"] = returned / stored
     needed = {"self_intersections", "applied_strain_at_min"}
     if "intersections_at_min" not in cube and needed <= set(cube):
         at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9

@@ -29,8 +29,9 @@ class Variable:
     """One variable, as a case holds it; a cube adds the dimensions of its designs.
 
     ``of`` says which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
-    patches, with sensitivities, electrodes, unloading, siblings or contact, ``loaded`` other than
-    along the warp, with a lattice that is ``sheared``, experiments, candidates of a design;
+    patches, with sensitivities, electrodes, ``unloading`` of these or ``unloaded`` at all, siblings
+    or contact, ``loaded`` other than along the warp, with a lattice that is ``sheared``,
+    experiments, candidates of a design;
     ``derived`` ones are in no file. Those of a ``design``, of its ``stripes`` or of ``cloth`` are
     in the cube only: case files state the first two among their parameters, and the last follow
     from its gauge.
@@ -187,6 +188,8 @@ _TABLE = {
     " cell; along the warp if the load is biaxial",
     "reaction_force_across": "curve, biaxial: reaction force along the weft [N]; over the whole"
     " length of the sample or periodic cell",
+    "reaction_force_unloading": "curve, unloaded: reaction force during unloading [N]; from the"
+    " last strain back, along the warp if the load is biaxial",
     "poisson_ratio_sensitivity": "derivative, sensitivities: logarithmic sensitivity of Poisson's"
     f" ratio to a stripe parameter; {_LOGARITHMIC}",
     "reaction_force_sensitivity": "derivative, sensitivities: logarithmic sensitivity of the"
@@ -278,6 +281,8 @@ _TABLE = {
     " force_per_width with respect to the applied strain",
     "stretch_energy": "curve, derived: energy to stretch, per area [N/mm]; integral of"
     " force_per_width over the applied strain, in mJ per mm² of relaxed cloth",
+    "energy_recovery": "number, derived: energy that unloading gives back, over that of loading;"
+    " less than 1 where the fabric snaps: the model has no friction of yarn",
     "intersections_at_min": "number, derived: pairs of grid cells that pass through each other at"
     " the lowest Poisson's ratio; where there are any, that ratio is not one of a real fabric",
     "markers_lost": "curve, laboratory: markers lost; corners of unit cells that are not seen",

@@ -105,7 +105,7 @@ def run_design(
         raise fault(str(folder), problem)
     # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
-        starts, simulations, unknown = _starts(request, space, own, folder / TRIALS, run, budget)
+        starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
             temporary.write_text(request.text)
         left, at_once = max(budget - simulations, 1), max(workers, 1)
@@ -117,17 +117,12 @@ def run_design(
             deadline = began + seconds * (number // at_once + 1)
             searches.append(DesignSearch(space, objective, design, folder, most, deadline))
         results = _searched(searches, folder, workers, show_progress)
-        best_of_each = [(result.design, result.winner) for result in results]
-        winners = [
-            Candidate(
-                number,
-                space.labels(design),
-                winner.values,
-                *space.case(design, np.array(winner.point)),
-            )
-            for number, (design, winner) in enumerate(best_of_each, start=1)
-            if winner is not None
-        ]
+        winners = list[Candidate]()
+        for number, result in enumerate(results, start=1):
+            if (best := result.winner) is not None:
+                case, gauge = space.case(result.design, np.array(best.point))
+                labels = space.labels(result.design)
+                winners.append(Candidate(number, labels, best.values, case, gauge))
         if not winners:
             problem = "no start converges; try other designs, bounds or settings"
             raise fault(request.name, problem)
@@ -144,29 +139,18 @@ def run_design(
     trials = trials_table(request, space.dims, results)
     with atomic_write(folder / "trials.csv") as temporary:
         trials.to_csv(temporary, index=False)
-    return Designed(
-        request,
-        folder,
-        cube,
-        ranking,
-        tuple(results),
-        trials,
-        simulations + len(trials),
-        tuple(write_workflow(folder, request, space, winner) for winner in winners),
-        unknown,
-    )
+    simulations += len(trials)
+    files = tuple(write_workflow(folder, request, space, winner) for winner in winners)
+    searched = tuple(results)
+    return Designed(request, folder, cube, ranking, searched, trials, simulations, files, unknown)
 
 
 def _starts(
-    request: DesignRequest,
-    space: SearchSpace,
-    own: ShapeFunctions,
-    folder: Path,
-    options: RunOptions,
-    budget: int,
+    objective: Objective, space: SearchSpace, folder: Path, options: RunOptions, budget: int
 ) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
     """Designs to refine, the nearest first; simulations of the sweep; designs without results."""
-    cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
+    request, simulations = objective.request, 0
+    cubes = [open_cube(path, lazily=True) for path in request.cubes]
     if not cubes:
         if (count := len(space.designs)) <= request.starts:
             return space.designs, 0, ()
@@ -178,7 +162,7 @@ def _starts(
             raise KeyboardInterrupt
         cubes, simulations = [open_cube(folder / CUBE)], len(plan.cases)
     # No cube has own functions; refining may fulfil constraints.
-    targets = [target for target in request.wanted if target.name not in dict(own)]
+    targets = [target for target in request.wanted if target.name not in dict(objective.own)]
     if not targets:
         return space.designs[: request.starts], simulations, ()
     table = find_designs(cubes, targets).table

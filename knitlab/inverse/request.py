@@ -117,9 +117,17 @@ def checked_request(
     for one, other in contradictions([*read["targets"], *read["subject_to"]]):
         problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
         faults.all.append(Fault(f"{source}targets", problem))
-    for setting in file.settings:
-        if problem := _problem_of_setting(setting, file):
-            faults.all.append(Fault(f"{source}settings.{setting}", problem))
+    for setting, value in file.settings.items():
+        with faults:
+            where = f"{source}settings.{setting}"
+            if setting not in SETTINGS:
+                raise fault(where, unknown(setting, SETTINGS, "setting"))
+            if setting in file.vary:
+                raise fault(where, "may also vary; remove one of the two")
+            if setting == "robustness":
+                raise fault(where, "is not a setting of a search; give it next to targets")
+            if isinstance(value, list) and not SETTINGS[setting].takes_list:
+                raise fault(where, "is a list; give one value, or let it vary")
     if faults.all:
         raise BadInput(faults.all)
     checked = {key: tuple(targets) for key, targets in read.items()}
@@ -176,16 +184,3 @@ def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
         example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
         raise fault(where, f"is {value!r}; {example}")
     return tuple(map(float, listed))
-
-
-def _problem_of_setting(name: str, file: DesignFile) -> str:
-    """Why a search cannot take a setting, if so."""
-    if name not in SETTINGS:
-        return unknown(name, SETTINGS, "setting")
-    if name in file.vary:
-        return "may also vary; remove one of the two"
-    if name == "robustness":
-        return "is not a setting of a search; give it next to targets"
-    if isinstance(file.settings[name], list) and not SETTINGS[name].takes_list:
-        return "is a list; give one value, or let it vary"
-    return ""

@@ -145,7 +145,7 @@ class DesignSearch:
             values=self.space.values(point),
             case_id=trial.case.case_id,
             converged=trial.converged,
-            snapped=trial.snapped,
+            snapped=bool((trial.results["snapped"] == 1).any()),
             off_by=[one if np.isfinite(one) else None for one in off_by],
             distance=float(objective.distance(off_by)) if known else None,
             violation=float(objective.violation(off_by)) if known else None,
@@ -268,7 +268,7 @@ def run_searches(
     progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
     """Run searches, each in one worker; BadInput with the reason of every one that failed."""
-    first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
+    first = (one.space.case(one.design, one.space.start(one.design))[0] for one in searches)
     starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))
 

@@ -131,9 +131,9 @@ def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
 
 
 def _combination_faults(machine: Machine) -> list[Fault]:
-    electrodes = zip(("electrode A", "electrode B"), machine.electrode_carriers, strict=True)
     names, count = ("waste_carrier", "draw_carrier", "body_carrier"), machine.carriers
-    used = {name: getattr(machine, name) for name in names} | dict(electrodes)
+    used = {name: getattr(machine, name) for name in names}
+    used["electrode A"], used["electrode B"] = machine.electrode_carriers
     faults = [
         Fault(f"machine {name}", f"is carrier {number}, and there are {count}; name one of these")
         for name, number in used.items()

@@ -40,25 +40,17 @@ STARTS: tuple[GarterStart, GarterStart] = "valley", "mountain"
 
 @dataclass(frozen=True, eq=False)
 class ReadChart:
-    """A stitch chart as a pattern.
+    """A stitch chart as a pattern."""
 
-    Attributes:
-        chart: the stitches, with the patches that were found.
-        rows, columns: its rows of patches in courses, the lowest first, and columns in wales.
-        letters: knit of every patch: R, G or P, the lowest row first.
-        garter_start: which of its stripes a garter patch begins with, as the model option.
-        begins_at: course and wale of the file, from 1, that the chart begins at; not (1, 1) if its
-            pattern only fits when it is moved over the edge.
-        odd: stitches that no patch has, (course, wale).
-    """
-
-    chart: StitchChart
-    rows: tuple[Band, ...]
-    columns: tuple[Band, ...]
-    letters: np.ndarray
-    garter_start: GarterStart
+    chart: StitchChart  # the stitches, with their patches
+    rows: tuple[Band, ...]  # of patches in courses, the lowest first
+    columns: tuple[Band, ...]  # of patches in wales
+    letters: np.ndarray  # knit of every patch: R, G or P, the lowest row first
+    garter_start: GarterStart  # the stripe that a garter patch begins with, as the model option
+    # Course and wale of the file, from 1, that the chart begins at; not (1, 1) if its pattern only
+    # fits when it is moved over the edge.
     begins_at: tuple[int, int]
-    odd: Bool[np.ndarray, "course wale"]
+    odd: Bool[np.ndarray, "course wale"]  # stitches that no patch has
 
     def __repr__(self) -> str:
         return f"<ReadChart {self.chart.size}, {len(self.problems)} problems>"
@@ -146,13 +138,9 @@ class ReadChart:
         return _repeat_of(self.rows, self.letters), _repeat_of(self.columns, self.letters.T)
 
     def save_pattern(self, path: str | Path) -> Path:
-        """Write the pattern as a file for ``[design] pattern_files``, named as the file.
+        """Write the pattern as a ``.toml`` file for ``[design] pattern_files``, named as the file.
 
-        Args:
-            path: the file, ``.toml``.
-
-        Raises:
-            BadInput: if a size or a stripe does not fit, or the file cannot be written.
+        Raises BadInput if a size or a stripe does not fit, or the file cannot be written.
         """
         path = Path(path)
         if path.suffix != ".toml":

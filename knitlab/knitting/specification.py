@@ -121,10 +121,10 @@ class Specification:
         yield "passes", f"{passes}: {kinds}"
         yield "machine time", f"about {_minutes(time.seconds)}"
         if plated:
-            unplated = self.unplated
-            more, added = time.seconds - unplated.seconds, passes - sum(unplated.passes.values())
-            time_added = f"{_minutes(more)} ({more / unplated.seconds:.0%} more)"
-            yield "plating adds", f"{time_added} and {added} passes"
+            bare = self.unplated
+            more, added = time.seconds - bare.seconds, passes - sum(bare.passes.values())
+            share = f"{more / bare.seconds:.0%} more"
+            yield "plating adds", f"{_minutes(more)} ({share}) and {added} passes"
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
             yield "size relaxed", _millimetres(self.relaxed_size)

@@ -43,7 +43,14 @@ def fabric_meshes(
     from knitlab.simulation.case import case_of
 
     case = case_of(json.loads(case_file.attrs["parameters"]))
-    _check_repeats(case_file, repeats)
+    given = f"repeats {' '.join(map(str, repeats))}"
+    if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
+        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
+    if tuple(repeats) != (1, 1) and not is_periodic(case_file):
+        raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
+    faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
+    if faces > MOST_FACES:
+        raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
     shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])
@@ -90,26 +97,15 @@ def closed_nodes(
     return np.asarray(nodes_at(shape, configurations(case_file), rows, columns))
 
 
-def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
-    given = f"repeats {' '.join(map(str, repeats))}"
-    if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
-        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
-    if tuple(repeats) != (1, 1) and not is_periodic(case_file):
-        raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
-    faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
-    if faces > MOST_FACES:
-        raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
-
-
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
     """Fields of grid cells that never change; patches count from the bottom left along courses."""
     along_y, along_x = case.unit_cells
     pattern = replace(case, unit_cells=(repeats[0] * along_y, repeats[1] * along_x)).sample
     across = pattern.knit.shape[1]
-    fields = {
-        KNIT: np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0),
-        PATCH: pattern.patch_of_row[:, None] * across + pattern.patch_of_column,
-    }
+    knit = np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0)
+    patch = pattern.patch_of_row[:, None] * across + pattern.patch_of_column
+    # Every format knows integers of 32 bits.
+    fields: dict[str, np.ndarray] = {KNIT: knit.astype(np.int32), PATCH: patch.astype(np.int32)}
     if case.capacitor is not None:
         from knitlab.fabric.electrodes import split_by_cells
 
@@ -122,13 +118,9 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
                 of_electrode[row % shape.cells_y, column % shape.cells_x] += piece.area
         covered = np.tile(of_sheet, (1, *repeats))
         plated = covered.sum(axis=0)
-        fields[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0)
+        fields[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0).astype(np.int32)
         fields[PLATED] = plated
-    # Every format knows integers of 32 bits.
-    return {
-        name: values.astype(np.int32) if values.dtype.kind == "i" else values
-        for name, values in fields.items()
-    }
+    return fields
 
 
 def _side_lengths(

@@ -17,9 +17,7 @@ from knitlab.meshes.surface import SurfaceMesh
 KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
 """Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
 ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))  # of electrodes A and B, likewise [sRGB]
-METRES_OF_Z_UP = np.array(
-    [[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]], dtype=float
-)
+METRES_OF_Z_UP = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]])
 """Transform of positions in mm with z upwards to those of glTF, in m with y upwards."""
 
 
@@ -39,11 +37,6 @@ def linear(colours: UInt8[np.ndarray, "node 3"]) -> Float[np.ndarray, "node 3"]:
     """Colours as light, from 0 to 1, in place of sRGB (IEC 61966-2-1)."""
     shade = colours / 255
     return np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
-
-
-def _write_vtu(mesh: SurfaceMesh, path: Path) -> None:
-    fields = {name: [values] for name, values in mesh.face_fields.items()}
-    _meshio(mesh, mesh.node_fields, fields).write(path, "vtu")
 
 
 def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
@@ -69,7 +62,7 @@ def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
 
 
 FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
-    ".vtu": _write_vtu,
+    ".vtu": lambda mesh, path: _meshio(mesh, mesh.node_fields, mesh.face_fields).write(path, "vtu"),
     ".obj": lambda mesh, path: _meshio(mesh).write(path, "obj"),
     ".ply": _write_ply,
     ".stl": lambda mesh, path: _trimesh(mesh).export(path, "stl"),
@@ -88,10 +81,9 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
 
 
 def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
-    """Write a mesh for each applied strain into a folder, then the collection that lists them.
+    """Write a mesh for each strain into a folder, then the ``.pvd`` file, of ParaView, of them.
 
-    That is a ``.pvd`` file of ParaView, with the strain as its time. Returns it, then the meshes.
-    Those of an earlier series of this name are removed.
+    Its times are the strains. Returns it, then the meshes; those of an earlier series are removed.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
@@ -150,13 +142,13 @@ def write_fold(
 def _meshio(
     mesh: SurfaceMesh,
     node_fields: Mapping[str, np.ndarray] = {},
-    face_fields: Mapping[str, list[np.ndarray]] = {},
+    face_fields: Mapping[str, np.ndarray] = {},
 ) -> Any:
     import meshio
 
-    kind = "quad" if mesh.faces.shape[1] == 4 else "triangle"
-    faces = mesh.faces.astype(np.int32)
-    return meshio.Mesh(mesh.nodes, [(kind, faces)], dict(node_fields), dict(face_fields))
+    blocks = [("quad" if mesh.faces.shape[1] == 4 else "triangle", mesh.faces.astype(np.int32))]
+    of_blocks = {name: [values] for name, values in face_fields.items()}
+    return meshio.Mesh(mesh.nodes, blocks, dict(node_fields), of_blocks)
 
 
 def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:

@@ -62,6 +62,7 @@ def variables_of(case: Case) -> dict[str, Variable]:
         "sensitivities": case.sensitivities,
         "capacitor": electrodes,
         "unloading": electrodes and case.unloading,
+        "unloaded": case.unloading,
         "robustness": case.robustness > 0,
         "contact": case.options.contact != "none",
         "loaded": case.load.kind != "warp",
@@ -160,8 +161,14 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     force = test.loading.reaction_force
     if case.load.kind == "biaxial":
         force = partial(test.loading.force_along, Y)
+    forces = np.array([force(state.gradient) for state in reached])
+    if case.unloading and complete:
+        back = np.full(len(forces), np.nan)
+        unloaded = [force(state.gradient) for state in test.unloaded]
+        back[len(back) - 1 - len(unloaded) :] = [*unloaded[::-1], forces[-1]]
+        values["reaction_force_unloading"] = back
     return values | {
-        "reaction_force": np.array([force(state.gradient) for state in reached]),
+        "reaction_force": forces,
         "strain_xx": strain_xx,
         "strain_yy": strain_yy,
         "mean_strain_xx": mean_xx,

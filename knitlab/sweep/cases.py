@@ -307,15 +307,15 @@ def _check_together(
     protocol, kind, periodic = workflow.protocol, load.kind, "periodic" in boundaries
     alone = options.contact == "none" and workflow.electrodes is None
     of_load = {
-        "= biaxial needs load_ratio, strain along the weft over that along the warp": kind
+        "is biaxial, which needs load_ratio: strain along the weft over that along the warp": kind
         == "biaxial"
         and protocol.load_ratio is None,
-        "= off_axis needs load_angle, in degrees from the courses": kind == "off_axis"
+        "is off_axis, which needs load_angle: degrees from the courses": kind == "off_axis"
         and protocol.load_angle is None,
-        "other than warp is found by equilibria; take method = equilibrium": kind != "warp"
+        "is not warp, and is found by equilibria; take method = equilibrium": kind != "warp"
         and by_dynamics,
-        "other than warp has no sensitivities; leave them out": kind != "warp" and sensitivities,
-        "at an angle needs fabric without clamps; take boundary = periodic": kind == "off_axis"
+        "is not warp, and has no sensitivities; leave them out": kind != "warp" and sensitivities,
+        "is off_axis, which clamps cannot pull; take boundary = periodic": kind == "off_axis"
         and "clamped" in boundaries,
         "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
         " shear a clamped sample": load.shears and periodic and not alone,

@@ -125,9 +125,9 @@ class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
-    ``strain_max``. ``load`` is how the fabric is strained (:class:`~knitlab.Load`), with the ratio
-    of a biaxial and the angle of an off-axis load; lists of these are dimensions.
-    ``sensitivities`` adds the derivatives of Poisson's ratio and force with
+    ``strain_max``. ``load`` is how the fabric is strained, with the ratio of a biaxial and the
+    angle of an off-axis load (:class:`~knitlab.equilibrium.loading.Load`); lists of these are
+    dimensions. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
     respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
     ``robustness`` the spread of results over this number of siblings of each design, which are
     slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
