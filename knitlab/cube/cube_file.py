@@ -1,7 +1,7 @@
 """Cube files: opening, writing and joining cubes, their dimensions and common settings."""
 
 import json
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from functools import reduce
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube import schema
-from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES, Status
+from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.lock import is_locked
@@ -20,7 +20,6 @@ CUBE = "cube.nc"
 ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
 OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
-WITHOUT_RESULTS = {Status.excluded: 0, Status.pending: 1, Status.failed: 2}  # rank; with results 3
 
 
 def cube_path(path: str | Path) -> Path:
@@ -198,55 +197,6 @@ def as_cube(case: xr.Dataset) -> xr.Dataset:
     dims = [str(name) for name, each in case.coords.items() if not each.dims]
     names = [name for name in case.data_vars if VARIABLES[str(name)].in_cube]
     return case[names].expand_dims(dims)
-
-
-def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
-    """One cube with the designs of several along the same design dimensions.
-
-    A design with results is taken before one without; of several with results, that of the first
-    cube. The attributes are those of the first one; ``parameters`` are those that all share.
-    """
-    first, *others = cubes
-    return reduce(_joined, others, first.copy())
-
-
-def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    names = [name for name in VARIABLES if name in one or name in other]
-    kinds = {name: (one if name in one else other)[name].dtype for name in names}
-    empty = {name: "" if kind.kind in "OU" else np.nan for name, kind in kinds.items()}
-    both = xr.concat(
-        [one, other],
-        "cube",
-        data_vars="all",
-        coords="minimal",
-        compat="override",
-        join="outer",
-        fill_value=empty | {"status": int(Status.excluded)},
-        combine_attrs="override",
-    )
-    rank_of = np.vectorize(lambda status: WITHOUT_RESULTS.get(status, 3), otypes=[int])
-    joined = both.isel(cube=xr.apply_ufunc(rank_of, both["status"]).argmax("cube"))
-    labels = {
-        dim: ordered_labels([*one[dim].values.tolist(), *other[dim].values.tolist()])
-        for dim in design_dims(one)
-    }
-    joined = joined.reindex(labels)
-    joined = xr.Dataset(
-        {
-            name: joined[name].transpose(*design_dims(one), *VARIABLES[name].dims).astype(kind)
-            for name, kind in kinds.items()
-        },
-        joined.coords,
-        one.attrs,
-    )
-    joined.attrs[ATTRIBUTE] = json.dumps(shared(parameters_of(one), parameters_of(other)))
-    return joined
-
-
-def ordered_labels(given: Iterable[Any]) -> list[Any]:
-    """Different labels: numbers in ascending order, texts in order of appearance."""
-    labels = list(dict.fromkeys(given))
-    return labels if any(isinstance(label, str) for label in labels) else sorted(labels)
 
 
 class SettingDifference(NamedTuple):

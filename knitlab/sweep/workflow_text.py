@@ -24,17 +24,7 @@ KEYS = dict.fromkeys(Workflow.model_fields, "") | {
 LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
 
 
-@dataclass(frozen=True)
-class SweepAxis:
-    """A setting that a workflow gives as a list, and its values: a dimension of the cube."""
-
-    setting: Setting
-    values: tuple[Any, ...]
-
-    @property
-    def name(self) -> str:
-        """Name of the setting, and of the cube's dimension."""
-        return self.setting.name
+Axes = dict[str, tuple[Any, ...]]  # values of settings given as lists: dimensions of the cube
 
 
 def coordinate(setting: Setting) -> Variable:
@@ -49,19 +39,17 @@ def coordinate(setting: Setting) -> Variable:
     return Variable((setting.name,), setting.unit, long_name)
 
 
-def combinations(
-    workflow: Workflow, axes: tuple[SweepAxis, ...]
-) -> Iterator[tuple[dict[str, Label], Workflow]]:
+def combinations(workflow: Workflow, axes: Axes) -> Iterator[tuple[dict[str, Label], Workflow]]:
     """Every combination of the axes' values: its labels, and the workflow with these values."""
-    for chosen in itertools.product(*(axis.values for axis in axes)):
+    for chosen in itertools.product(*axes.values()):
         labels: dict[str, Label] = {}
         changed = workflow
-        for axis, value in zip(axes, chosen, strict=True):
+        for name, value in zip(axes, chosen, strict=True):
             # A sample of 5 by 3 unit cells is ``5x3``.
-            labels[axis.name] = "x".join(map(str, value)) if isinstance(value, tuple) else value
-            name = axis.setting.section
-            section = getattr(changed, name).model_copy(update={axis.name: value})
-            changed = changed.model_copy(update={name: section})
+            labels[name] = "x".join(map(str, value)) if isinstance(value, tuple) else value
+            section = SETTINGS[name].section
+            table = getattr(changed, section).model_copy(update={name: value})
+            changed = changed.model_copy(update={section: table})
         yield labels, changed
 
 
@@ -71,7 +59,7 @@ class WorkflowText:
 
     path: Path
     table: dict[str, Any]  # with overrides, and the first value of every axis
-    axes: tuple[SweepAxis, ...]
+    axes: Axes
     overrides: dict[str, Any]
     sources: dict[str, str]  # what each overridden ``section.key`` was given by, for messages
     faults: tuple[Fault, ...]  # overrides that cannot be applied
@@ -80,32 +68,30 @@ class WorkflowText:
         """Origin of a ``section.key``: its override, or where it is in the file."""
         return self.sources.get(key, f"{self.path}: {key}")
 
-    def checked(self) -> tuple[Workflow, tuple[SweepAxis, ...]]:
+    def checked(self) -> tuple[Workflow, Axes]:
         """The workflow with the first value of each axis, and the axes; BadInput has all faults."""
-        faults, axes, workflow = [*self.faults], [], None
+        faults, axes, workflow = [*self.faults], Axes(), None
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
             read_faults = faults_of(error, "", KEYS)
             faults += [Fault(self._origin(entry.path), entry.problem) for entry in read_faults]
-        for axis in self.axes:
-            section, values = axis.setting.section, []
-            source = self.source(f"{section}.{axis.name}")
-            for number, value in enumerate(axis.values, start=1):
+        for name, given in self.axes.items():
+            section, values = SETTINGS[name].section, []
+            source = self.source(f"{section}.{name}")
+            for number, value in enumerate(given, start=1):
                 try:
-                    given = {axis.name: _listed(section, axis.name, value)}
-                    read = SECTIONS[section].model_validate(given)
+                    table = SECTIONS[section].model_validate({name: _listed(section, name, value)})
+                    values.append(getattr(table, name))
                 except ValidationError as error:
                     problems = [entry.problem for entry in faults_of(error, "") if number > 1]
                     faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
-                else:
-                    values.append(getattr(read, axis.name))
             if len(set(values)) < len(values):
                 faults.append(Fault(source, "has a value twice; keep one"))
-            axes.append(SweepAxis(axis.setting, tuple(values)))
+            axes[name] = tuple(values)
         if workflow is None or faults:
             raise BadInput(faults)
-        return workflow, tuple(axes)
+        return workflow, axes
 
     def section(self, name: str) -> Any:
         """One section of the workflow, or None if it is missing or has faults."""
@@ -123,7 +109,7 @@ class WorkflowText:
         section, _, key = path.partition(".")
         name, _, item = key.partition(".")
         number = item.partition(".")[0]
-        if name in {axis.name for axis in self.axes if axis.setting.section == section}:
+        if name in self.axes and SETTINGS[name].section == section:
             return f"{self.source(f'{section}.{name}')}: value 1"
         if override := self.sources.get(f"{section}.{name}"):
             return f"{override}: value {int(number) + 1}" if number.isdigit() else override
@@ -143,25 +129,23 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
     sources: dict[str, str] = {}
     for override in read:
         name, value, source = override.name, override.value, override.source
-        if name not in SETTINGS:
+        section = SETTINGS[name].section if name in SETTINGS else ""
+        if not section:
             faults.append(Fault(source, unknown(name, SETTINGS, "setting")))
-            continue
-        section = SETTINGS[name].section
-        if override.key not in (name, f"{section}.{name}"):
+        elif override.key not in (name, f"{section}.{name}"):
             faults.append(Fault(source, f"is in [{section}]; give {section}.{name}"))
-            continue
-        if isinstance(given := table.setdefault(section, {}), dict):
-            given[name] = _listed(section, name, value)
-        applied[name], sources[f"{section}.{name}"] = value, source
-    axes = []
-    for setting in SETTINGS.values():
-        given = table.get(setting.section)
-        if isinstance(given, dict) and setting.is_swept_by(given.get(setting.name)):
-            axes.append(SweepAxis(setting, tuple(given[setting.name])))
-            given[setting.name] = _listed(setting.section, setting.name, given[setting.name][0])
+        else:
+            if isinstance(given := table.setdefault(section, {}), dict):
+                given[name] = _listed(section, name, value)
+            applied[name], sources[f"{section}.{name}"] = value, source
+    axes = Axes()
     # By name, so that a cube's dimensions do not depend on the order of the settings in a file.
-    axes.sort(key=lambda axis: axis.name)
-    return WorkflowText(path, table, tuple(axes), applied, sources, tuple(faults))
+    for name, setting in sorted(SETTINGS.items()):
+        given = table.get(setting.section)
+        if isinstance(given, dict) and setting.is_swept_by(given.get(name)):
+            axes[name] = tuple(given[name])
+            given[name] = _listed(setting.section, name, axes[name][0])
+    return WorkflowText(path, table, axes, applied, sources, tuple(faults))
 
 
 def _listed(section: str, name: str, value: Any) -> Any:
