@@ -1,4 +1,4 @@
-"""Commands on cubes: ``query``, ``find``, ``compare``, ``map``, ``claims``, ``explore``."""
+"""Of cubes: ``query``, ``find``, ``compare``, ``map``, ``claims``, ``plate``, ``explore``."""
 
 import re
 from pathlib import Path
@@ -14,10 +14,19 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 @click.command()
 @options.cubes
 @options.select
+<<<<<<< HEAD
 @option("--where EXPRESSION", "Keep the designs for which this holds.")
 @repeatable("--sort NAME", "Sort by a variable, ascending; -NAME descends.")
 @option("--columns NAMES", "Columns to show, separated by commas; all shows every one.")
 @flag("--list listed", "List the variables, with unit and meaning.")
+=======
+@options.where
+@options.repeatable("--sort", "Sort by a variable, ascending; -NAME descends.", metavar="NAME")
+@click.option(
+    "--columns", metavar="NAMES", help="Columns to show, separated by commas; all shows every one."
+)
+@click.option("--list", "listed", is_flag=True, help="List the variables, with unit and meaning.")
+>>>>>>> trunk
 @options.table_format
 def query(
     cubes: tuple[Path, ...],
@@ -175,4 +184,40 @@ def explore(cubes: tuple[Path, ...], output: Path) -> None:
     click.echo(f"{output.stat().st_size / 1e6:.1f} MB", err=True)
 
 
-COMMANDS = (query, find, compare, draw_map, claims, explore)
+@click.command()
+@click.argument("cube", type=options.PATH)
+@options.select
+@options.where
+@options.table_format
+@options.output(
+    "File to write: .inp card of Abaqus for one state, .json card of all states, .csv table."
+)
+def plate(
+    cube: Path,
+    selections: dict[str, Any],
+    where: str | None,
+    style: str,
+    output: Path | None,
+) -> None:
+    """List the stiffness of the periodic fabric of CUBE as a plate, for shell elements.
+
+    Shapes are in the case files beside a cube. 1 is x along the courses (weft), 2 is y along the
+    wales (warp), along which tests pull by default. A is in N/mm, B in N and D in N mm, over the
+    width. csv and json have all entries and the forces in the state.
+    Exit code 1 if a state has no positive definite stiffness.
+    """
+    from knitlab.api.plates import plate_stiffness
+    from knitlab.cube.query import formatted
+    from knitlab.plate.shell_cards import MAIN_COLUMNS, plates_table
+
+    table = plates_table(plate_stiffness(cube, output, selections, where=where))
+    if style == "table":
+        first = list(table.columns[: list(table.columns).index("status") + 1])
+        table = table[[*first, *MAIN_COLUMNS]]
+    click.echo(formatted(table, style))
+    if output is not None:
+        click.echo(f"card    {output}", err=True)
+    options.exit_unless(bool((table["status"] == "ok").all()))
+
+
+COMMANDS = (query, find, compare, draw_map, claims, explore, plate)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # imports JAX
     from knitlab.fabric.fabric import Configuration
 
 LENGTHS = "lengths_of_shapes"  # attribute of a case whose shapes are in mm of cloth
+LENGTH_FACTOR = "mm_of_cloth_per_mm_of_network"  # attribute of such a case
 SHAPES = (
     *("position", "length_x", "length_y", "length_shear"),
     *("snapshot_position", "snapshot_length_x", "snapshot_length_y"),
@@ -113,7 +114,7 @@ def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
         return case
     with xr.set_options(keep_attrs=True):
         scaled = {name: factor * case[name] for name in SHAPES if name in case}
-    return case.assign(scaled).assign_attrs({LENGTHS: "cloth"})
+    return case.assign(scaled).assign_attrs({LENGTHS: "cloth", LENGTH_FACTOR: factor})
 
 
 def length_unit(case: xr.Dataset) -> str:
