@@ -12,11 +12,7 @@ from .api.knitting import knit as knit
 from .api.knitting import read_chart as read_chart
 from .api.laboratory import calibrate as calibrate
 from .api.laboratory import fit as fit
-<<<<<<< HEAD
-=======
-from .api.laboratory import import_records as import_records
 from .api.plates import plate_stiffness as plate_stiffness
->>>>>>> trunk
 from .api.simulation import Design as Design
 from .api.simulation import NotConverged as NotConverged
 from .api.simulation import evaluate as evaluate

@@ -14,19 +14,10 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 @click.command()
 @options.cubes
 @options.select
-<<<<<<< HEAD
-@option("--where EXPRESSION", "Keep the designs for which this holds.")
+@options.where
 @repeatable("--sort NAME", "Sort by a variable, ascending; -NAME descends.")
 @option("--columns NAMES", "Columns to show, separated by commas; all shows every one.")
 @flag("--list listed", "List the variables, with unit and meaning.")
-=======
-@options.where
-@options.repeatable("--sort", "Sort by a variable, ascending; -NAME descends.", metavar="NAME")
-@click.option(
-    "--columns", metavar="NAMES", help="Columns to show, separated by commas; all shows every one."
-)
-@click.option("--list", "listed", is_flag=True, help="List the variables, with unit and meaning.")
->>>>>>> trunk
 @options.table_format
 def query(
     cubes: tuple[Path, ...],

@@ -187,23 +187,9 @@ results = option(
 repeats = option(
     "--repeats NxM", "Repeats of the pattern along the warp and the weft, such as 4x2.", _two_counts
 )
-<<<<<<< HEAD
+where = option("--where EXPRESSION", "Keep the designs for which this holds.")
 table_format = option("--format style", kind=["table", "csv", "json"], default="table")
 _material = option(
-=======
-where = click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
-table_format = click.option(
-    "--format", "style", type=click.Choice(["table", "csv", "json"]), default="table"
-)
-
-
-def repeatable(names: str, help: str, **options: Any) -> Decorator:
-    """An option that may be given several times, by its names with spaces between."""
-    return click.option(*names.split(), multiple=True, help=f"{help} Repeatable.", **options)
-
-
-_material = click.option(
->>>>>>> trunk
     "--material",
     "Material file with the stripes of another yarn, in place of the paper's.",
     FILE,
