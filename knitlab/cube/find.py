@@ -112,11 +112,10 @@ def find_designs(
         "have no value at the strains of a target": int((allowed & ~known).sum()),
     }
     labels = [*design_dims(cubes[0]), *(name for name in ("cube", "boundary") if name in designs)]
-    table = designs[labels].iloc[order].reset_index(drop=True)
-    table["distance"] = distance[order]
-    if CROSSINGS in designs and (crossings := designs[CROSSINGS].iloc[order]).fillna(0).any():
-        # No real fabric passes through itself.
-        table[CROSSINGS] = crossings.to_numpy()
+    nearest = designs.iloc[order].reset_index(drop=True)
+    table = nearest[labels].assign(distance=distance[order])
+    if CROSSINGS in nearest and nearest[CROSSINGS].fillna(0).any():
+        table[CROSSINGS] = nearest[CROSSINGS]  # no real fabric passes through itself
     ordered = tuple(each.in_order(order) for each in reached)
     for number, each in enumerate(ordered, start=1):
         table[f"value_{number}"] = each.obtained
@@ -133,7 +132,7 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
     if target.window is None:
         # NaN where a cube does not have it.
         values, none = designs[target.name].to_numpy(float, na_value=np.nan), np.zeros(0)
-        off_by = target.excess(values, none)
+        off_by = abs(target.departure(values, none))
         in_spread = np.full(len(values), "unknown")
         return Reached(target, none, values[:, None], values, off_by, off_by, in_spread)
     target.window.check_within(cubes, source)
@@ -144,15 +143,14 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
         if any(name in cube for cube in cubes)
     ]
     read = [curves, *band]
-    if target.reduction is None:
-        obtained = REDUCTIONS["mean"](at, curves)
-        excess = [target.excess(item, at) for item in read]
-        off_by, worst = (root_mean_square(at, item) for item in (excess[0], np.fmax.reduce(excess)))
-    else:
+    obtained = REDUCTIONS[target.reduction or "mean"](at, curves)
+    if target.reduction is not None:
         read = [REDUCTIONS[target.reduction](at, item)[:, None] for item in read]
-        obtained = read[0][:, 0]
-        excess = [target.excess(item, at)[:, 0] for item in read]
-        off_by, worst = excess[0], np.fmax.reduce(excess)
+    distances = [abs(target.departure(item, at)) for item in read]
+    off_by, worst = (
+        root_mean_square(at, item) if target.reduction is None else item[:, 0]
+        for item in (distances[0], np.fmax.reduce(distances))
+    )
     in_spread = np.full(len(curves), "unknown")
     if band:
         lowest, highest = np.minimum(*read[1:]), np.maximum(*read[1:])
