@@ -64,6 +64,7 @@ def query(
     "--subject-to", 'Target that must be met, such as "knit_cell_x < 20".', metavar="TARGET"
 )
 @click.option("--most", type=options.COUNT, default=10, help="Designs to list.")
+@options.covariances("Rank by the probability of meeting the targets, by the covariances in FILE.")
 @options.table_format
 @options.output("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
 def find(
@@ -71,6 +72,7 @@ def find(
     targets: tuple[str, ...],
     subject_to: tuple[str, ...],
     most: int,
+    material: Path | None,
     style: str,
     output: Path | None,
 ) -> None:
@@ -86,7 +88,7 @@ def find(
 
     if output is not None:
         check_figure_suffix(output)
-    nearest = api.find(*cubes, targets=targets, subject_to=subject_to, most=most)
+    nearest = api.find(*cubes, targets=targets, subject_to=subject_to, most=most, material=material)
     if style == "table":
         for number, reached in enumerate(nearest.reached, start=1):
             click.echo(f"target {number}: {reached.target.text}")
@@ -134,18 +136,19 @@ def compare(
 @click.option(
     "--window", metavar="STRAIN:STRAIN", help="Strains over which sensor shows slope and linearity."
 )
+@options.covariances("Material file with the covariances of stripes, for uncertainty.")
 @options.select
 def draw_map(
     kind: str,
     cubes: tuple[Path, ...],
     output: Path,
     selections: dict[str, Any],
-    **shown: str | None,
+    **shown: str | Path | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
     from knitlab.figures.drawing import draw_figure
 
-    chosen = {name: value for name, value in shown.items() if value is not None}
+    chosen = {name: str(value) for name, value in shown.items() if value is not None}
     click.echo(f"figure  {draw_figure(kind, cubes, output, selections, chosen)}")
 
 

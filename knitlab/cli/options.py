@@ -197,6 +197,11 @@ def output(help: str, **options: Any) -> Decorator:
     return click.option("-o", "--output", type=FILE, help=help, **options)
 
 
+def covariances(help: str) -> Decorator:
+    """The option ``--material`` of a command that takes the covariances of its stripes."""
+    return click.option("--material", type=FILE, metavar="FILE", help=help)
+
+
 def workers(default: int | None, shown: str | bool = True) -> Decorator:
     """The option ``--workers``, with the default of a command and how to show it."""
     return click.option(

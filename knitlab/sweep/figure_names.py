@@ -7,7 +7,7 @@ from knitlab.io.errors import fault
 FIGURE_NAMES = (
     *("auxetic", "capacitors", "contact", "curves", "electrodes", "force", "grid", "options"),
     *("relaxation", "samples", "sensitivity", "sensor", "shape", "stripes", "swept"),
-    *("tension", "wavelength"),
+    *("tension", "uncertainty", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
 COMPARING = ("contact", "grid", "options", "swept")
