@@ -23,6 +23,7 @@ from .api.sweeps import plan as plan
 from .api.sweeps import reproduce as reproduce
 from .api.sweeps import run as run
 from .api.sweeps import status as status
+from .api.uncertainty import sample_stripes as sample_stripes
 from .api.uncertainty import uncertainty as uncertainty
 from .cube.cube_file import open_cube as open_cube
 from .dynamics.settings import Dynamics as Dynamics

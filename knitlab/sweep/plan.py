@@ -80,7 +80,7 @@ class Plan:
     @cached_property
     def common(self) -> dict[str, Any]:
         """The settings that all cases share."""
-        settings = [SETTINGS[dim] for dim in self.coordinates]
+        settings = [SETTINGS[dim] for dim in self.coordinates if dim in SETTINGS]
         swept = {*self.dims, *(setting.factor_on for setting in settings if setting.factor_on)}
         return common_settings([case.record for case in self.cases.values()], swept, self.stripes)
 
@@ -167,7 +167,7 @@ def make_plan(
         cases=made,
         batches=batched(made),
         excluded=space.excluded,
-        coordinates={axis.name: workflow_text.coordinate(axis.setting) for axis in axes},
+        coordinates=workflow_text.coordinates(next(iter(made.values())).design),
         overrides=text.overrides,
         inputs=digests(sorted(inputs)),
         stripes=_stripes_fingerprint(parameters, read, axes),
@@ -229,11 +229,7 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         cases=cases,
         batches=batched(cases),
         excluded={design: why for design, why in excluded.items() if design not in designs},
-        coordinates={
-            name: workflow_text.coordinate(SETTINGS[name])
-            for name in first["dims"]
-            if name in SETTINGS and name not in ("n_stripe", "n_subunit")
-        },
+        coordinates=workflow_text.coordinates(first["dims"]),
         overrides=dict(first["overrides"]) if alike else {},
         inputs=dict(first["inputs"]) if alike else {},
         stripes=first.get("stripes", ""),

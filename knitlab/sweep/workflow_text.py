@@ -1,35 +1,49 @@
 """A workflow's file with its overrides and its lists of values, before and during validation."""
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.cube.schema import Variable
+from knitlab.cube.schema import DESIGN_DIMS, SAMPLE, STRIPE_DIMS, Variable
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.toml import read_toml
 from knitlab.simulation.case import Label
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.workflow import PATTERN, SAMPLE_SIZE, SECTIONS, SETTINGS, Setting, Workflow
+from knitlab.sweep.workflow import (
+    OF_ALL_CASES,
+    PATTERN,
+    SAMPLE_SIZE,
+    SECTIONS,
+    SETTINGS,
+    SWEPT_SECTIONS,
+    Setting,
+    Workflow,
+)
 from knitlab.sweep.workflow_file import Overrides, read_overrides
 
 KEYS = dict.fromkeys(Workflow.model_fields, "") | {
     name: setting.section for name, setting in SETTINGS.items()
 }
 """Keys of a workflow, with the table of each."""
+PAIRED = "paired"  # the table of a workflow whose lists change together
 LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
 
 
 @dataclass(frozen=True)
 class SweepAxis:
-    """A setting that a workflow gives as a list, and its values: a dimension of the cube."""
+    """A setting that a workflow gives as a list, and its values: a dimension of the cube.
+
+    All paired ones change together, along one dimension.
+    """
 
     setting: Setting
     values: tuple[Any, ...]
+    paired: bool = False
 
     @property
     def name(self) -> str:
@@ -37,7 +51,15 @@ class SweepAxis:
         return self.setting.name
 
 
-def coordinate(setting: Setting) -> Variable:
+def coordinates(dims: Collection[str]) -> dict[str, Variable]:
+    """The cube's coordinates among dimensions that are along the values of settings."""
+    swept = {*dims} - {*(DESIGN_DIMS if DESIGN_DIMS[0] in dims else STRIPE_DIMS)}
+    paired = {SAMPLE: Variable((SAMPLE,), "1", "number of a set of paired settings")}
+    known = {name: _coordinate(SETTINGS[name]) for name in dims if name in swept & {*SETTINGS}}
+    return known | {name: each for name, each in paired.items() if name in swept}
+
+
+def _coordinate(setting: Setting) -> Variable:
     """The cube's coordinate along the values of a setting."""
     long_name = {
         SAMPLE_SIZE: "unit cells of the sample, along y and x",
@@ -53,12 +75,18 @@ def combinations(
     workflow: Workflow, axes: tuple[SweepAxis, ...]
 ) -> Iterator[tuple[dict[str, Label], Workflow]]:
     """Every combination of the axes' values: its labels, and the workflow with these values."""
-    for chosen in itertools.product(*(axis.values for axis in axes)):
+    paired = [axis for axis in axes if axis.paired]
+    single = [axis for axis in axes if not axis.paired]
+    together = [*zip(*(axis.values for axis in paired), strict=True)] or [()]
+    for *chosen, (number, of_pairs) in itertools.product(
+        *(axis.values for axis in single), enumerate(together, start=1)
+    ):
         labels: dict[str, Label] = {}
         changed = workflow
-        for axis, value in zip(axes, chosen, strict=True):
+        for axis, value in zip([*single, *paired], [*chosen, *of_pairs], strict=True):
             # A sample of 5 by 3 unit cells is ``5x3``.
-            labels[axis.name] = "x".join(map(str, value)) if isinstance(value, tuple) else value
+            label = "x".join(map(str, value)) if isinstance(value, tuple) else value
+            labels |= {SAMPLE: number} if axis.paired else {axis.name: label}
             name = axis.setting.section
             section = getattr(changed, name).model_copy(update={axis.name: value})
             changed = changed.model_copy(update={name: section})
@@ -100,9 +128,9 @@ class WorkflowText:
                     faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
                 else:
                     values.append(getattr(read, axis.name))
-            if len(set(values)) < len(values):
+            if len(set(values)) < len(values) and not axis.paired:
                 faults.append(Fault(source, "has a value twice; keep one"))
-            axes.append(SweepAxis(axis.setting, tuple(values)))
+            axes.append(replace(axis, values=tuple(values)))
         if workflow is None or faults:
             raise BadInput(faults)
         return workflow, tuple(axes)
@@ -159,9 +187,35 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
         if isinstance(given, dict) and setting.is_swept_by(given.get(setting.name)):
             axes.append(SweepAxis(setting, tuple(given[setting.name])))
             given[setting.name] = _listed(setting.section, setting.name, given[setting.name][0])
+    if isinstance(table.get(PAIRED), dict):
+        more, wrong = _paired(path, table.pop(PAIRED), table)
+        axes, faults = axes + more, faults + wrong
     # By name, so that a cube's dimensions do not depend on the order of the settings in a file.
     axes.sort(key=lambda axis: axis.name)
     return WorkflowText(path, table, tuple(axes), applied, sources, tuple(faults))
+
+
+def _paired(
+    path: Path, lists: dict[str, Any], table: dict[str, Any]
+) -> tuple[list[SweepAxis], list[Fault]]:
+    """The lists of ``[paired]`` as axes, the first values of which are set in the table."""
+    axes, faults = list[SweepAxis](), list[Fault]()
+    able = [name for name, each in SETTINGS.items() if each.section in SWEPT_SECTIONS]
+    able = [name for name in able if name not in OF_ALL_CASES and not SETTINGS[name].takes_list]
+    lengths = {len(each) if isinstance(each, list) else 0 for each in lists.values()}
+    for name, values in lists.items():
+        where = f"{path}: {PAIRED}.{name}"
+        if name not in able:
+            faults.append(Fault(where, unknown(name, able, "setting that can be paired")))
+        elif len(lengths) > 1 or 0 in lengths:
+            faults.append(Fault(where, "is not a list as long as the others; give one value each"))
+        elif name in table.setdefault(SETTINGS[name].section, {}):
+            section = SETTINGS[name].section
+            faults.append(Fault(where, f"is given in [{section}] or by --set too; give it once"))
+        else:
+            axes.append(SweepAxis(SETTINGS[name], tuple(values), paired=True))
+            table[SETTINGS[name].section][name] = values[0]
+    return axes, faults
 
 
 def _listed(section: str, name: str, value: Any) -> Any:

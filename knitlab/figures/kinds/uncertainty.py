@@ -1,5 +1,6 @@
 """The uncertainty map: what that of the stripes makes of each design, and which number leads."""
 
+from math import floor, log10
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,11 @@ from knitlab.io.errors import fault, unknown
 from knitlab.sweep.material import Material
 from knitlab.sweep.stripe_covariance import uncertain_stripes
 
-NOTE = (
-    "in each cell: (n_stripe, n_subunit), value ± standard deviation, and the number to measure"
-    " better: the part of the variance that goes if it is known exactly"
+NOTES = (
+    "in each cell: (n_stripe, n_subunit), value ± standard deviation, and the number to measure",
+    "better, with the part of the variance that would vanish if this number were known exactly",
 )
+MOST_PLACES = 4  # decimal places of a value at most
 
 
 def uncertainty_map(
@@ -43,15 +45,16 @@ def uncertainty_map(
     shown = known.isel({STRAIN: 0}) if single else known
     designs = cells.designs_of(shown)
     unit = VARIABLES[of].units
-    places = ".2f" if of == "poisson_ratio" else ".3g"
 
     def text(deviation: float, design: xr.Dataset) -> str:
         explained = design[f"{name}_explained"]
         leading = int(np.argmax(explained.values))
         knit, _, symbol = str(explained[PARAMETER].values[leading]).partition("_")
         part = f"{knit} {SYMBOLS.get(symbol, symbol)} {float(explained[leading]):.0%}"
-        spread = f"{deviation:.1g}" if deviation < 0.0095 else f"{deviation:.2g}"
-        return f"{number(float(design[name]), places)} ± {spread}\n{part}"
+        # Two digits of the deviation, and as many decimal places of the value.
+        digits = 1 - floor(log10(deviation)) if deviation > 0 else MOST_PLACES
+        form = f".{min(max(digits, 0), MOST_PLACES)}f"
+        return f"{number(float(design[name]), form)} ± {deviation:{form}}\n{part}"
 
     rows = len({int(design["n_stripe"]) for design in designs})
     height = max(2.4, 1.2 + 0.55 * rows)
@@ -61,9 +64,11 @@ def uncertainty_map(
     label = f"standard deviation of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
     marked, gaps = cells.draw_map(figure, axes, [shown], f"{name}_sd", label, text)
     axes.set_xlabel(cells.PERIODS_LABEL)
-    notes = [NOTE, *([cells.EMPTY] if gaps else [])]
+    notes = [*NOTES, *([cells.EMPTY] if gaps else [])]
     cells.marks_legend(figure, marked, "no derivative, or no value", notes)
     return figure
 
 
-FIGURES = {"uncertainty": FigureKind(uncertainty_map, options=("material", "of"))}
+FIGURES = {
+    "uncertainty": FigureKind(uncertainty_map, coordinates=(STRAIN,), options=("material", "of"))
+}
