@@ -13,7 +13,7 @@ from knitlab.cube.target import Target
 from knitlab.cube.uncertainty import DEVIATE, NUMBERS, Stripes, deviations
 from knitlab.io.errors import fault
 
-LOG2_SAMPLES = 11  # of the deviates of a design
+LOG2_SAMPLES = 13  # of the deviates of a design
 DEVIATES = 2 * len(NUMBERS)
 
 
@@ -54,11 +54,11 @@ def _deviates() -> Float[np.ndarray, "sample deviate"]:
 
 def is_met(
     target: Target,
-    at: Float[np.ndarray, " strain"],
+    at: Float[np.ndarray, " point"],
     values: Float[np.ndarray, "design strain"],
     changes: Float[np.ndarray, "deviate design strain"],
 ) -> np.ndarray:
-    """Whether the samples of designs (design, sample) meet a target; NaN where unknown."""
+    """Whether samples of designs (design, sample) meet a target at its strains; NaN if unknown."""
     met = np.empty((len(values), 2**LOG2_SAMPLES))
     for row, curve in enumerate(values):
         sampled = curve + _deviates() @ changes[:, row]

@@ -13,10 +13,12 @@ from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.toml import read_toml
-from knitlab.sweep.material import Material
+from knitlab.sweep.material import SCALED, Material, with_material_file
+from knitlab.sweep.parameters import defaults
 from knitlab.sweep.stripe_covariance import covariance_of
+from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
-from knitlab.sweep.workflow_text import PAIRED
+from knitlab.sweep.workflow_text import PAIRED, read_workflow
 
 
 def latin_hypercube(count: int, numbers: int, seed: int) -> Float[np.ndarray, "sample number"]:
@@ -71,7 +73,17 @@ def write_samples(
     numbers = sampled_numbers(Material.read(material), n_stripe, count, seed, sobol)
     if "design" not in table:
         raise fault(workflow, "has no designs, but pure stripes; name one with [design]")
+    # Lengths of the workflow are those of the paper's yarn.
+    text = read_workflow(base, {"material": str(material)})
+    _, scaled = with_material_file(material, defaults(), text)
+    lists = {axis.name: [*axis.values] for axis in scaled.axes}
+    for name in SCALED:
+        section = SETTINGS[name].section
+        if name in table.get(section, {}):
+            table[section][name] = lists.get(name, scaled.table[section][name])
     table["design"]["n_stripe"] = [n_stripe]
+    if files := table["design"].get("pattern_files"):
+        table["design"]["pattern_files"] = [str((base.parent / file).resolve()) for file in files]
     table.setdefault("model", {})["material"] = str(material.resolve())
     # Siblings would add their own changes of the same numbers.
     table.setdefault("protocol", {})["robustness"] = 0

@@ -211,7 +211,7 @@ def _paired(
             faults.append(Fault(where, "is not a list as long as the others; give one value each"))
         elif name in table.setdefault(SETTINGS[name].section, {}):
             section = SETTINGS[name].section
-            faults.append(Fault(where, f"is given in [{section}] or by --set too; give it once"))
+            faults.append(Fault(where, f"has one value in [{section}] too; give it once"))
         else:
             axes.append(SweepAxis(SETTINGS[name], tuple(values), paired=True))
             table[SETTINGS[name].section][name] = values[0]
