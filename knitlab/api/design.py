@@ -125,9 +125,9 @@ def _read_budget(budget: str) -> tuple[int, float | None]:
 
 def draw(designed: Designed) -> list[Path]:
     """Draw targets and results, and the Pareto front if two targets conflict, into ``figures/``."""
-    from knitlab.figures.found_designs import found_figure, pareto_figure
+    from knitlab.figures.nearest_designs import nearest_figure, pareto_figure
 
-    drawings = {"wanted": lambda: found_figure(designed.found, "candidates", bands=True)}
+    drawings = {"wanted": lambda: nearest_figure(designed.ranking, "candidates", bands=True)}
     if (conflict := designed.conflict) is not None:
         shown = conflict.distances, conflict.targets, conflict.candidates
         drawings["pareto"] = lambda: pareto_figure(*shown)

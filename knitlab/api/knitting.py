@@ -68,18 +68,14 @@ class KnitSample(Specification):
     def chart_figure(self) -> "Figure":
         """The chart as a matplotlib figure."""
         from knitlab.figures.stitch_chart import stitch_chart_figure
-        from knitlab.figures.style import print_style
 
-        with print_style():
-            return stitch_chart_figure(self.chart)
+        return stitch_chart_figure(self.chart)
 
     def sheet_figure(self) -> "Figure":
         """The specification sheet as a matplotlib figure, one page A4."""
         from knitlab.figures.stitch_chart import specification_sheet
-        from knitlab.figures.style import print_style
 
-        with print_style():
-            return specification_sheet(self)
+        return specification_sheet(self)
 
     def instructions(self, *, in_the_round: bool = False) -> str:
         """The chart in words, to knit it by hand.

@@ -97,9 +97,9 @@ def find(
         click.echo(f"{count} designs {reason}", err=True)
     if output is not None and len(nearest.table):
         from knitlab.figures.figure_files import draw_into
-        from knitlab.figures.found_designs import found_figure
+        from knitlab.figures.nearest_designs import nearest_figure
 
-        draw_into(lambda: found_figure(nearest), output)
+        draw_into(lambda: nearest_figure(nearest), output)
         click.echo(f"figure  {output}", err=True)
 
 

@@ -1,19 +1,28 @@
-"""A cube for the page, as JSON can hold it: its dimensions, designs, variables, shapes and run."""
+"""A cube for the page, as JSON can hold it: its dimensions, designs, variables, shapes and run.
 
+The report of the run says what ran, how long, what failed, by which code, and has its figures.
+"""
+
+import base64
+import io
 import itertools
-from collections.abc import Iterator, Sequence
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from PIL import Image
 
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
+from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_of
 from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
-from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
-from knitlab.sweep.results_folder import earlier_failures
+from knitlab.sweep.results_folder import PLAN, earlier_failures
 
 EXPANDED = ("stripe_parameter",)  # dimensions along which a variable becomes one for each label
 DIGITS = 6  # significant digits of the numbers on the page
@@ -24,6 +33,17 @@ WHY_NOT = {
     StoredCase.damaged: "Its case file is damaged, so that there is no shape.",
 }
 
+PROVENANCE = {
+    "source": "code",
+    "git_commit": "commit",
+    "library_versions": "libraries",
+    "python_version": "Python",
+    "random_seeds": "random seeds",
+    "references": "reference",
+}
+WIDEST = 1400  # width to which figures are reduced [pixels]
+MOST_FIGURES = 10
+
 
 def cube_content(cube: xr.Dataset) -> dict[str, Any]:
     """What the page holds of a cube, with what is in the results folder that it was opened from."""
@@ -33,11 +53,7 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
     designs = []
     for index in indices:
         case_id = str(cube["case_id"].values[index])
-        case = _case(cube, case_id, folder)
-        if not isinstance(case, str):
-            case = in_cloth(case, cube[dict(zip(design_dims(cube), index, strict=True))])
-        shape = case if isinstance(case, str) else shape_of(case, cube[STRAIN].values)
-        noted = {} if isinstance(case, str) else case.attrs
+        shape, noted = _shape(cube, index, folder)
         seconds = noted.get("batch_wall_seconds")
         designs.append(
             {
@@ -71,13 +87,21 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | str:
+def _shape(
+    cube: xr.Dataset, index: tuple[int, ...], folder: Path | None
+) -> tuple[dict[str, Any] | str, dict[Any, Any]]:
+    """The shape of a design, or why there is none, and the attributes of its case file."""
     if is_measured(cube):
-        return "It was measured, so that there is no shape."
+        return "It was measured, so that there is no shape.", {}
     if folder is None:
-        return "The cube was not opened from a file, so that there is no shape."
+        return "The cube was not opened from a file, so that there is no shape.", {}
+    case_id = str(cube["case_id"].values[index])
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
-    return WHY_NOT.get(stored) or read_case(folder, case_id)
+    if stored in WHY_NOT:
+        return WHY_NOT[stored], {}
+    design = cube[dict(zip(design_dims(cube), index, strict=True))]
+    case = in_cloth(read_case(folder, case_id), design)
+    return shape_of(case, cube[STRAIN].values), case.attrs
 
 
 def variables_of(cube: xr.Dataset, indices: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
@@ -121,3 +145,68 @@ def _contents(
                 for value in values.ravel().tolist()
             ],
         }
+
+
+def run_of(
+    cube: xr.Dataset, designs: Sequence[Mapping[str, Any]], folder: Path | None
+) -> dict[str, Any]:
+    """What ran, how long its batches took, what failed, and the code and settings behind it."""
+    strains = cube[STRAIN].values
+    counts = Counter(Status(design["status"]).name.replace("_", " ") for design in designs)
+    known = [design["seconds"] for design in designs if design["seconds"] is not None]
+    time = "not known: no case file is beside the cube"
+    if batches := set(known):
+        # Cases of one batch state the same time.
+        time = f"{sum(batches):.0f} s, summed over {len(batches)} batches"
+        if len(known) < len(designs):
+            time += f"; known for {len(known)} of {len(designs)} designs"
+    overridden: dict[str, Any] = {}
+    if folder:
+        with suppress(OSError, ValueError):
+            overridden = json.loads((folder / PLAN).read_text()).get("overrides") or {}
+    overrides = ", ".join(f"{name}={value}" for name, value in overridden.items())
+    counted = ", ".join(f"{count} {name}" for name, count in counts.items())
+    return {
+        "facts": [
+            ["workflow", str(cube.attrs.get("workflow", ""))],
+            ["title", str(cube.attrs.get("title", ""))],
+            ["kind", f"measured: {source_of(cube)}" if is_measured(cube) else "simulated"],
+            ["method", str(cube.attrs.get("method", ""))],
+            ["designs", f"{len(designs)}: {counted}"],
+            ["applied strains", f"{strains.size}, from {strains.min():g} to {strains.max():g}"],
+            ["computing time", time],
+            *([["overridden", overrides]] if overrides else []),
+        ],
+        "settings": list(map(list, _flat(parameters_of(cube)))),
+        "provenance": [
+            [PROVENANCE[name], str(cube.attrs[name])] for name in PROVENANCE if name in cube.attrs
+        ],
+    }
+
+
+def figures_of(folder: Path) -> dict[str, Any]:
+    """The PNG figures of a results folder, reduced for the screen, and how many are left out."""
+    paths = sorted((folder / "figures").glob("*.png"))
+    shown = [{"name": path.stem, "source": _reduced(path)} for path in paths[:MOST_FIGURES]]
+    return {"shown": shown, "left_out": len(paths) - len(shown)}
+
+
+def _reduced(path: Path) -> str:
+    """A figure as the address of an image: reduced without other loss, or as it is if smaller."""
+    stored = path.read_bytes()
+    with Image.open(path) as image:
+        drawn = image.convert("RGB")
+    drawn.thumbnail((WIDEST, 4 * WIDEST), Image.Resampling.LANCZOS)
+    written = io.BytesIO()
+    drawn.save(written, "WEBP", lossless=True)
+    reduced = written.getvalue()
+    kind, smaller = ("webp", reduced) if len(reduced) < len(stored) else ("png", stored)
+    return f"data:image/{kind};base64,{base64.b64encode(smaller).decode('ascii')}"
+
+
+def _flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{within}{name}.")
+        else:
+            yield f"{within}{name}", value if isinstance(value, str) else json.dumps(value)

@@ -1,6 +1,7 @@
 """Drawing figures by name."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -17,7 +18,12 @@ from knitlab.cube.derived import with_derived
 from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import kinds
-from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
+from knitlab.figures.figure_files import (
+    draw_into,
+    fingerprint_of_figure,
+    is_drawn,
+    requested_figures,
+)
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
@@ -49,8 +55,8 @@ def draw_figure(
     cubes = [cube_file.open_cube(path) for path in cube_paths]
     fingerprint = fingerprint_of_figure(kind, cube_paths, selections, options)
     if not is_drawn(output, fingerprint):
-        with print_style():
-            save(draw(kind, cubes, selections, options), output, fingerprint)
+        drawn = partial(draw, kind, cubes, selections, options)
+        draw_into(drawn, output, fingerprint=fingerprint)
     return output
 
 
@@ -70,12 +76,8 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     for figure in requested:
         try:
             if missing := figure.missing:
-                with print_style():
-                    drawing = draw(figure.kind, [cube], figure.selections)
-                    for output in missing:
-                        save(drawing, output, figure.fingerprint)
-                        # The other formats take the layout of the first.
-                        drawing.set_layout_engine("none")
+                drawn = partial(draw, figure.kind, [cube], figure.selections)
+                draw_into(drawn, *missing, fingerprint=figure.fingerprint)
         except BadInput as error:
             stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
@@ -84,6 +86,7 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     return files, faults
 
 
+@print_style()
 def draw(
     name: str,
     cubes: Sequence[xr.Dataset],
@@ -132,8 +135,7 @@ def draw(
         cases = _cases(kind, cubes[0], folder)
         figure = _draw_cases(kind, cases, selections_along(selections, kind.coordinates))
     else:
-        with print_style():
-            figure = kind.draw(cubes if kind.several else cubes[0], **options)
+        figure = kind.draw(cubes if kind.several else cubes[0], **options)
     if shown := ", ".join(filter(None, slices)):
         title = figure.get_suptitle()
         figure.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
@@ -167,8 +169,7 @@ def _draw_cases(
             known = ", ".join(f"{strain:g}" for strain in kept)
             problem = f"has no shape, which this case file keeps at {known}; choose one of these"
             raise fault(f"selections {', '.join(as_given(selections))}", problem)
-    with print_style():
-        return kind.draw(sliced if kind.designs else sliced[0])
+    return kind.draw(sliced if kind.designs else sliced[0])
 
 
 def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:

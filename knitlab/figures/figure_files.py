@@ -103,11 +103,13 @@ def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
         image.save(temporary, format="PNG", optimize=True, dpi=(dpi, dpi), pnginfo=note)
 
 
-def draw_into(draw: Callable[[], "Figure"], *outputs: Path) -> None:
+def draw_into(draw: Callable[[], "Figure"], *outputs: Path, fingerprint: str = "") -> None:
     """Draw a figure in the style for print, and write it into files."""
     from knitlab.figures.style import print_style
 
     with print_style():
         figure = draw()
         for output in outputs:
-            save(figure, output)
+            save(figure, output, fingerprint)
+            # The other formats take the layout of the first.
+            figure.set_layout_engine("none")

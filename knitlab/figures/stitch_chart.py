@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from knitlab.figures.style import TWO_COLUMNS, Look
+from knitlab.figures.style import TWO_COLUMNS, Look, print_style
 from knitlab.knitting.chart import StitchChart, electrode_name
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ times by the speeds in machine.toml.
 Both are estimates."""
 
 
+@print_style()
 def stitch_chart_figure(chart: StitchChart) -> Figure:
     """Every stitch of a chart, seen from the front; of a large one, one repeat."""
     rows, columns = drawn_part(chart)
@@ -161,6 +162,7 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent:
             axes.text(x, y, electrode_name(electrode), zorder=4, **look)
 
 
+@print_style()
 def specification_sheet(specification: "Specification") -> Figure:
     """One page A4: what a sample takes to knit, its chart, and what is predicted of it."""
     figure, chart = Figure(figsize=A4), specification.chart

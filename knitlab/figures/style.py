@@ -4,14 +4,14 @@ Colours of values are about zero if some are negative, and by decades if they sp
 """
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize, to_rgb
 
 ONE_COLUMN = 85 / 25.4  # width of one journal column [in]
 TWO_COLUMNS = 175 / 25.4  # width of two journal columns [in]
@@ -36,9 +36,9 @@ PRINT: dict[Any, Any] = {
     **{"axes.linewidth": 0.6, "lines.linewidth": 1.2, "hatch.linewidth": 0.5},
     **{"savefig.dpi": DOTS_PER_INCH, "pdf.fonttype": 42, "svg.fonttype": "none"},
 }
-"""Settings of matplotlib for print."""
+print_style = partial(mpl.rc_context, PRINT)
+"""Matplotlib's settings for print, within ``with`` or a decorated function."""
 
-Colour = tuple[float, float, float, float]
 Look = dict[str, Any]  # keyword arguments of an artist of matplotlib
 
 
@@ -52,10 +52,9 @@ def shades(count: int, end: float = 0.8) -> list[Any]:
     return list(mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, end, count)))
 
 
-def ink_on(colour: tuple[float, ...]) -> str:
+def ink_on(colour: Any) -> str:
     """Text colour that is legible on a colour: black or white."""
-    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
-    return "white" if luminance < 0.45 else "black"
+    return "white" if np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) < 0.45 else "black"
 
 
 def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
@@ -64,44 +63,27 @@ def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
     axes.set_ylim(len(names) - 0.5, -0.5)
 
 
-def print_style() -> AbstractContextManager[None]:
-    """Matplotlib settings for print, restored afterwards."""
-    return mpl.rc_context(PRINT)
+def value_colours(values: np.ndarray, signed: bool = False) -> ScalarMappable:
+    """Colours that span the finite values; with ``signed`` zero is white in any case."""
+    finite = np.asarray(values, float)[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    norm, name = Normalize(low, high if high > low else low + 1.0), SEQUENCE_COLOURS
+    if signed or low < 0:
+        largest = max(abs(low), abs(high)) or 1.0
+        norm, name = Normalize(-largest, largest), STRAIN_COLOURS
+    elif low > 0 and high / float(np.median(finite)) > DECADES:
+        norm = LogNorm(low, high)
+    colours = ScalarMappable(norm, name)
+    colours.set_array(np.array([low, high]))
+    return colours
 
 
-@dataclass(frozen=True)
-class ValueColours:
-    """Colours of values between ``low`` and ``high``."""
-
-    norm: mpl.colors.Normalize
-    colours: mpl.colors.Colormap
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, values: np.ndarray, signed: bool = False) -> "ValueColours":
-        """Colours that span the finite values; with ``signed`` zero is white in any case."""
-        finite = np.asarray(values, float)[np.isfinite(values)]
-        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-        if signed or low < 0:
-            largest = max(abs(low), abs(high)) or 1.0
-            norm = mpl.colors.Normalize(-largest, largest)
-            return cls(norm, mpl.colormaps[STRAIN_COLOURS], low, high)
-        if low > 0 and high / float(np.median(finite)) > DECADES:
-            norm = mpl.colors.LogNorm(low, high)
-        else:
-            norm = mpl.colors.Normalize(low, high if high > low else low + 1.0)
-        return cls(norm, mpl.colormaps[SEQUENCE_COLOURS], low, high)
-
-    def __call__(self, value: float) -> Colour:
-        """The colour of a value."""
-        red, green, blue, opacity = self.colours(self.norm(value))
-        return red, green, blue, opacity
-
-    def bar(self, figure: Figure, axes: Axes | list[Axes], **look: Any) -> None:
-        """Add a colour bar beside axes that spans the values, and nothing beyond them."""
-        bar = figure.colorbar(mpl.cm.ScalarMappable(self.norm, self.colours), ax=axes, **look)
-        if self.low < self.high:
-            bar.ax.set_ylim(self.low, self.high)
-        else:
-            bar.set_ticks([self.low])
+def colour_bar(axes: Axes | Sequence[Axes], colours: ScalarMappable, **look: Any) -> None:
+    """Add a colour bar beside axes that spans the values, and nothing beyond them."""
+    figure = axes.figure if isinstance(axes, Axes) else axes[0].figure
+    bar = figure.colorbar(colours, ax=axes, **look)
+    low, high = np.asarray(colours.get_array()).tolist()
+    if low < high:
+        bar.ax.set_ylim(low, high)
+    else:
+        bar.set_ticks([low])

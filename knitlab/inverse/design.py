@@ -39,7 +39,7 @@ class Designed:
     request: DesignRequest
     folder: Path  # results folder, with the cube of the candidates, their workflows and all trials
     cube: xr.Dataset  # the candidates, simulated again with their siblings
-    found: Found  # the candidates by their worst distance within the spread, the best first
+    ranking: Found  # the candidates by their worst distance within the spread, the best first
     searches: tuple[SearchResult, ...]  # in the order of the candidates' numbers
     trials: pd.DataFrame  # a row for each trial of the searches: values, distances, identifiers
     simulations: int  # number of simulations of the searches and the coarse sweep
@@ -53,12 +53,12 @@ class Designed:
     @property
     def table(self) -> pd.DataFrame:
         """The candidates, the best first."""
-        return self.found.table
+        return self.ranking.table
 
     @property
     def met(self) -> bool:
         """Whether the best candidate, simulated again, meets all targets and constraints."""
-        best = [float(each.off_by[0]) for each in self.found.reached if len(each.off_by)]
+        best = [float(each.off_by[0]) for each in self.ranking.reached if len(each.off_by)]
         return bool(best) and all_met(self.request.wanted, best)
 
     @property
@@ -128,7 +128,7 @@ def run_design(
         if tested.stopped:
             raise KeyboardInterrupt
     cube = candidates.completed(tested.cube, space, winners, own, folder)
-    found, cube = candidates.ranked(cube, objective)
+    ranking, cube = candidates.ranked(cube, objective)
     write_cube(cube, folder / CUBE)
     trials = candidates.trials_table(request, space.dims, results)
     with atomic_write(folder / "trials.csv") as temporary:
@@ -137,7 +137,7 @@ def run_design(
         request,
         folder,
         cube,
-        found,
+        ranking,
         tuple(results),
         trials,
         simulations + len(trials),

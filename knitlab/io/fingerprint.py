@@ -18,15 +18,7 @@ A changed number, operator, message or name in :data:`COMPUTING` makes results s
 version. What changes results and is not in :func:`normalised` code needs one: another version of a
 library, or a type of a field by which pydantic converts its value.
 """
-COMPUTING = (
-    "fabric",
-    "equilibrium",
-    "equilibrium/linear_algebra",
-    "dynamics",
-    "measure",
-    "measure/capacitance",
-    "simulation",
-)
+COMPUTING = ("fabric", "equilibrium", "dynamics", "measure", "simulation")
 """Packages that compute the numbers of a case."""
 OF_NO_CASE = (
     "fabric/compiled_programs.py",
@@ -62,16 +54,15 @@ def package_fingerprint() -> str:
 
 def fingerprint_of(package: Path) -> str:
     """Fingerprint of the computing code of the package in a folder."""
-    code = [
-        f"{name}\n{normalised((package / name).read_text(encoding='utf-8'))}"
-        for name in computing_files(package)
-    ]
-    return text_fingerprint("\n".join([f"model version {MODEL_VERSION}", *code]))
+    text = f"model version {MODEL_VERSION}"
+    for name in computing_files(package):
+        text += f"\n{name}\n{normalised((package / name).read_text(encoding='utf-8'))}"
+    return text_fingerprint(text)
 
 
 def computing_files(package: Path) -> list[str]:
     """Paths, within a package, of the modules that compute the numbers of a case."""
-    files = [file for folder in COMPUTING for file in (package / folder).glob("*.py")]
+    files = [file for folder in COMPUTING for file in (package / folder).rglob("*.py")]
     return sorted({file.relative_to(package).as_posix() for file in files} - set(OF_NO_CASE))
 
 
@@ -114,70 +105,73 @@ def git_commit() -> str:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        tracked = git("ls-files", "--error-unmatch", str(PACKAGE / "__init__.py"))
+        git("ls-files", "--error-unmatch", str(PACKAGE / "__init__.py"))
         changed = git("status", "--porcelain", "--untracked-files=no", str(PACKAGE))
-        return git("rev-parse", "HEAD") + ("+changes" if changed else "") if tracked else "unknown"
+        return git("rev-parse", "HEAD") + ("+changes" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
 
 
 def normalised(source: str) -> str:
-    """The syntax tree of a module as text, without what is not executed or empty."""
-    module = _Module()
-    body = module.text(ast.parse(source))
-    imports = sorted(text for name, text in module.imports if name is None or name in module.used)
-    return "\n".join([*imports, body])
+    """The syntax tree of a module as text, without what is not executed or empty.
 
-
-class _Module:
-    """Text of the nodes of one module, and its imports."""
-
-    def __init__(self) -> None:
-        # Each with its name; None if it may also be there for its effect, or for other modules.
-        self.imports: list[tuple[str | None, str]] = []
-        # Names that are executed, and texts, such as those of ``__all__``.
-        self.used: set[object] = set()
-
-    def text(self, value: object) -> str:
-        """Text of a node, of a list of nodes, or of a plain value."""
-        if isinstance(value, list):
-            return f"[{', '.join(map(self.text, value))}]"
-        if isinstance(value, ast.Constant):
-            self.used.add(value.value)
-            return ascii(value.value)
-        if not isinstance(value, ast.AST):
-            return ascii(value)
-        if isinstance(value, ast.Name):
-            self.used.add(value.id)
-        return f"{type(value).__name__}({', '.join(self._parts(value))})"
-
-    def _parts(self, node: ast.AST) -> Iterator[str]:
-        for name, value in ast.iter_fields(node):
-            if name in BLOCKS and isinstance(value, list):
-                yield f"{name}=[{', '.join(self._statements(value, node))}]"
-            elif name not in NOT_EXECUTED and value is not None and value != []:
-                yield f"{name}={self.text(value)}"
-
-    def _statements(self, block: list[ast.stmt], inside: ast.AST) -> Iterator[str]:
-        for statement in block:
-            match statement:
-                case ast.Pass() | ast.Expr(value=ast.Constant()):
-                    pass
-                case ast.If(test=ast.Name(id="TYPE_CHECKING")):
-                    yield from self._statements(statement.orelse, inside)
-                case ast.Import() | ast.ImportFrom() if isinstance(inside, ast.Module):
-                    self._note_imports(statement)
-                case ast.AnnAssign() if not isinstance(inside, ast.ClassDef):
-                    if statement.value is not None:
-                        yield self.text(ast.Assign([statement.target], statement.value))
-                case _:
-                    yield self.text(statement)
-
-    def _note_imports(self, statement: ast.Import | ast.ImportFrom) -> None:
+    Left out are docstrings, annotations but for those of the fields of classes, and imports of
+    which no name is used; the others are sorted.
+    """
+    module = ast.parse(source)
+    for node in ast.walk(module):
+        for field, value in ast.iter_fields(node):
+            if field in BLOCKS and isinstance(value, list):
+                setattr(node, field, list(_executed(value, node)))
+            elif field in NOT_EXECUTED:
+                setattr(node, field, None)
+    imports = [each for each in module.body if isinstance(each, ast.Import | ast.ImportFrom)]
+    module.body = [each for each in module.body if each not in imports]
+    # Names, and texts, such as those of ``__all__``.
+    used = {
+        each.id if isinstance(each, ast.Name) else each.value
+        for each in ast.walk(module)
+        if isinstance(each, ast.Name | ast.Constant)
+    }
+    lines = []
+    for statement in imports:
         origin = ""
         if isinstance(statement, ast.ImportFrom):
             origin = f"{'.' * statement.level}{statement.module or ''}:"
         for alias in statement.names:
             name = alias.asname or (alias.name if origin and alias.name != "*" else None)
-            exported = alias.asname == alias.name
-            self.imports.append((None if exported else name, f"{origin}{alias.name} as {name}"))
+            # Others may be there for their effect, or for other modules.
+            if name is None or name in used or alias.asname == alias.name:
+                lines.append(f"{origin}{alias.name} as {name}")
+    return "\n".join([*sorted(lines), _text(module)])
+
+
+def _executed(block: list[ast.stmt], inside: ast.AST) -> Iterator[ast.stmt]:
+    """The statements of a block that are executed, without annotations of variables."""
+    for statement in block:
+        match statement:
+            case ast.Pass() | ast.Expr(value=ast.Constant()):
+                pass
+            case ast.If(test=ast.Name(id="TYPE_CHECKING")):
+                yield from _executed(statement.orelse, inside)
+            case ast.AnnAssign(value=value) if not isinstance(inside, ast.ClassDef):
+                if value is not None:
+                    yield ast.Assign([statement.target], value)
+            case _:
+                yield statement
+
+
+def _text(value: object) -> str:
+    """Text of a node, of a list of nodes, or of a plain value, in every version of Python."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    if not isinstance(value, ast.AST):
+        return ascii(value)
+    if isinstance(value, ast.Constant):
+        return ascii(value.value)
+    fields = [
+        f"{field}={_text(each)}"
+        for field, each in ast.iter_fields(value)
+        if each is not None and (each != [] or field in BLOCKS)
+    ]
+    return f"{type(value).__name__}({', '.join(fields)})"

@@ -6,8 +6,8 @@ header are left out. What is ambiguous or torn is an error that names the line.
 
 import csv
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import product, zip_longest
+from collections.abc import Collection, Mapping, Sequence
+from itertools import product, takewhile, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 from zipfile import BadZipFile
@@ -20,19 +20,14 @@ from jaxtyping import Float
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.text_file import read_text
 
-SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
-"""Separators of columns; any number of spaces is one separator."""
-_EXPONENT = r"(e[+-]?\d+)?"
-POINT = re.compile(r"[+-]?((\d{1,3}(,\d{3})+|\d+)(\.\d*)?|\.\d+)" + _EXPONENT, re.IGNORECASE)
-COMMA = re.compile(r"[+-]?((\d{1,3}(\.\d{3})+|\d+)(,\d*)?|,\d+)" + _EXPONENT, re.IGNORECASE)
-"""Numbers with a decimal point or comma, and with the other mark between thousands."""
+SEPARATORS = ",;\t| "  # of columns; any number of spaces is one separator
+NUMBER = re.compile(r"[+-]?((\d{1,3}(,\d{3})+|\d+)(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+"""A number with a decimal point, and perhaps commas between thousands."""
+EXCHANGED = str.maketrans(".,", ",.")
 IN_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
 WORKBOOKS = (".xlsx", ".xlsm")
-SEEN = 400
-"""Lines that decide on separator and decimal mark."""
-
-Row = tuple[int, list[str]]
-"""Number of a line, from 1, and its fields."""
+SEEN = 400  # lines that decide on separator and decimal mark
+OF_SPACES = 0.67  # weight of what spaces explain, as they are within texts too
 
 
 class Table(NamedTuple):
@@ -46,56 +41,58 @@ class Table(NamedTuple):
     above: list[list[str]]
 
 
+class _Row(NamedTuple):
+    line: int  # from 1
+    fields: list[str]  # of which numbers have a decimal point, and no marks between thousands
+    numeric: bool  # whether any is a number
+
+
 def read_table(path: Path, example: str) -> Table:
-    """Read a table of numbers; its entries remain text.
+    """Read a table of numbers; its entries remain text, with a decimal point.
 
-    A row of units is joined to the header: ``Load`` above ``(N)`` is ``Load (N)``, and above ``N``
-    it is ``Load [N]``. Numbers have a decimal point. The first sheet of a workbook (``.xlsx``) is
-    read where openpyxl is installed.
-
-    Args:
-        path: the file; lines that start with # are ignored, except a header in the last of them.
-        example: an example of such a table, for the message.
-
-    Raises:
-        BadInput: if it cannot be read, or is no table; the message names the line.
+    Lines that start with # are ignored, except a header in the last of them. A row of units is
+    joined to the header: ``Load`` above ``(N)`` is ``Load (N)``, and above ``N`` it is
+    ``Load [N]``. The first sheet of a workbook (``.xlsx``) is read where openpyxl is installed.
+    BadInput if there is no table; its message names the line, or has the ``example`` of a table.
     """
     if path.suffix.lower() in WORKBOOKS and path.is_file():
-        lines, split, comma = _workbook_lines(path), _fields_of("\t"), False
+        lines, separator, comma = _workbook_lines(path), "\t", False
     else:
         lines = read_text(path).split("\n")
-        separator, lines = _stated_separator(lines)
-        separator, comma = _dialect(lines, [separator] if separator else list(SEPARATORS))
-        split = _fields_of(separator)
-    rows = [(number, split(line)) for number, line in enumerate(lines, 1) if _holds_fields(line)]
-    first = _first_of_table(rows, comma)
+        # Excel states the separator in a first line such as ``sep=;``.
+        if stated := re.fullmatch(r'"?sep=(.)"?', lines[0].strip()):
+            lines[0] = ""
+        separator, comma = _dialect(lines, stated[1] if stated else SEPARATORS)
+    rows = []
+    for number, line in enumerate(lines, 1):
+        if _holds_fields(line):
+            fields = _fields(line, separator)
+            numbers = [_number(field, comma) for field in fields]
+            plain = [number or field for number, field in zip(numbers, fields, strict=True)]
+            rows.append(_Row(number, plain, any(numbers)))
+    first = _first_of_table(rows)
     if first is None:
         raise fault(str(path), f"has no table of numbers; {example}")
-    headers = _headers(rows, first, lines, split, comma)
+    headers = _headers(rows, first, lines, separator)
     if headers is None:
-        number, fields = rows[first]
-        before, torn = rows[first - 1]
-        if before == number - 1:
-            problem = f"has {len(torn)} fields, and the next line {len(fields)}; correct the line"
-            if len(fields) == 2 * len(torn):
+        begin, torn = rows[first], rows[first - 1]
+        if torn.line == begin.line - 1:
+            count, next_count = len(torn.fields), len(begin.fields)
+            problem = f"has {count} fields, and the next line {next_count}; correct the line"
+            if next_count == 2 * count:
                 problem += ", or if the decimal mark is a comma, separate columns by semicolons"
-            raise fault(f"{path}: line {before}", problem)
-        problem = f"has no header above line {number} ({', '.join(fields[:4])}); {example}"
-        raise fault(str(path), problem)
-    body = rows[first:]
+            raise fault(f"{path}: line {torn.line}", problem)
+        shown = ", ".join(_fields(lines[begin.line - 1], separator)[:4])
+        raise fault(str(path), f"has no header above line {begin.line} ({shown}); {example}")
     width = len(headers)
-    for number, fields in body:
-        if (len(fields) != width and any(fields[width:])) or len(fields) < width:
+    for number, fields, _ in rows[first:]:
+        if any(fields[width:]) or len(fields) < width:
             named = ", ".join(headers[:6])
             problem = f"has {len(fields)} fields and the header {width} ({named}); correct the line"
             raise fault(f"{path}: line {number}", problem)
-    plain = [[_plain(field, comma) for field in fields[:width]] for _, fields in body]
-    above: list[list[str]] = []
-    for _, fields in reversed(rows[:first]):
-        if len(fields) != width or any(_is_number(field, comma) for field in fields):
-            break
-        above.insert(0, fields)
-    return Table(headers, pd.DataFrame(plain), above)
+    texts = takewhile(lambda row: len(row.fields) == width and not row.numeric, rows[:first][::-1])
+    above = [row.fields for row in texts][::-1]
+    return Table(headers, pd.DataFrame([row.fields[:width] for row in rows[first:]]), above)
 
 
 def numbers_of(
@@ -104,98 +101,83 @@ def numbers_of(
     """The numbers of a column, and faults of the entries that are not numbers."""
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     bad = np.flatnonzero(~np.isfinite(values))
-    faults = []
-    if len(bad):
-        first = column.iloc[bad[0]]
-        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
-        value = repr(first) if first else "empty"
-        problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; correct or remove it"
-        faults.append(Fault(f"{path}: column {name}", problem))
-    return values, faults
+    if not len(bad):
+        return values, []
+    more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
+    value = repr(column.iloc[bad[0]]) if column.iloc[bad[0]] else "empty"
+    problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; correct or remove it"
+    return values, [Fault(f"{path}: column {name}", problem)]
 
 
 def read_columns(
-    path: Path,
-    names: Mapping[str, str | None],
-    example: str,
-    *,
-    lower: bool = False,
-    if_present: Collection[str] = (),
+    path: Path, names: Mapping[str, str | None], example: str, optional: Collection[str] = ()
 ) -> dict[str, Float[np.ndarray, " point"]]:
     """Numbers of columns by name, whether or not the header adds a unit in brackets.
 
-    Args:
-        path: the file.
-        names: names of the columns, each with its unit or ``None``.
-        example: an example of such a table, for messages.
-        lower: whether headers are taken in lower case.
-        if_present: names of further columns, in lower case, that are read where they are numbers.
-
-    Raises:
-        BadInput: with every missing, repeated or wrong column; or if the unit of a header is not
-            that of ``names``.
+    ``names`` are those of the columns, each with its unit or ``None``, and ``optional`` those of
+    further ones, which are read if they are numbers; in small letters they match any. BadInput has
+    every missing, repeated or wrong column, and headers with another unit than that of ``names``.
     """
     headers, rows, _ = read_table(path, example)
-    present = [header.lower() if lower else header for header in headers]
-    bare = [without_unit(header) for header in present]
+    bare = [name_and_unit(header)[0] for header in headers]
+    lower = [header.lower() for header in bare]
     columns, faults = {}, list[Fault]()
-    for name, unit in names.items():
-        where = f"{path}: column {name}"
-        known, wanted = (present, name) if name in present else (bare, without_unit(name))
-        if known.count(wanted) != 1:
+    for name in (*names, *optional):
+        where, wanted = f"{path}: column {name}", name_and_unit(name)[0]
+        known = next((each for each in (bare, lower) if wanted in each), [])
+        known, wanted = (headers, name) if name in headers else (known, wanted)
+        if known.count(wanted) == 1:
+            column = known.index(wanted)
+            columns[name], wrong = numbers_of(path, name, rows[column])
+            wrong = _unit_faults(where, headers[column], names.get(name)) + wrong
+        else:
             problem = f"is missing; the file has {', '.join(headers)}; {example}"
-            problem = "occurs twice; keep one" if wanted in known else problem
-            faults.append(Fault(where, problem))
-            continue
-        column = known.index(wanted)
-        faults += _unit_faults(where, headers[column], unit)
-        columns[name], wrong = numbers_of(path, name, rows[column])
-        faults += wrong
-    for number, header in enumerate(headers):
-        if header.lower() in if_present:
-            numbers, wrong = numbers_of(path, header, rows[number])
-            columns |= {} if wrong else {header.lower(): numbers}
+            wrong = [Fault(where, "occurs twice; keep one" if known else problem)]
+        if name not in optional:
+            faults += wrong
+        elif wrong:
+            columns.pop(name, None)
     if faults:
         raise BadInput(faults)
     return columns
 
 
-def without_unit(header: str) -> str:
-    """A header without the unit in brackets that ends it."""
-    return IN_BRACKETS.sub("", header).strip() if header.endswith((")", "]")) else header
+def name_and_unit(header: str) -> tuple[str, str]:
+    """A header without the unit in brackets that ends it, and that unit."""
+    if not header.endswith((")", "]")):
+        return header, ""
+    brackets = IN_BRACKETS.findall(header) or [""]
+    return IN_BRACKETS.sub("", header).strip(), brackets[-1][1:-1].strip()
 
 
 def _unit_faults(where: str, header: str, unit: str | None) -> list[Fault]:
     """A fault if a header names another unit than the one stated for it."""
-    in_header = IN_BRACKETS.findall(header)
-    given = in_header[-1] if in_header else ""
-    if unit is None or not given or not _is_unit(given[1:-1]):
+    _, given = name_and_unit(header)
+    if unit is None or not given or not _is_unit(given):
         return []
-    factor, faults = factor_of(where, given[1:-1], unit, f"such as {unit}")
+    factor, faults = factor_of(where, given, unit, f"such as {unit}")
     if not faults and np.isclose(factor, 1):
         return []
-    return [Fault(where, f"is in {given} by its header, but {unit} is stated; correct one")]
+    shown = IN_BRACKETS.findall(header)[-1]
+    return [Fault(where, f"is in {shown} by its header, but {unit} is stated; correct one")]
 
 
 def factor_of(where: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
     """Factor from one unit to another, and faults of the first; ``remedy`` names accepted units."""
+    quantity = pint.get_application_registry().Quantity
+    given, wanted = ("dimensionless" if each == "1" else each for each in (unit, target))
     try:
-        once, twice = (_in_unit(value, unit, target) for value in (1.0, 2.0))
-        if not np.isclose(twice, 2 * once):  # a logarithmic unit
-            raise pint.DimensionalityError(unit, target)
-        return once, []
+        once, twice = quantity(1.0, given), quantity(2.0, given)
+        factor, double = (float(each.to(wanted).magnitude) for each in (once, twice))
+        angle = target == "1" and not once.to_root_units().unitless
+        logarithmic = not np.isclose(double, 2 * factor)
+        if not (angle or logarithmic):
+            return factor, []
     except pint.DimensionalityError:
-        return np.nan, [Fault(where, f"is in {unit}; give it in a unit {remedy}")]
+        pass
     except Exception:  # pint raises many types for a text that is not a unit
         return np.nan, [Fault(where, f"has the unknown unit {unit!r}; give one {remedy}")]
-
-
-def _in_unit(value: float, unit: str, target: str) -> float:
-    registry = pint.get_application_registry()
-    quantity = registry.Quantity(value, "dimensionless" if unit == "1" else unit)
-    if target == "1" and not quantity.to_root_units().unitless:  # an angle
-        raise pint.DimensionalityError(unit, target)
-    return float(quantity.to("dimensionless" if target == "1" else target).magnitude)
+    return np.nan, [Fault(where, f"is in {unit}; give it in a unit {remedy}")]
 
 
 def _workbook_lines(path: Path) -> list[str]:
@@ -211,40 +193,25 @@ def _workbook_lines(path: Path) -> list[str]:
     return ["\t".join(row).rstrip("\t") for row in sheet.fillna("").astype(str).to_numpy()]
 
 
-def _stated_separator(lines: list[str]) -> tuple[str | None, list[str]]:
-    """The separator that Excel states in a first line such as ``sep=;``, which is then blanked."""
-    stated = re.fullmatch(r'"?sep=(.)"?', lines[0].strip()) if lines else None
-    return (stated[1], ["", *lines[1:]]) if stated else (None, lines)
-
-
-def _fields_of(separator: str) -> Callable[[str], list[str]]:
-    """What splits a line into stripped fields; quoted fields may contain the separator."""
-
-    def split(line: str) -> list[str]:
-        if separator == " ":
-            return line.split()
-        fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-        return [field.strip().replace("\u2212", "-") for field in fields]
-
-    return split
-
-
 def _holds_fields(line: str) -> bool:
     return bool(line.strip(" \t;,|")) and not line.lstrip().startswith("#")
 
 
-def _is_number(field: str, comma: bool) -> bool:
-    return bool((COMMA if comma else POINT).fullmatch(field))
+def _fields(line: str, separator: str) -> list[str]:
+    """Stripped fields of a line; quoted ones may contain the separator."""
+    if separator == " ":
+        return line.split()
+    fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    return [field.strip().replace("\u2212", "-") for field in fields]
 
 
-def _plain(field: str, comma: bool) -> str:
-    """A field whose number has a decimal point, and no marks between thousands."""
-    if not _is_number(field, comma):
-        return field
-    return field.replace(".", "").replace(",", ".") if comma else field.replace(",", "")
+def _number(field: str, comma: bool) -> str:
+    """A number with a decimal point, and no marks between thousands; empty if it is none."""
+    pointed = field.translate(EXCHANGED) if comma else field
+    return pointed.replace(",", "") if NUMBER.fullmatch(pointed) else ""
 
 
-def _dialect(lines: Sequence[str], separators: Sequence[str]) -> tuple[str, bool]:
+def _dialect(lines: Sequence[str], separators: str) -> tuple[str, bool]:
     """The separator and whether numbers have a decimal comma: what explains most of the text.
 
     Counted are the lines of several fields of which most are numbers. A decimal comma is believed
@@ -254,78 +221,65 @@ def _dialect(lines: Sequence[str], separators: Sequence[str]) -> tuple[str, bool
 
     def explained(choice: tuple[str, bool]) -> tuple[float, bool, int]:
         separator, comma = choice
-        split = _fields_of(separator)
-        rows = [split(line) for line in sample]
-        numbers = [[_is_number(field, comma) for field in row] for row in rows]
-        good = [row for row in numbers if len(row) > 1 and sum(row) > 0.5 * len(row) - 1e-9]
-        share = sum(sum(row) / len(row) for row in good)
+        rows = [_fields(line, separator) for line in sample]
+        numbers = [[bool(_number(field, comma)) for field in row] for row in rows]
+        shares = [sum(row) / len(row) for row in numbers if len(row) > 1]
+        share = sum(each for each in shares if each >= 0.5)
         marked = comma and any("," in field for row in rows for field in row)
-        return share, marked or not comma, -list(SEPARATORS).index(separator)
+        weight = OF_SPACES if separator == " " else 1.0
+        return share * weight, marked or not comma, -SEPARATORS.find(separator)
 
-    best = max(product(separators, (True, False)), key=explained)
-    if best[0] == " ":
-        # Spaces within texts look like separators, so that these must explain much more.
-        marks = [each for each in separators if each != " "]
-        other = max(product(marks, (True, False)), key=explained, default=best)
-        return other if explained(best)[0] < 1.5 * explained(other)[0] else best
-    return best
+    return max(product(separators, (True, False)), key=explained)
 
 
-def _first_of_table(rows: Sequence[Row], comma: bool) -> int | None:
+def _first_of_table(rows: Sequence[_Row]) -> int | None:
     """Index of the first row of the longest table: rows of one length that begin with a number.
 
     A row without a number ends a table only below a gap, so that a torn row is noticed.
     """
     first: int | None = None
     start, length, longest = 0, 0, 0
-    for index, (number, fields) in enumerate(rows):
-        numeric = any(_is_number(field, comma) for field in fields)
-        before, fields_before = rows[index - 1]
-        if length and len(fields) == len(fields_before) and (numeric or number == before + 1):
+    for index, row in enumerate(rows):
+        before = rows[index - 1]
+        follows = row.numeric or row.line == before.line + 1
+        if length and len(row.fields) == len(before.fields) and follows:
             length += 1
         else:
-            start, length = index, int(numeric)
+            start, length = index, int(row.numeric)
         if length > longest:
             longest, first = length, start
     return first
 
 
 def _headers(
-    rows: Sequence[Row],
-    first: int,
-    lines: Sequence[str],
-    split: Callable[[str], list[str]],
-    comma: bool,
+    rows: Sequence[_Row], first: int, lines: Sequence[str], separator: str
 ) -> list[str] | None:
     """The headers above a table, each with its unit if a row of units follows them."""
-    number, fields = rows[first]
-    nearest = next((line for line in reversed(lines[: number - 1]) if line.strip()), "")
+    line, fields, _ = rows[first]
+    nearest = next((each for each in reversed(lines[: line - 1]) if each.strip()), "")
     if nearest.lstrip().startswith("#"):
-        commented = split(nearest.lstrip("# \t"))
+        commented = _fields(nearest.lstrip("# \t"), separator)
         if len(commented) == len(fields):
             return commented
-    above: list[list[str]] = []
-    for line, row in reversed(rows[max(first - 2, 0) : first]):
-        if any(_is_number(field, comma) for field in row) or abs(len(row) - len(fields)) > 1:
-            break
-        if above and line < rows[first - 1][0] - 1:
-            break
-        above.append(row)
+    above = list(
+        takewhile(
+            lambda row: not row.numeric and abs(len(row.fields) - len(fields)) <= 1,
+            rows[max(first - 2, 0) : first][::-1],
+        )
+    )
     if not above:
         return None
-    if len(above) > 1 and _are_units(above[0]):
-        units, names = above
-        pairs = zip_longest(names, units[: len(names)], fillvalue="")
-        above = [[_with_unit(name, unit) for name, unit in pairs]]
-    header = above[0]
+    header = above[0].fields
+    if len(above) > 1 and above[1].line == above[0].line - 1 and _are_units(header):
+        names = above[1].fields
+        header = [
+            f"{name} [{unit}]" if unit and not IN_BRACKETS.fullmatch(unit) else f"{name} {unit}"
+            for name, unit in zip_longest(names, header[: len(names)], fillvalue="")
+        ]
+    header = [name.strip() for name in header]
     while header and not header[-1]:
-        header = header[:-1]
+        header.pop()
     return header
-
-
-def _with_unit(name: str, unit: str) -> str:
-    bare = unit and not IN_BRACKETS.fullmatch(unit)
-    return f"{name} [{unit}]" if bare else f"{name} {unit}".strip()
 
 
 def _are_units(fields: Sequence[str]) -> bool:

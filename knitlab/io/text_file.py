@@ -5,14 +5,9 @@ from pathlib import Path
 
 from knitlab.io.errors import fault
 
-MARKS = (  # UTF-32 before UTF-16, whose mark begins that of UTF-32
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"),
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
-"""Byte order marks, and the encodings that they announce."""
+UTF_32 = (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""Marks of the order of bytes; that of UTF-16 begins that of UTF-32."""
 BINARY = {
     b"PK\x03\x04": "is an Excel workbook or another archive, not text; export it as CSV",
     b"\xd0\xcf\x11\xe0": "is an old Excel workbook, not text; export it as CSV",
@@ -29,10 +24,8 @@ SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f\ufeff"), " ")
 def read_text(path: Path) -> str:
     """The text of a file in UTF-8, UTF-16, UTF-32 or, failing these, Windows-1252.
 
-    Lines end with a line feed, and no-break spaces become plain ones.
-
-    Raises:
-        BadInput: if the file cannot be read, or is no text.
+    Lines end with a line feed, and no-break spaces become plain ones. BadInput if the file cannot
+    be read, or is no text.
     """
     try:
         content = path.read_bytes()
@@ -52,15 +45,14 @@ def read_text(path: Path) -> str:
 
 
 def _encoding(content: bytes) -> str:
-    for mark, encoding in MARKS:
-        if content.startswith(mark):
-            return encoding
+    if content.startswith((*UTF_32, *UTF_16)):
+        return "utf-32" if content.startswith(UTF_32) else "utf-16"
     # Without a mark, every other byte of Latin text in UTF-16 is zero.
-    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
-        if len(content) > 1 and not any(content[first:200:2]) and any(content[1 - first : 200 : 2]):
-            return encoding
+    even, odd = any(content[:200:2]), any(content[1:200:2])
+    if even != odd and len(content) > 1:
+        return "utf-16-le" if even else "utf-16-be"
     try:
         content.decode("utf-8")
     except UnicodeDecodeError:
         return "cp1252"
-    return "utf-8"
+    return "utf-8-sig"

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import jax
 import jax.numpy as jnp
@@ -16,15 +16,16 @@ from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.search import SearchRules
-from knitlab.equilibrium.state import State, TensileTest
+from knitlab.equilibrium.state import State
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import relax
 from knitlab.fabric.energy import Point
+from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.stripe import STRIPE_QUANTITIES, Stripe
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
-from knitlab.simulation.sensitivity import adjoint_of, logarithmic, measured_by
+from knitlab.simulation.sensitivity import Quantity, adjoint_of, logarithmic, measured_by
 from knitlab.simulation.simulate import tensile_tests
 from knitlab.sweep.plan import Plan
 
@@ -120,19 +121,33 @@ class SimulatedTest:
     """A converged test of a case."""
 
     case: Case
-    test: TensileTest
-    values: Curves
+    unknowns: Float[np.ndarray, "state unknown"]  # of every state, the relaxed one first
+
+    @property
+    def configurations(self) -> list[Configuration]:
+        """The shapes of the fabric."""
+        return [Configuration.of(each, self.case.mesh_shape) for each in self.unknowns]
+
+    @cached_property
+    def values(self) -> Curves:
+        """The curves of the test."""
+        _, fabric = self.case.assemble()
+        relaxed, *strained = (jax.tree.map(jnp.asarray, each) for each in self.configurations)
+        return np.array([self._measure(relaxed, state, fabric) for state in strained]).T
 
     def slopes(self) -> Float[np.ndarray, "quantity strain parameter"]:
         """Derivatives by logarithms of stripe parameters; NoDerivative if a state is unstable."""
-        case, (relaxed, *strained) = self.case, self.test.states
-        adjoint = adjoint_of(case, relaxed.configuration)
-        measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
+        (relaxed, *strained), stripes = self.configurations, self.case.stripe_pair
+        adjoint = adjoint_of(self.case, relaxed)
         slopes = [
-            logarithmic(adjoint.of_strained(strain, state.configuration, measure), case.stripe_pair)
-            for strain, state in zip(case.applied_strain[1:], strained, strict=True)
+            logarithmic(adjoint.of_strained(strain, state, self._measure), stripes)
+            for strain, state in zip(self.case.applied_strain[1:], strained, strict=True)
         ]
         return np.stack(slopes, axis=1)
+
+    @property
+    def _measure(self) -> Quantity:
+        return measured_by(self.case.mesh_shape, self.case.cell_grid, QUANTITIES)
 
 
 def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
@@ -147,36 +162,28 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
     """A test from the states of ``near``, or from the flat sheet; None if it does not converge."""
-    _, fabric = case.assemble()
     if near is None:
         (test,) = tensile_tests([case], lambda name, states: None)
+        states = test.states
     else:
-        search = partial(_retested, case=case, near=near)
-        (test,) = run_each(case.mesh_shape, [fabric], [search])
-    converged = test.loading is not None and all(state.converged for state in test.states)
-    if not converged or len(test.states) < len(case.applied_strain):
+        _, fabric = case.assemble()
+        (states,) = run_each(case.mesh_shape, [fabric], [partial(_continued, case=case, near=near)])
+    if len(states) < len(case.applied_strain) or not all(state.converged for state in states):
         return None
-    measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
-    relaxed, *strained = (jax.tree.map(jnp.asarray, state.configuration) for state in test.states)
-    values = [measure(relaxed, state, fabric) for state in strained]
-    return SimulatedTest(case, test, np.array(values).T)
+    return SimulatedTest(case, np.array([state.unknowns for state in states]))
 
 
-def _retested(system: System, case: Case, near: SimulatedTest) -> TensileTest:
+def _continued(system: System, case: Case, near: SimulatedTest) -> list[State]:
+    """States next to those of a test, up to the first that does not converge."""
     settings = case.equilibrium_solver
-    first, *others = near.test.states
-    relaxed = relax(system, replace(settings, soft_wall=1.0), first.configuration)
-    if not relaxed.converged:
-        return TensileTest(None, [relaxed])
+    relaxed = relax(system, replace(settings, soft_wall=1.0), near.configurations[0])
     loading = tensile(system.shape, relaxed.configuration)
-    free = free_stiffness(system.shape, loading.free)
-    rules = SearchRules(free, settings, convexified=False)
-    states: list[State] = [relaxed]
-    for strain, other in zip(case.applied_strain[1:], others, strict=True):
-        # The relaxed sample may have changed size: add the change of the relaxed shape.
-        moved = other.unknowns + relaxed.unknowns - first.unknowns
-        start = Point(loading.holding(moved, strain))
-        states.append(find_equilibrium(system, start, rules))
+    rules = SearchRules(free_stiffness(system.shape, loading.free), settings, convexified=False)
+    states, first = [relaxed], near.unknowns[0]
+    for strain, other in zip(case.applied_strain[1:], near.unknowns[1:], strict=True):
         if not states[-1].converged:
             break
-    return TensileTest(loading, states)
+        # The relaxed sample may have changed size: add the change of the relaxed shape.
+        start = Point(loading.holding(other + relaxed.unknowns - first, strain))
+        states.append(find_equilibrium(system, start, rules))
+    return states

@@ -9,15 +9,14 @@ from pydantic import (
     NonNegativeInt,
     PositiveFloat,
     PositiveInt,
-    ValidationError,
     model_validator,
 )
 
 from knitlab.cube.schema import SIMULATION
 from knitlab.fabric.stripe import periods_per_patch
-from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.errors import fault
 from knitlab.io.table_file import factor_of
-from knitlab.io.toml import StrictModel, read_toml
+from knitlab.io.toml import StrictModel, read_checked
 from knitlab.laboratory.track_formats import YAxis
 from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
@@ -27,8 +26,11 @@ UNITS = {"mm": "length", "s": "time", "Hz": "frequency", "N": "force", "pF": "ca
 """Units that knitlab uses, and what each measures."""
 
 
+Text = Annotated[str, Field(min_length=1)]
+
+
 class _InUnit(StrictModel):
-    unit: str = Field(min_length=1)
+    unit: Text
 
     def factor(self, target: str) -> float:
         """Factor that converts its unit to one of :data:`UNITS`; ValueError if there is none."""
@@ -52,7 +54,7 @@ class MeasuredQuantity(_InUnit):
 class PlainColumn(StrictModel):
     """A column of a table, by its header, that needs no unit."""
 
-    column: str = Field(min_length=1)
+    column: Text
 
 
 class Column(PlainColumn, _InUnit):
@@ -115,7 +117,7 @@ class ProtocolTable(StrictModel):
 class TensileTable(StrictModel):
     """``[tensile]``: the log of the machine, whose clock is the reference for all records."""
 
-    file: str = Field(min_length=1)
+    file: Text
     time: Annotated[Column, _in("s")]
     extension: Annotated[Column, _in("mm")]
     force: Annotated[Column, _in("N")]
@@ -125,7 +127,7 @@ class TensileTable(StrictModel):
 class CapacitanceTable(StrictModel):
     """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine."""
 
-    file: str = Field(min_length=1)
+    file: Text
     starts: Time | None = None  # the machine's time at which the clock was at 0
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]
@@ -143,7 +145,7 @@ class MarkersTable(StrictModel):
     """``[markers]``: tracked points, in pixels, x to the right."""
 
     # One of the formats of knitlab.laboratory.track_formats.read_tracks.
-    file: str = Field(min_length=1)
+    file: Text
     starts: Time | None = None  # the machine's time at frame 0
     pixel: Length
     y_axis: YAxis | None = None  # which way y counts in the picture; by default as the format does
@@ -160,25 +162,25 @@ class MarkersTable(StrictModel):
 
     @model_validator(mode="after")
     def _has_axes_and_strains(self) -> "MarkersTable":
-        upright = ("up", "down")
+        upright, timed = ("up", "down"), self.frame_rate is not None
         if (self.weft in upright) == (self.warp in upright):
             parallel = f"weft = {self.weft} and warp = {self.warp} are parallel"
             raise ValueError(f"{parallel}; give perpendicular directions")
-        if (self.frame_rate is None) == (self.strain_per_frame is None):
+        if timed == (self.strain_per_frame is not None):
             either = "needs either frame_rate with starts, or strain_per_frame"
             raise ValueError(f"{either}, to determine its strains")
-        if self.frame_rate is None and self.starts is not None:
-            raise ValueError("has starts, which strain_per_frame does not use; leave it out")
-        if self.frame_rate is not None and self.starts is None:
-            raise ValueError("needs starts, the machine's time at frame 0, with frame_rate")
+        if timed != (self.starts is not None):
+            needed = "needs starts, the machine's time at frame 0, with frame_rate"
+            unused = "has starts, which strain_per_frame does not use; leave it out"
+            raise ValueError(needed if timed else unused)
         return self
 
 
 class Description(StrictModel):
     """A description: the sample, the applied strains to evaluate, and the records."""
 
-    title: str = Field(min_length=1)
-    source: str = Field(default="experiment", min_length=1)  # its name in tables and figures
+    title: Text
+    source: Text = "experiment"  # its name in tables and figures
     synthetic: bool = False  # whether its records were generated
     sample: SampleTable
     protocol: ProtocolTable
@@ -188,10 +190,11 @@ class Description(StrictModel):
 
     @model_validator(mode="after")
     def _has_dependencies(self) -> "Description":
-        if self.source == SIMULATION:
-            reserved = f"source = {SIMULATION} is reserved for simulations"
-            raise ValueError(f"{reserved}; give another name")
         markers, tensile, capacitance = self.markers, self.tensile, self.capacitance
+        if self.source == SIMULATION:
+            raise ValueError(
+                f"source = {SIMULATION} is reserved for simulations; give another name"
+            )
         if not tensile and capacitance:
             raise ValueError("[capacitance] needs [tensile], for its strains; add it")
         if not tensile and markers and markers.frame_rate:
@@ -203,10 +206,7 @@ class Description(StrictModel):
 
 def read_description(path: Path, kind: RecordKind) -> Description:
     """Read a description that lists records of a kind."""
-    try:
-        description = Description.model_validate(read_toml(path))
-    except ValidationError as error:
-        raise BadInput(faults_of(error, str(path))) from error
+    description = read_checked(Description, path)
     if getattr(description, kind) is None:
-        raise BadInput([Fault(f"{path}: {kind}", "is missing; add a table that names its file")])
+        raise fault(f"{path}: {kind}", "is missing; add a table that names its file")
     return description

@@ -156,7 +156,7 @@ def _read_log(
     columns = {name: getattr(table, name) for name in present}
     units = {column.column: getattr(column, "unit", None) for column in columns.values()}
     of_meter = isinstance(table, CapacitanceTable)
-    numbers = read_columns(path, units, EXAMPLE, if_present=(STATUS,) if of_meter else ())
+    numbers = read_columns(path, units, EXAMPLE, optional=(STATUS,) if of_meter else ())
     readings = np.array([numbers[each.column] for each in columns.values()])
     good = (np.abs(readings) < OVERLOAD).all(axis=0)
     if of_meter:

@@ -15,7 +15,7 @@ from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
 from knitlab.laboratory.description import Description, MarkersTable, SampleTable
 from knitlab.laboratory.machine import Imports, Values, read_pulls
-from knitlab.laboratory.track_checks import Dropped, without_implausible
+from knitlab.laboratory.track_checks import without_implausible
 from knitlab.laboratory.track_formats import Trajectories, read_tracks, whole_numbers
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
 from knitlab.measure.records import resampled
@@ -63,6 +63,20 @@ class MarkedSample:
             strays = ", ".join(map(str, self.grid.strays))
             summary += f"; markers {strays} are not on the grid and are ignored"
         return summary
+
+    def motion(
+        self, strain: Float[np.ndarray, " frame"]
+    ) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
+        """Where the pull is largest: motion of the middle, last row from first, and last column."""
+        pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
+        moved = self.corners[pulled] - self.relaxed
+        drifts = (moved + moved[:, ::-1, ::-1]) / 2
+        motions = [_median(drifts)]
+        for along in (moved, moved.swapaxes(1, 2)):
+            one, other = np.triu_indices(count := along.shape[1], 1)
+            apart = (along[:, other] - along[:, one]) / (other - one)[:, None, None]
+            motions.append(_median(apart) * (count - 1))
+        return motions[0], motions[1], motions[2]
 
 
 def read_markers(folder: Path, description: Description) -> Imports:
@@ -130,12 +144,11 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     _check_fits(path, marked, sample)
     corners, dropped = without_implausible(relaxed, corners)
     markers = grid.marker[::every_y, ::every_x]
-    remarks = [_remark(markers[each.row, each.column], each) for each in dropped]
+    remarks = [
+        f"marker {markers[row, column]} {reason}: it is left out from frame {frame} on"
+        for row, column, frame, reason in dropped
+    ]
     return replace(marked, corners=corners, remarks=(*read.summary, *remarks))
-
-
-def _remark(marker: int, dropped: Dropped) -> str:
-    return f"marker {marker} {dropped.reason}: it is left out from frame {dropped.frame} on"
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
@@ -176,10 +189,13 @@ def along_pull(
     pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
     along the pull, but less exactly. So the drift is used where it agrees with the separation.
     """
-    drift, separation = _motion(marked, strain)
+    drift, separation, _ = marked.motion(strain)
     if not separation.any():
         return marked
-    by_drift, turn = _direction(drift), _direction(separation)
+    by_drift, turn = (
+        float(np.arctan(-across / along)) if along else np.pi / 2
+        for across, along in (drift, separation)
+    )
     difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
     drifting = np.linalg.norm(drift) > LEAST_DRIFT * np.linalg.norm(separation)
     if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
@@ -202,11 +218,7 @@ def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " fra
 
     So it is if coordinates are in the order (row, column), and the sample about as long as wide.
     """
-    drift, separation = _motion(marked, strain)
-    columns = replace(
-        marked, relaxed=marked.relaxed.swapaxes(0, 1), corners=marked.corners.swapaxes(1, 2)
-    )
-    _, across = _motion(columns, strain)
+    drift, separation, across = marked.motion(strain)
     size = np.linalg.norm(separation)
     drifts_across = np.linalg.norm(drift) > LEAST_DRIFT * size and abs(drift[0]) > abs(drift[1])
     if drifts_across and abs(across[0]) > size:
@@ -214,27 +226,9 @@ def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " fra
         raise fault(str(path), f"{problem} order of the coordinates, which is x, y")
 
 
-def _motion(
-    marked: MarkedSample, strain: Float[np.ndarray, " frame"]
-) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
-    """Motion of the middle, and of the last row from the first, where the pull is largest."""
-    pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
-    moved = marked.corners[pulled] - marked.relaxed
-    drifts = (moved + moved[:, ::-1, ::-1]) / 2
-    one, other = np.triu_indices(moved.shape[1], 1)
-    separations = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    if not np.isfinite(drifts).any() or not np.isfinite(separations).any():
-        return np.zeros(2), np.zeros(2)
-    drift, separation = (
-        np.nanmedian(each.reshape(-1, 2), axis=0) for each in (drifts, separations)
-    )
-    return drift, separation * (moved.shape[1] - 1)
-
-
-def _direction(moved: Float[np.ndarray, "2"]) -> float:
-    """Angle of an undirected line from y, anticlockwise [rad]."""
-    across, along = moved
-    return float(np.arctan(-across / along)) if along else np.pi / 2
+def _median(vectors: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "2"]:
+    known = vectors[np.isfinite(vectors).all(axis=-1)]
+    return np.median(known, axis=0) if len(known) else np.zeros(2)
 
 
 def marker_values(
@@ -290,7 +284,7 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
         if places is None:
             return find_grid(first)
         names = ("marker", "row", "column")
-        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE, lower=True)
+        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE)
         marker, row, column = (whole_numbers(places, name, table[name]) for name in names)
         if marker.max() >= len(first):
             problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"

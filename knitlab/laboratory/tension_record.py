@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float
 
 from knitlab.io.errors import BadInput, Fault, fault
@@ -22,19 +21,30 @@ NAMES = {
     "repeat": ("repeat", "specimen", "sample", "test"),
 }
 """Names of columns, in lower case; others are not read."""
+TARGETS = {
+    "strain": ("1", "such as [1] or [%]"),
+    "extension": ("mm", "of length, such as [mm]"),
+    "force": ("N", "of force, such as [N]"),
+    "stress": ("N/mm^2", "of force over area, such as [MPa]"),
+    "stress over width": (
+        "N/mm",
+        "of force over width, such as [N/mm], or give the thickness in mm for [MPa]",
+    ),
+}
+"""Units to which columns are converted, and a remedy for others."""
 LEAST_POINTS = 4  # one more than the parameters of a stripe, so that errors can be estimated
 LEAST_TURN = 0.1  # smallest reversal that ends a loading branch, over the range of strain
 CURVE_POINTS = 40  # of the curve of several repeats, or of a record that is noisy or turns
 SLACK = 0.02  # strain below zero that a record may start with, where its camera begins
 
-Branch = tuple[Float[np.ndarray, " point"], Float[np.ndarray, " point"]]  # strain and force
+Points = Float[np.ndarray, " point"]
 
 
 @dataclass(frozen=True)
 class TensionRecord:
     """Loading of a pure fabric: one curve for each repeat, at common strains."""
 
-    strain: Float[np.ndarray, " point"]  # ascending
+    strain: Points  # ascending
     force: Float[np.ndarray, "repeat point"]  # on one row of the network [N] or per width [N/mm]
     per_width: bool
     summary: tuple[str, ...]  # what was read, and what was left out
@@ -57,31 +67,21 @@ def read_tension_record(
     force is that on one row of the network. BadInput has every fault of the file.
     """
     path = Path(path)
-    columns = _columns(path)
-    along = "strain" if "strain" in columns else "extension"
-    load = "force" if "force" in columns else "stress"
-    strain, faults = numbers_of(path, along, columns[along][0])
-    force, wrong = numbers_of(path, load, columns[load][0])
-    to_strain, of_strain = _to_strain(path, along, columns[along][1], gauge_length)
-    to_load, of_load = _to_load(path, load, columns[load][1], width, thickness)
-    if faults := [*faults, *wrong, *of_strain, *of_load]:
-        raise BadInput(faults)
-    strain, force = to_strain * strain, to_load * force
-    per_width = load == "stress" or width is not None
-    labels = columns["repeat"][0] if "repeat" in columns else np.full(len(strain), "1")
-    repeats = list(dict.fromkeys(labels)) or ["1"]
+    sizes = {"extension": gauge_length, "force": width, "stress": thickness}
+    columns, repeats = _columns(path, sizes)
+    (strain, force), per_width = columns.values(), "stress" in columns or width is not None
     branches, left_out = [], 0
-    for repeat in repeats:
-        own = np.asarray(labels == repeat)
+    for repeat in dict.fromkeys(repeats):
         column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
-        branch, below = _loading(column, strain[own], force[own], cycle)
+        own = np.array(repeats) == repeat
+        *branch, below = _loading(column, strain[own], force[own], cycle)
         branches.append(branch)
         left_out += below
     turned = sum(len(branch[0]) for branch in branches) < len(strain) - left_out
-    lines = [f"{len(strain)} records of {len(repeats)} repeats, loading of cycle {cycle}"]
+    lines = [f"{len(strain)} records of {len(branches)} repeats, loading of cycle {cycle}"]
     if left_out:
         lines.append(f"{left_out} records at negative strain are left out")
-    if len(repeats) == 1 and not turned and not np.any(np.diff(branches[0][0]) < 0):
+    if len(branches) == 1 and not turned and not np.any(np.diff(branches[0][0]) < 0):
         strain, force = branches[0]
         return TensionRecord(strain, force[None], per_width, tuple(lines))
     start = max(float(branch[0].min()) for branch in branches)
@@ -94,10 +94,13 @@ def read_tension_record(
     return TensionRecord(at[known], curves[:, known], per_width, tuple(lines))
 
 
-def _columns(path: Path) -> dict[str, tuple[pd.Series, str]]:
-    """The columns that are read, by what they hold, each with its unit."""
+def _columns(path: Path, sizes: dict[str, float | None]) -> tuple[dict[str, Record], list[str]]:
+    """Strain and load, by the names of their columns, and the repeat of every record.
+
+    ``sizes`` are the lengths [mm] by which columns are divided or, stress, multiplied.
+    """
     headers, table, _ = read_table(path, EXAMPLE)
-    columns: dict[str, tuple[pd.Series, str]] = {}
+    columns: dict[str, tuple[int, str]] = {}
     faults = []
     for number, header in enumerate(headers):
         match = HEADER.fullmatch(header)
@@ -109,57 +112,45 @@ def _columns(path: Path) -> dict[str, tuple[pd.Series, str]]:
             faults.append(Fault(f"{path}: column {name.strip()}", f"has no unit; {EXAMPLE}"))
         if kind in columns:
             faults.append(Fault(f"{path}: column {name.strip()}", "occurs twice; keep one"))
-        columns[kind] = table[number], unit
-    present = ", ".join(headers)
-    if "strain" not in columns and "extension" not in columns:
-        problem = f"is missing; the file has {present}; {EXAMPLE}"
-        faults.append(Fault(f"{path}: column strain", problem))
+        columns[kind] = number, unit
+    along = "strain" if "strain" in columns else "extension"
     loads = [name for name in ("force", "stress") if name in columns]
+    if along not in columns:
+        problem = f"is missing; the file has {', '.join(headers)}; {EXAMPLE}"
+        faults.append(Fault(f"{path}: column strain", problem))
     if len(loads) != 1:
-        problem = "has both; keep one" if loads else f"has neither; it has {present}; {EXAMPLE}"
+        absent = f"has neither; it has {', '.join(headers)}; {EXAMPLE}"
+        problem = "has both; keep one" if loads else absent
         faults.append(Fault(f"{path}: columns force and stress", problem))
     if faults:
         raise BadInput(faults)
-    return columns
+    (load,) = loads
+    values = {}
+    for kind in (along, load):
+        (number, unit), size = columns[kind], sizes.get(kind)
+        over_width = " over width" if kind == "stress" and size is None else ""
+        column, (target, remedy) = f"{path}: column {kind}", TARGETS[kind + over_width]
+        numbers, wrong = numbers_of(path, kind, table[number])
+        factor, of_unit = factor_of(column, unit, target, remedy)
+        if kind == "extension" and size is None:
+            of_unit = [Fault(column, "needs the gauge_length, the relaxed length, in mm")]
+        faults += wrong + of_unit
+        scale = size or 1.0
+        values[kind] = numbers * factor * (scale if kind == "stress" else 1 / scale)
+    for other, name in (("stress", "thickness"), ("force", "width")):
+        if other != load and (size := sizes[other]) is not None:
+            problem = f"is for {other}, but the record holds {load}; leave it out"
+            faults.append(Fault(f"{name} {size:g}", problem))
+    if faults:
+        raise BadInput(faults)
+    repeats = table[columns["repeat"][0]].tolist() if "repeat" in columns else ["1"] * len(table)
+    return values, repeats
 
 
-def _to_strain(
-    path: Path, name: str, unit: str, gauge_length: float | None
-) -> tuple[float, list[Fault]]:
-    """Factor to strain, and faults."""
-    column = f"{path}: column {name}"
-    if name == "strain":
-        return factor_of(column, unit, "1", "such as [1] or [%]")
-    if gauge_length is None:
-        return np.nan, [Fault(column, "needs the gauge_length, the relaxed length, in mm")]
-    factor, faults = factor_of(column, unit, "mm", "of length, such as [mm]")
-    return factor / gauge_length, faults
-
-
-def _to_load(
-    path: Path, name: str, unit: str, width: float | None, thickness: float | None
-) -> tuple[float, list[Fault]]:
-    """Factor to N on one row, or to N/mm, and faults."""
-    column, unused = f"{path}: column {name}", list[Fault]()
-    for other, size, value in (("stress", "thickness", thickness), ("force", "width", width)):
-        if other != name and value is not None:
-            problem = f"is for {other}, but the record holds {name}; leave it out"
-            unused.append(Fault(f"{size} {value:g}", problem))
-    if name == "force":
-        target, remedy = "N", "of force, such as [N]"
-    elif thickness is None:
-        target = "N/mm"
-        remedy = "of force over width, such as [N/mm], or give the thickness in mm for [MPa]"
-    else:
-        target, remedy = "N/mm^2", "of force over area, such as [MPa]"
-    factor, faults = factor_of(column, unit, target, remedy)
-    return factor * (thickness or 1.0) / (width or 1.0), faults + unused
-
-
-def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Branch, int]:
-    """One loading branch, from zero, and the number of its records below zero strain."""
+def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Points, Points, int]:
+    """Strain and force of one loading branch, from zero, and how many records are below zero."""
     number = np.arange(len(strain), dtype=float)
-    pulls = cycles(number, strain, LEAST_TURN) if len(strain) else []
+    pulls = cycles(number, strain, LEAST_TURN)
     if cycle > max(1, len(pulls)):
         raise fault(column, f"has {len(pulls)} cycles; choose one of them, not cycle {cycle}")
     if pulls:
@@ -168,13 +159,13 @@ def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Br
         loading |= (cycle == 1) & (number < pulls[0].start) & (strain >= 0)
         strain, force = strain[loading], force[loading]
     below = strain < 0
-    if len(strain) and strain.min() < -max(SLACK, SLACK * strain.max()):
+    if strain.min() < -max(SLACK, SLACK * strain.max()):
         raise fault(column, f"goes down to {strain.min():g}; give tension alone, from 0 up")
     strain, force = strain[~below], force[~below]
     if (points := len(np.unique(strain))) < LEAST_POINTS:
         problem = f"has {points} points; three parameters need at least {LEAST_POINTS}"
         raise fault(column, problem)
-    return (strain, force), int(below.sum())
+    return strain, force, int(below.sum())
 
 
 def period_of(

@@ -7,16 +7,19 @@ from then on: its later positions are dropped too.
 """
 
 import warnings
+from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy import ndimage
 
 JUMP = 0.35  # departure from the neighbours that one frame may add, over the step of the grid
 COINCIDENT = 0.05  # distance of two markers, over the step of the grid
 FEWEST_STILL = 3  # frames at exactly one position
 IN_ROW = [3, 7, 8]  # predictions of a displacement by its own row
+DIRECTIONS = [(y, x) for y, x in product((-1, 0, 1), repeat=2) if (y, x) != (0, 0)]
 STILL = 0.1  # departure from the neighbours meanwhile, over the step of the grid
 
 Corners = Float[np.ndarray, "frame row column 2"]
@@ -56,7 +59,8 @@ def without_implausible(relaxed: Field, corners: Corners) -> tuple[Corners, list
         while (over := _turned_over(now)).any():
             departure = now - relaxed - predicted_by_neighbours(now - relaxed)
             size = np.where(over, 1 + np.nan_to_num(_length(departure)), 0.0)
-            drop(_largest(size), frame, "turns a unit cell over")
+            row, column = divmod(int(size.argmax()), size.shape[1])
+            drop((row, column), frame, "turns a unit cell over")
         moved = np.nan_to_num(predicted_by_neighbours(now - before))
         before = np.where(np.isfinite(now), now, before + moved)
     while (still := _still(kept - relaxed, STILL * step)) is not None:
@@ -66,11 +70,6 @@ def without_implausible(relaxed: Field, corners: Corners) -> tuple[Corners, list
 
 def _length(vectors: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any"]:
     return np.linalg.norm(vectors, axis=-1)
-
-
-def _largest(size: Float[np.ndarray, "row column"]) -> tuple[int, int]:
-    row, column = np.unravel_index(np.argmax(size), size.shape)
-    return int(row), int(column)
 
 
 def _jumping(moved: Field, least: float) -> list[tuple[int, int]]:
@@ -109,22 +108,23 @@ def predicted_by_neighbours(displacement: Fields) -> Fields:
         return np.nanmedian(_predictions(displacement), axis=0)
 
 
+def _shifted(field: Fields, reach: int) -> Callable[[int, int], Fields]:
+    """What gives, at every marker, the value some rows and columns away; NaN beyond the grid."""
+    rows, columns = field.shape[-3:-1]
+    margin = [(0, 0)] * (field.ndim - 3) + [(reach, reach), (reach, reach), (0, 0)]
+    padded = np.pad(field, margin, constant_values=np.nan)
+    return lambda y, x: padded[..., reach + y :, reach + x :, :][..., :rows, :columns, :]
+
+
 def _predictions(displacement: Fields) -> Float[np.ndarray, "prediction *frame row column 2"]:
     """What neighbours predict, NaN where they are lost.
 
     A displacement is the mean of two opposite neighbours, the extrapolation of two in a row, and
     the fourth of a parallelogram with three.
     """
-    rows, columns = displacement.shape[-3:-1]
-    margin = [(0, 0)] * (displacement.ndim - 3) + [(2, 2), (2, 2), (0, 0)]
-    padded = np.pad(displacement, margin, constant_values=np.nan)
-
-    def at(y: int, x: int) -> Fields:
-        return padded[..., 2 + y : 2 + y + rows, 2 + x : 2 + x + columns, :]
-
-    directions = [(y, x) for y, x in product((-1, 0, 1), repeat=2) if (y, x) != (0, 0)]
-    predicted = [(at(y, x) + at(-y, -x)) / 2 for y, x in directions[:4]]
-    predicted += [2 * at(y, x) - at(2 * y, 2 * x) for y, x in directions]
+    at = _shifted(displacement, 2)
+    predicted = [(at(y, x) + at(-y, -x)) / 2 for y, x in DIRECTIONS[:4]]
+    predicted += [2 * at(y, x) - at(2 * y, 2 * x) for y, x in DIRECTIONS]
     predicted += [at(y, 0) + at(0, x) - at(y, x) for y, x in product((-1, 1), repeat=2)]
     return np.array(predicted)
 
@@ -142,28 +142,20 @@ def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] |
     predictions = _predictions(displacement)
     worst, still = least, None
     for row, column in suspects:
-        edges = np.diff(np.concatenate([[0], same[:, row, column], [0]]).astype(int))
-        starts, ends = np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
-        for first, last in zip(starts, ends, strict=True):
-            own = predictions[:, first : last + 1, row, column]
-            moves = _length(own[:, -1] - own[:, 0])
-            if last - first < FEWEST_STILL - 1 or np.isnan(moves[IN_ROW]).all():
+        for (span,) in ndimage.find_objects(ndimage.label(same[:, row, column])[0]):
+            own = predictions[:, [span.start, span.stop], row, column]
+            moves = _length(own[:, 1] - own[:, 0])
+            if span.stop - span.start < FEWEST_STILL - 1 or np.isnan(moves[IN_ROW]).all():
                 continue
             if (away := float(np.nanmin(moves))) > worst:
-                worst, still = away, ((row, column), first + 1)
+                worst, still = away, ((row, column), span.start + 1)
     return still
 
 
 def _coincident(positions: Field, near: float) -> list[tuple[int, int]]:
     """Markers closer to one of their neighbours than a distance."""
-    rows, columns = positions.shape[:2]
-    close = np.zeros((rows, columns), bool)
-    for y, x in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        one = positions[: rows - y, max(0, -x) : columns - max(0, x)]
-        other = positions[y:, max(0, x) : columns + min(0, x)]
-        together = np.linalg.norm(one - other, axis=-1) < near
-        close[: rows - y, max(0, -x) : columns - max(0, x)] |= together
-        close[y:, max(0, x) : columns + min(0, x)] |= together
+    at = _shifted(positions, 1)
+    close = np.any([_length(positions - at(y, x)) < near for y, x in DIRECTIONS], axis=0)
     return [(row, column) for row, column in np.argwhere(close).tolist()]
 
 
@@ -172,7 +164,5 @@ def _turned_over(positions: Field) -> Bool[np.ndarray, "row column"]:
     low, high = positions[:-1], positions[1:]
     one, other = high[:, 1:] - low[:, :-1], high[:, :-1] - low[:, 1:]  # the diagonals
     over = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0] <= 0
-    corners = np.zeros(positions.shape[:2], bool)
-    for y, x in product((0, 1), repeat=2):
-        corners[y : len(low) + y, x : positions.shape[1] - 1 + x] |= over
-    return corners & np.isfinite(positions[..., 0])
+    corners = [np.pad(over, ((y, 1 - y), (x, 1 - x))) for y, x in product((0, 1), repeat=2)]
+    return np.any(corners, axis=0) & np.isfinite(positions[..., 0])

@@ -4,7 +4,6 @@ Trajectories that leave this file are in pixels with x to the right and y down, 
 """
 
 import re
-from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -15,14 +14,7 @@ from jaxtyping import Float, Int
 from numpy.lib.format import MAGIC_PREFIX
 
 from knitlab.io.errors import BadInput, fault
-from knitlab.io.table_file import (
-    IN_BRACKETS,
-    Table,
-    factor_of,
-    numbers_of,
-    read_table,
-    without_unit,
-)
+from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
 from knitlab.io.text_file import read_text
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
@@ -31,25 +23,23 @@ EXAMPLE = "write it as in 'frame,marker,x,y'"
 PIXELS = ("pixel", "pixels", "px")
 X_AND_Y = re.compile(r"(?P<before>.*?)[ ._-]?(?P<axis>[xy])[ ._-]?(?P<after>\d*)", re.IGNORECASE)
 """Header of a coordinate in a wide table, such as ``x0``, ``m3.y`` or ``x_12``."""
-LIKELIHOOD, SCORE = "likelihood", "score"
+ROWS = {
+    "TrackMate": ("frame", "track_id", "position_x", "position_y"),
+    "trackpy": ("frame", "particle", "x", "y"),
+    "a picture": ("frame", "marker", "x", "y"),
+}
+"""Programs that write a row for each position, and their headers in lower case."""
+SLEAP = ("frame_idx", "track", "instance.score")
 
 
 class TrackFile(NamedTuple):
-    """What a tracker has written, in the axes of its file.
+    """What a tracker has written, in the axes of its file."""
 
-    Attributes:
-        tracks: positions, NaN where a marker is lost.
-        program: what writes such files.
-        y_axis: direction in which y increases in the picture.
-        confidence: of each position from 0 to 1, where the program states it.
-        unit: of the positions, if it is not the pixel.
-    """
-
-    tracks: Trajectories
+    tracks: Trajectories  # NaN where a marker is lost
     program: str
-    y_axis: YAxis = "down"
-    confidence: Float[np.ndarray, "frame marker"] | None = None
-    unit: str | None = None
+    y_axis: YAxis = "down"  # direction in which y increases in the picture
+    confidence: Float[np.ndarray, "frame marker"] | None = None  # from 0 to 1, where stated
+    unit: str = ""  # of the positions, if it is not the pixel
 
 
 class Tracks(NamedTuple):
@@ -62,19 +52,13 @@ class Tracks(NamedTuple):
 def read_tracks(
     path: Path, y_axis: YAxis | None = None, least_confidence: float = 0.6, pixel: float = 1.0
 ) -> Tracks:
-    """Read the markers of a tracker.
+    """Read the markers of a tracker, with a confidence of at least that, if the format states one.
 
     Formats are an ``.npy`` array (frame, marker, 2) of tracking-markers, and tables of DeepLabCut,
-    SLEAP, TrackMate, trackpy, ``frame,marker,x,y`` and ``x0,y0,x1,y1,…``.
-
-    Args:
-        path: the file.
-        y_axis: direction in which y increases in the picture, if it is not that of the format.
-        least_confidence: below it a position is taken as lost, if the format states a confidence.
-        pixel: size of a pixel on the fabric [mm]; checked if the file states lengths.
-
-    Raises:
-        BadInput: if the file cannot be read, or its positions are incomplete or impossible.
+    SLEAP, TrackMate, trackpy, ``frame,marker,x,y`` and ``x0,y0,x1,y1,…``. ``y_axis`` is the
+    direction in which y increases in the picture, by default that of the format, and ``pixel`` the
+    size of a pixel on the fabric [mm], which is checked if the file states lengths. BadInput if
+    positions are incomplete or impossible.
     """
     if path.suffix.lower() == ".npy":
         read = _array(path)
@@ -82,18 +66,26 @@ def read_tracks(
         read = _table(path)
     else:
         raise fault(str(path), "has no suffix .npy or .csv; give one of these")
-    if read.unit is not None:
+    if read.unit:
         factor, faults = factor_of(str(path), read.unit, "mm", "of length")
         if faults or not np.isclose(factor, pixel):
             stated = f'pixel = {{ value = 1, unit = "{read.unit}" }}'
             raise fault(str(path), f"has positions in {read.unit}; give {stated}")
     tracks, summary = read.tracks, []
-    _check(path, tracks)
+    lost = np.isnan(tracks)
+    if np.isinf(tracks).any():
+        frame, marker, _ = np.argwhere(np.isinf(tracks))[0]
+        problem = f"is infinite for marker {marker} in frame {frame}; write NaN where it is lost"
+        raise fault(str(path), problem)
+    if (half_known := lost[..., 0] != lost[..., 1]).any():
+        frame, marker = np.argwhere(half_known)[0]
+        problem = f"has only one coordinate of marker {marker} in frame {frame}; correct it"
+        raise fault(str(path), problem)
     up = (y_axis or read.y_axis) == "up"
     stated = "as stated" if y_axis else f"as {read.program} writes it; else give y_axis"
     summary.append(f"y counts {'upwards' if up else 'downwards'}, {stated}")
     if read.confidence is not None:
-        unsure = ~np.isnan(tracks[..., 0]) & (read.confidence < least_confidence)
+        unsure = ~lost[..., 0] & (read.confidence < least_confidence)
         tracks = np.where(unsure[..., None], np.nan, tracks)
         if unsure.any():
             below = f"a confidence below {least_confidence:g}"
@@ -108,18 +100,6 @@ def read_tracks(
         problem = f"shows no marker in {len(empty)} frames ({listed})"
         raise fault(str(path), f"{problem}; track them again, or cut them off")
     return Tracks(tracks * [1.0, -1.0] if up else tracks, summary)
-
-
-def _check(path: Path, tracks: Trajectories) -> None:
-    lost = np.isnan(tracks)
-    if np.isinf(tracks).any():
-        frame, marker, _ = np.argwhere(np.isinf(tracks))[0]
-        problem = f"is infinite for marker {marker} in frame {frame}; write NaN where it is lost"
-        raise fault(str(path), problem)
-    if (half_known := lost[..., 0] != lost[..., 1]).any():
-        frame, marker = np.argwhere(half_known)[0]
-        problem = f"has only one coordinate of marker {marker} in frame {frame}; correct it"
-        raise fault(str(path), problem)
 
 
 def _array(path: Path) -> TrackFile:
@@ -151,12 +131,13 @@ def _table(path: Path) -> TrackFile:
         if text.startswith("scorer"):
             return _deeplabcut(path, text)
     table = read_table(path, EXAMPLE)
-    names = [row[: len(table.headers)] for row in [*table.above, table.headers]]
-    for headers in names:
-        lower = [name.lower() for name in headers]
-        for needed, read in _READERS.items():
-            if set(needed) <= set(lower):
-                return read(path, table._replace(headers=lower))
+    for headers in [*table.above, table.headers]:
+        lower = [name.lower() for name in headers[: len(table.headers)]]
+        if set(SLEAP) <= set(lower):
+            return _sleap(path, table._replace(headers=lower))
+        for program, columns in ROWS.items():
+            if set(columns) <= set(lower):
+                return _rows(path, table._replace(headers=lower), program)
     if wide := _wide(path, table):
         return wide
     present = ", ".join(table.headers[:8])
@@ -177,30 +158,34 @@ def _deeplabcut(path: Path, text: str) -> TrackFile:
         problem = f"begins as a table of DeepLabCut, but is none ({' '.join(str(error).split())})"
         raise fault(str(path), f"{problem}; export it again") from error
     coordinates = [str(name[-1]) for name in table.columns]
-    if len(columns) == 0 or coordinates != ["x", "y", LIKELIHOOD] * (len(coordinates) // 3):
+    if len(columns) == 0 or coordinates != ["x", "y", "likelihood"] * (len(coordinates) // 3):
         problem = "begins as a table of DeepLabCut, but its columns are not x, y, likelihood"
         raise fault(str(path), f"{problem}; export it again")
     of_markers = columns.reshape(len(columns), -1, 3)
     return TrackFile(of_markers[..., :2], "DeepLabCut", confidence=of_markers[..., 2])
 
 
-def _own(path: Path, table: Table) -> TrackFile:
-    return TrackFile(_from_rows(path, table, "marker"), "a picture")
-
-
-def _trackpy(path: Path, table: Table) -> TrackFile:
-    return TrackFile(_from_rows(path, table, "particle"), "trackpy")
-
-
-def _trackmate(path: Path, table: Table) -> TrackFile:
-    """Spots, of which those without a track are not markers; units in a row below the header."""
-    track = table.headers.index("track_id")
-    in_track = pd.to_numeric(table.rows[track], errors="coerce").notna()
-    units = next((row for row in reversed(table.above) if any(map(IN_BRACKETS.fullmatch, row))), [])
-    unit = units[table.headers.index("position_x")][1:-1] if units else ""
-    spots = table._replace(rows=table.rows[in_track].reset_index(drop=True))
-    tracks = _from_rows(path, spots, "track_id", "position_x", "position_y")
-    return TrackFile(tracks, "TrackMate", unit=unit if unit and unit not in PIXELS else None)
+def _rows(path: Path, table: Table, program: str) -> TrackFile:
+    """Rows in any order; a marker without a row in a frame is lost there."""
+    unit = ""
+    if program == "TrackMate":
+        # Units are in a row below the header, and spots without a track are not markers.
+        columns = zip(table.headers, *table.above, strict=False)
+        of_x = next(each for each in columns if each[0] == "position_x")
+        unit = next(filter(None, (name_and_unit(name)[1] for name in of_x[::-1])), "")
+        track = pd.to_numeric(table.rows[table.headers.index("track_id")], errors="coerce")
+        table = table._replace(rows=table.rows[track.notna()].reset_index(drop=True))
+    of_frame, of_marker, *_ = ROWS[program]
+    numbers = {name: _column(path, table, name) for name in ROWS[program]}
+    for name in (of_frame, of_marker):
+        numbers[name] = whole_numbers(path, name, numbers[name])
+    frames = _frames(path, numbers[of_frame])
+    rows = pd.DataFrame(numbers)
+    if rows.duplicated([of_frame, of_marker]).any():
+        raise fault(str(path), "has a marker twice in one frame; keep one row")
+    wide = rows.pivot(index=of_frame, columns=of_marker).to_numpy()
+    tracks = wide.reshape(len(frames), 2, -1).swapaxes(1, 2)
+    return TrackFile(tracks, program, unit="" if unit in PIXELS else unit)
 
 
 def _sleap(path: Path, table: Table) -> TrackFile:
@@ -212,7 +197,7 @@ def _sleap(path: Path, table: Table) -> TrackFile:
     shape = (len(frames), len(labels), len(nodes))
     values = np.full((3, *shape), np.nan)
     for number, node in enumerate(nodes):
-        for kind, name in enumerate((f"{node}.x", f"{node}.y", f"{node}.{SCORE}")):
+        for kind, name in enumerate((f"{node}.x", f"{node}.y", f"{node}.score")):
             if name in table.headers:
                 values[kind, frame - frames[0], track, number] = _column(path, table, name)
     x, y, score = values.reshape(3, len(frames), -1)
@@ -225,7 +210,7 @@ def _wide(path: Path, table: Table) -> TrackFile | None:
     """One row a frame, with two columns ``x`` and ``y`` for each marker."""
     columns: dict[tuple[str, str], dict[str, int]] = {}
     for number, header in enumerate(table.headers):
-        if match := X_AND_Y.fullmatch(without_unit(header)):
+        if match := X_AND_Y.fullmatch(name_and_unit(header)[0]):
             before, axis, after = match.group("before", "axis", "after")
             columns.setdefault((before, after), {})[axis.lower()] = number
     pairs = [(each["x"], each["y"]) for each in columns.values() if len(each) == 2]
@@ -236,15 +221,6 @@ def _wide(path: Path, table: Table) -> TrackFile | None:
         for pair in pairs
     ]
     return TrackFile(np.array(coordinates).transpose(2, 0, 1), "a picture")
-
-
-_READERS: dict[tuple[str, ...], Callable[[Path, Table], TrackFile]] = {
-    ("track_id", "position_x", "position_y", "frame"): _trackmate,
-    ("frame_idx", "track", "instance.score"): _sleap,
-    ("frame", "particle", "x", "y"): _trackpy,
-    ("frame", "marker", "x", "y"): _own,
-}
-"""Readers of tables, by the headers that they need in lower case."""
 
 
 def _column(path: Path, table: Table, name: str) -> Float[np.ndarray, " row"]:
@@ -281,16 +257,3 @@ def _frames(path: Path, frame: Int[np.ndarray, " row"]) -> Int[np.ndarray, " fra
     if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
         raise fault(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
     return frames
-
-
-def _from_rows(path: Path, table: Table, markers: str, x: str = "x", y: str = "y") -> Trajectories:
-    """Rows in any order; a marker without a row in a frame is lost there."""
-    frame = whole_numbers(path, "frame", _column(path, table, "frame"))
-    marker = whole_numbers(path, markers, _column(path, table, markers))
-    frames, (names, number) = _frames(path, frame), np.unique(marker, return_inverse=True)
-    if len(np.unique(np.stack([frame, marker], axis=1), axis=0)) < len(frame):
-        raise fault(str(path), "has a marker twice in one frame; keep one row")
-    tracks = np.full((len(frames), len(names), 2), np.nan)
-    for axis, name in enumerate((x, y)):
-        tracks[frame - frames[0], number, axis] = _column(path, table, name)
-    return tracks

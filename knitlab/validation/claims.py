@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, create_model
 from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_toml
-from knitlab.validation import comparison_checks, sample_checks
+from knitlab.validation import checks
 from knitlab.validation.margin import CheckResult, NotMeasured
 
 CLAIMS = "claims.toml"
@@ -22,18 +22,11 @@ Topic = Literal[
 TOPICS: tuple[Topic, ...] = get_args(Topic)
 
 
-def laboratory(cube: xr.Dataset, needs: str) -> CheckResult:
-    """A comparison with measurements that are not in the paper's text."""
-    raise NotMeasured(f"needs {needs}")
-
-
-CHECKS: dict[str, Callable[..., CheckResult]] = {"laboratory": laboratory}
-for _module in (sample_checks, comparison_checks):
-    CHECKS |= {
-        name: check
-        for name, check in inspect.getmembers(_module, inspect.isfunction)
-        if not name.startswith("_") and inspect.signature(check).return_annotation is CheckResult
-    }
+CHECKS: dict[str, Callable[..., CheckResult]] = {
+    name: check
+    for name, check in inspect.getmembers(checks, inspect.isfunction)
+    if not name.startswith("_") and inspect.signature(check).return_annotation is CheckResult
+}
 
 
 class Claim(StrictModel):

@@ -152,15 +152,15 @@ def test_curves_can_be_reduced_in_queries():
 
 
 def test_a_figure_shows_targets_and_designs():
-    from knitlab.figures.found_designs import found_figure
+    from knitlab.figures.nearest_designs import nearest_figure
 
     found = kl.find(cube(), targets=[CURVE, "knit_cell_x < 10"], most=3)
-    curves, sizes = found_figure(found).axes
+    curves, sizes = nearest_figure(found).axes
     assert len(curves.get_lines()) == 3 + 1
     assert sizes.collections[0].get_offsets()[:, 1].tolist() == found.table["value_2"].tolist()
     sensor = shipped("params").parent / "results" / "reference" / "sensor"
     straight = kl.find(sensor, targets="linearity(capacitance) > 0.9 @ 0.05:0.25")
-    assert found_figure(straight).axes[0].get_ylabel().endswith("[1]")
+    assert nearest_figure(straight).axes[0].get_ylabel().endswith("[1]")
 
 
 def test_a_target_may_be_an_expression_over_columns():

@@ -12,8 +12,13 @@ from PIL import Image
 from knitlab.cube.case_file import StoredCase, read_case
 from knitlab.cube.cube_file import open_cube
 from knitlab.cube.schema import Status
-from knitlab.explorer.cube_content import WHY_NOT, cube_content, variables_of
-from knitlab.explorer.run_report import MOST_FIGURES, figures_of
+from knitlab.explorer.cube_content import (
+    MOST_FIGURES,
+    WHY_NOT,
+    cube_content,
+    figures_of,
+    variables_of,
+)
 from knitlab.explorer.shapes import MOST_NODES, shape_of
 from tests.explorer.conftest import HOSTILE, PREVIEW, REFERENCE
 from tests.explorer.test_positions import unpacked

@@ -13,7 +13,7 @@ from knitlab.figures.kinds.curves import tension_curves
 from knitlab.figures.kinds.design_map import auxetic_map
 from knitlab.figures.kinds.samples import stretched_samples
 from knitlab.figures.kinds.sensitivity import sensitivity_map
-from knitlab.figures.style import ValueColours
+from knitlab.figures.style import value_colours
 from knitlab.io.errors import BadInput
 from knitlab.sweep.figure_names import FIGURE_NAMES
 from knitlab.sweep.plan import make_plan
@@ -86,9 +86,9 @@ def test_the_map_has_a_cell_for_every_design_and_none_for_what_cannot_be():
 def test_the_colour_bar_spans_the_values_and_zero_is_white():
     figure = auxetic_map([made_up_cube()])
     assert figure.axes[1].get_ylim() == pytest.approx((-0.8, 0.05))
-    colours = ValueColours.of(np.array([-0.8, 0.05]))
-    assert colours(0.0)[:3] == pytest.approx(colours(-0.0)[:3], abs=0.02)
-    assert min(colours(0.0)[:3]) > 0.95
+    colours = value_colours(np.array([-0.8, 0.05]))
+    assert colours.to_rgba(0.0)[:3] == pytest.approx(colours.to_rgba(-0.0)[:3], abs=0.02)
+    assert min(colours.to_rgba(0.0)[:3]) > 0.95
 
 
 def test_the_map_shows_the_ratio_at_a_selected_strain():

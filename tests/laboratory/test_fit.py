@@ -194,10 +194,17 @@ def test_an_interrupted_fit_continues_with_the_tests_that_it_has(
     assert resumed.factors == pytest.approx(alone.factors, rel=1e-9)
     assert resumed.tests == alone.tests
     assert len(simulated) == 2 * alone.tests
-    # A file that was cut off is simulated again.
-    for path in tmp_path.iterdir():
-        path.write_bytes(path.read_bytes()[:100])
-    assert fit_stripes(short, target, 0.2, starts=1, kept=tmp_path).tests == alone.tests
+    # A file that was cut off, emptied or changed is simulated again, and no other.
+    cut_off, emptied, changed = sorted(tmp_path.iterdir())[:3]
+    before = changed.read_bytes()
+    cut_off.write_bytes(cut_off.read_bytes()[:-8])
+    emptied.write_bytes(b"")
+    changed.write_bytes(before[:500] + bytes([before[500] ^ 1]) + before[501:])
+    simulated.clear()
+    again = fit_stripes(short, target, 0.2, starts=1, kept=tmp_path)
+    assert len(simulated) == 3
+    assert again.factors == resumed.factors
+    assert changed.read_bytes() == before
 
 
 @pytest.mark.slow

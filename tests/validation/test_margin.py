@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.validation import margin as margins
+from knitlab.validation.checks import weakest_significant
 from knitlab.validation.claims import read_claims
-from knitlab.validation.comparison_checks import weakest_significant
 from knitlab.validation.margin import (
     CheckResult,
     Grade,

@@ -19,9 +19,10 @@ from knitlab.figures.style import (
     MARKERS,
     TWO_COLUMNS,
     Look,
-    ValueColours,
+    colour_bar,
     name_rows,
     number,
+    value_colours,
 )
 from knitlab.io.errors import fault, unknown
 
@@ -61,19 +62,22 @@ def value_grid(
     height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
-    colours = ValueColours.of(values.values)
+    colours = value_colours(values.values)
     large = values.shape[1] <= MOST_COLUMNS and values.shape[0] <= MOST_ROWS
-    form = _same_decimals(values.values)
-    marked: set[Status] = set()
+    form, rgba = _same_decimals(values.values), colours.to_rgba(values.values)
+    marked, look = set[Status](), Look()
     for row, column in np.ndindex(values.shape):
         code, value = Status(int(status[row, column])), float(values[row, column])
         if code in RUN and np.isfinite(value):
+            look = {"facecolor": rgba[row, column]}
+            look |= {} if large else {"edgecolor": rgba[row, column], "linewidth": 0.2}
             text = number(value, form) if large else ""
-            cells.value_cell(axes, row, column, colours(value), text, fontsize=6)
-        elif code is not Status.excluded:
-            look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
-            cells.cell(axes, row, column, **look)
+            cells.cell(axes, row, column, text, letters={"fontsize": 6}, **look)
+        else:
             marked.add(code)
+            if code is not Status.excluded:
+                look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
+                cells.cell(axes, row, column, **look)
     names = ([_text(each, "g") for each in values[dim].values] for dim in (x, y))
     cells.name_columns_and_rows(axes, *names)
     label = f"{values.attrs.get('long_name', of)} [{values.attrs.get('units', '1')}]"
@@ -81,9 +85,8 @@ def value_grid(
         fill(text, 26, break_long_words=False) for text in (_axis_label(cube, y), label)
     )
     axes.set(xlabel=_axis_label(cube, x), ylabel=upright)
-    colours.bar(figure, axes, pad=0.01, label=label)
-    gaps = [cells.EMPTY] if (status == Status.excluded).any() else []
-    cells.marks_legend(figure, marked, NO_VALUE, gaps)
+    colour_bar(axes, colours, pad=0.01, label=label)
+    cells.marks_legend(figure, marked, NO_VALUE)
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
 

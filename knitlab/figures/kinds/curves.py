@@ -19,7 +19,7 @@ from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import RUN, STRIPE_DIMS, Status
 from knitlab.figures.cells import designs_of
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import TWO_COLUMNS, Colour, Look, shades
+from knitlab.figures.style import TWO_COLUMNS, Look, shades
 from knitlab.io.errors import fault
 
 BAND = 0.25  # opacity of a band
@@ -115,7 +115,7 @@ def _notes(designs: Sequence[xr.Dataset], rows: Iterable[str]) -> list[Artist]:
 
 
 def _draw_design(
-    column: Iterable[Axes], rows: Iterable[str], design: xr.Dataset, colour: Colour
+    column: Iterable[Axes], rows: Iterable[str], design: xr.Dataset, colour: Any
 ) -> None:
     measured = is_measured(design)
     label = f"{int(design['n_subunit'])} (P = {int(design['periods'])})"

@@ -1,6 +1,8 @@
 """Design maps over n_stripe and P: lowest Poisson's ratio, and sensitivity and working range."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from itertools import chain
 from math import dist
 from textwrap import fill
 from typing import NamedTuple
@@ -10,15 +12,26 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import with_columns
-from knitlab.figures.cells import EMPTY, PERIODS_LABEL, designs_of, draw_map, marks_legend
-from knitlab.figures.found_designs import non_dominated
+from knitlab.figures import cells
+from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import snapped_before
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.figures.nearest_designs import non_dominated
+from knitlab.figures.style import (
+    CATEGORY_COLOURS,
+    MARKERS,
+    TWO_COLUMNS,
+    Look,
+    colour_bar,
+    ink_on,
+    number,
+    value_colours,
+)
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
@@ -57,15 +70,72 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     axes = figure.add_subplot()
     label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
     label += "\n(negative: auxetic)"
-    marked, gaps = draw_map(figure, axes, cubes, name, label, text, signed=True)
-    axes.set_xlabel(PERIODS_LABEL)
+    marked = _draw_map(axes, cubes, name, label, text, signed=True)
+    axes.set_xlabel(cells.PERIODS_LABEL)
     said = "lowest ν, and the applied strain there" if lowest else "ν"
-    notes = [f"in each cell: (n_stripe, n_subunit), {said}", *([EMPTY] if gaps else [])]
+    notes = [f"in each cell: (n_stripe, n_subunit), {said}"]
     if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
         notes.append(SPREAD_NOTE)
     notes += sorted({note for design in designs for note in _notes(name, design)})
     marks_legend(figure, marked, NO_RATIO, notes, cubes)
     return figure
+
+
+def _draw_map(
+    axes: Axes,
+    cubes: Sequence[xr.Dataset],
+    name: str,
+    label: str,
+    text: Callable[[float, xr.Dataset], str],
+    signed: bool = False,
+) -> set[Status]:
+    """Draw a map of cells over n_stripe and P, with its colour bar; the statuses that it marks.
+
+    A measured design has a dashed frame; if it is simulated too, the measurement is the strip at
+    the bottom of its cell. Several experiments on one design are refused.
+    """
+    values = [cube[name].values.ravel() for cube in cubes if name in cube]
+    colours = value_colours(np.concatenate([np.empty(0), *values]), signed)
+    by_cell = defaultdict[tuple[int, float], list[xr.Dataset]](list)
+    for design in chain.from_iterable(map(designs_of, sorted(cubes, key=is_measured))):
+        n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
+        by_cell[n_stripe, n_subunit / (2 * n_stripe)].append(design)
+    if any(sum(map(is_measured, designs)) > 1 for designs in by_cell.values()):
+        raise fault("experiments", "there are several on one design; show one of them")
+    stripes, periods = (sorted({each[k] for each in by_cell}) for k in (0, 1))
+    marked = {Status.excluded} if len(by_cell) < len(stripes) * len(periods) else set[Status]()
+    for (n_stripe, p), designs in by_cell.items():
+        row, column = stripes.index(n_stripe), periods.index(p)
+        border = row - 0.5 + (0.42 if len(designs) > 1 else 0)
+        spans = (border, row + 0.5), (row - 0.5, border)
+        for design, (bottom, top) in zip(designs, spans, strict=False):
+            status = Status(int(design["status"]))
+            value = float(design[name]) if name in design else np.nan
+            valid = status is Status.ok and np.isfinite(value)
+            look: Look = (
+                {"facecolor": colours.to_rgba(np.array(value))} if valid else cells.MARKS[status]
+            )
+            ink = ink_on(look["facecolor"])
+            if design is designs[0]:
+                at: Look = {"xytext": (3, -3), "textcoords": "offset points", "va": "top"}
+                # Of a mark the name hides the hatching.
+                box = None if valid else {"fc": "white", "ec": "none", "pad": 0.8}
+                at |= {"fontsize": 6, "color": ink, "zorder": 4, "bbox": box}
+                axes.annotate(design_name(design), (column - 0.5, row + 0.5), **at)
+            shown = text(float(value), design) if valid else ""
+            letters: Look = {"fontsize": 7.5 if len(designs) == 1 else 6, "linespacing": 0.95}
+            cell(axes, row, column, shown, (bottom, top), letters, **look)
+            if not valid:
+                marked.add(status)
+            elif is_measured(design):
+                inset, frame = 0.015, cells.MEASURED | {"edgecolor": ink}
+                corner = column - 0.5 + inset, bottom + inset
+                size = 1 - 2 * inset, top - bottom - 2 * inset
+                axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
+    cells.name_columns_and_rows(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
+    axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
+    colour_bar(axes, colours, pad=0.01, label=label)
+    return marked
 
 
 def _notes(name: str, design: xr.Dataset) -> list[str]:
@@ -153,10 +223,9 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
         label = fill(merit.label, 18)
-        more, gaps = draw_map(figure, axes, cubes, merit.name, label, merit.text)
-        marked |= more
-    maps[1].set_xlabel(PERIODS_LABEL)
-    notes = ["in each cell: (n_stripe, n_subunit), value", *([EMPTY] if gaps else [])]
+        marked |= _draw_map(axes, cubes, merit.name, label, merit.text)
+    maps[1].set_xlabel(cells.PERIODS_LABEL)
+    notes = ["in each cell: (n_stripe, n_subunit), value"]
     notes += sorted({note for design in designs for note in _notes(merits[1].name, design)})
     marks_legend(figure, marked, NO_VALUE, notes, cubes)
     _draw_trade_off(below, cubes, merits)

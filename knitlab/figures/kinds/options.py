@@ -8,19 +8,18 @@ from matplotlib.patches import Patch
 
 from knitlab.figures.cells import cell, remove_frame
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import MINUS, TWO_COLUMNS, name_rows
+from knitlab.figures.style import MINUS, TWO_COLUMNS, Look, name_rows
 from knitlab.io.errors import fault
 from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.margin import Grade, signed
 from knitlab.validation.option_ranking import RankedOptions, differing, ranked_options
 
 MOST = 16  # largest number of sets of options that the figure shows
-# Colour of a cell and of its text.
-LOOKS = {
-    Grade.holds: ("#0072B2", "white"),
-    Grade.near_miss: ("#F5D7A1", "black"),
-    Grade.fails: ("#E69F00", "black"),
-    Grade.not_measured: ("white", "black"),
+COLOURS = {
+    Grade.holds: "#0072B2",
+    Grade.near_miss: "#F5D7A1",
+    Grade.fails: "#E69F00",
+    Grade.not_measured: "white",
 }
 NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quarter of it"
 UNSTATED = {"drag": 0}  # labels of options that are stated only if they have an effect
@@ -45,11 +44,10 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     for column, options in enumerate(shown):
         for row, name in enumerate(names):
             result = options.results[name]
-            colour, ink = LOOKS[result.grade]
-            edge = "0.85" if result.margin is None else "white"
-            cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
+            look: Look = {"facecolor": COLOURS[result.grade], "linewidth": 0.8}
+            look["edgecolor"] = "0.85" if result.margin is None else "white"
             margin = signed(result.margin).replace("-", MINUS)
-            axes.text(column, row, margin, ha="center", va="center", color=ink, fontsize=5.5)
+            cell(axes, row, column, margin, letters={"fontsize": 5.5}, **look)
     axes.set_xlim(-0.5, len(shown) - 0.5)
     heads = [_head(options, varied) for options in shown]
     axes.set_xticks(range(len(shown)), heads, fontsize=5.5, linespacing=1.1)
@@ -64,7 +62,7 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
         figure.suptitle(f"the best {len(shown)} of {len(ranked)} sets of model options", fontsize=7)
     handles = [
         Patch(facecolor=colour, edgecolor="0.7", label=grade.value)
-        for grade, (colour, _) in LOOKS.items()
+        for grade, colour in COLOURS.items()
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
@@ -15,7 +16,7 @@ from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.cells import design_name, designs_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
-from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
+from knitlab.figures.style import TWO_COLUMNS, Look, colour_bar, value_colours
 from knitlab.io.errors import fault
 from knitlab.meshes.fabric import on_grid_cells
 
@@ -43,13 +44,13 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     grid = figure.subplots(len(COMPONENTS), len(shown), squeeze=False)
     for row, (name, label) in zip(grid, COMPONENTS.items(), strict=True):
         values = np.concatenate([sample[name].values.ravel() for sample in shown])
-        colours = ValueColours.of(values, signed=True)
+        colours = value_colours(values, signed=True)
         for axes, sample in zip(row, shown, strict=True):
-            _draw_cells(axes, sample, sample[name], colours)
+            _draw_cells(axes, sample, name, colours)
             title = design_name(sample)
             title += f" {source_of(sample)}" if is_measured(sample) else ""
             axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
-        colours.bar(figure, list(row), label=f"{label} [1]", shrink=0.9)
+        colour_bar(list(row), colours, label=f"{label} [1]", shrink=0.9)
     strains = dict.fromkeys(f"{float(sample['applied_strain']):.0%}" for sample in shown)
     figure.suptitle(f"applied strain {' and '.join(strains)}", fontsize="medium")
     averaged = Patch(**CENTRAL, label="unit cells over which strains are averaged")
@@ -72,16 +73,16 @@ def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     return sorted(shown, key=lambda each: order.get(design_name(each), len(order)))
 
 
-def _draw_cells(axes: Axes, sample: xr.Dataset, field: xr.DataArray, colours: ValueColours) -> None:
+def _draw_cells(axes: Axes, sample: xr.Dataset, name: str, colours: ScalarMappable) -> None:
     from knitlab.measure.unit_cells import central
 
-    observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
+    observed = sample[name].dropna("cell_y", how="all").dropna("cell_x", how="all")
     rows, columns = observed.shape
     # Relaxed sizes of an experiment are those of the cloth.
     kind = "knit" if "knit_cell_x" in sample else "relaxed"
     width, height = (float(sample[f"{kind}_cell_{direction}"]) for direction in "xy")
     x, y = width * np.arange(columns + 1), height * np.arange(rows + 1)
-    look: Look = {"cmap": colours.colours, "norm": colours.norm, "edgecolors": "0.8", "lw": 0.3}
+    look: Look = {"cmap": colours.cmap, "norm": colours.norm, "edgecolors": "0.8", "lw": 0.3}
     axes.pcolormesh(x, y, observed.values, **look)
     inner_y, inner_x = central(rows), central(columns)
     corner = x[inner_x.start], y[inner_y.start]
@@ -104,7 +105,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")
     states = [case.sel(applied_strain=strain) for case in cases for strain in strains.values]
     values = np.concatenate([state["strain_xx"].values.ravel() for state in states])
-    by_strain = ValueColours.of(values, signed=True)
+    by_strain = value_colours(values, signed=True)
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
     widths, heights = 1.1 * np.transpose(spans)
     height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
@@ -115,8 +116,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         faces = faces_of(nodes - [0, nodes[..., 1].min(), 0])
         case = case_of(json.loads(state.attrs["parameters"]))
         local = on_grid_cells(case, state["strain_xx"].values).ravel()
-        colours = by_strain.colours(by_strain.norm(local))
-        draw_faces(axes, faces, shaded(faces, colours))
+        draw_faces(axes, faces, shaded(faces, by_strain.to_rgba(local)))
         patterned = "pattern" in state.coords
         design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
         cells_y, cells_x = state["strain_xx"].shape
@@ -125,7 +125,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     grid[0].set_ylabel(f"y, warp [{length_unit(cases[0])}]")
     figure.supxlabel(f"x, weft [{length_unit(cases[0])}]", fontsize="medium")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
-    by_strain.bar(figure, list(grid), label=label, shrink=0.8, aspect=30)
+    colour_bar(list(grid), by_strain, label=label, shrink=0.8, aspect=30)
     return figure
 
 

@@ -1,6 +1,5 @@
 """The sensitivity map: which stripe parameter the Poisson's ratio of each design depends on."""
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -8,7 +7,7 @@ from matplotlib.figure import Figure
 from knitlab.cube.schema import Status
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, ValueColours, number
+from knitlab.figures.style import TWO_COLUMNS, Look, colour_bar, number, value_colours
 from knitlab.io.errors import fault
 
 QUANTITY = "poisson_ratio_sensitivity"
@@ -43,26 +42,25 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         # One design near a snap would dominate the colours of all.
         bound = min(bound, MOST_OVER_MEDIAN * float(np.median(largest)))
     bound = bound or 1.0
-    norm = mpl.colors.Normalize(-bound, bound)
-    colours = ValueColours(norm, mpl.colormaps[STRAIN_COLOURS], -bound, bound)
+    colours = value_colours(np.array([-bound, bound]))
+    rgba = colours.to_rgba(values)
     figure = Figure(figsize=(TWO_COLUMNS, 1.7 + 0.24 * len(designs)), layout="constrained")
     axes = figure.add_subplot()
     marked: set[Status] = set()
     for row, (design, sensitivities) in enumerate(zip(designs, values, strict=True)):
-        status, valid = Status(int(design["status"])), np.isfinite(sensitivities).all()
+        if not np.isfinite(sensitivities).all():
+            status = Status(int(design["status"]))
+            marked.add(status)
+            for column in columns:
+                cells.cell(axes, row, column, **cells.MARKS[status])
+            continue
         leading = int(np.argmax(np.abs(sensitivities)))
         for k, (column, value) in enumerate(zip(columns, sensitivities, strict=True)):
-            if valid:
-                text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
-                weight = "bold" if k == leading else "normal"
-                cells.value_cell(axes, row, column, colours(value), text, weight=weight)
-            else:
-                cells.cell(axes, row, column, **cells.MARKS[status])
-        if valid:
-            frame: Look = {"facecolor": "none", "edgecolor": "black", "zorder": 3}
-            cells.cell(axes, row, columns[leading], **frame)
-        else:
-            marked.add(status)
+            text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
+            letters: Look = {"weight": "bold" if k == leading else "normal"}
+            cells.cell(axes, row, column, text, letters=letters, facecolor=rgba[row, k])
+        frame: Look = {"facecolor": "none", "edgecolor": "black", "zorder": 3}
+        cells.cell(axes, row, columns[leading], **frame)
     of_stripes = [name.partition("_") for name in parameters]
     axes.set_xticks(columns, [SYMBOLS.get(name, PERIODS[knit]) for knit, _, name in of_stripes])
     strains = [float(design["applied_strain_at_min"]) for design in designs]
@@ -78,7 +76,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     cells.remove_frame(axes)
     extend = "both" if np.nanmax(np.abs(values), initial=0) > bound else "neither"
     label = "$p\\,\\partial\\nu/\\partial p$ [1]"
-    colours.bar(figure, axes, pad=0.01, extend=extend, label=label)
+    colour_bar(axes, colours, pad=0.01, extend=extend, label=label)
     figure.supxlabel(NOTE, fontsize="medium")
     cells.marks_legend(figure, marked, "no derivative, or no lowest ratio")
     return figure

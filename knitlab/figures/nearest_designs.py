@@ -1,4 +1,4 @@
-"""Designs found for targets: what was wanted, what they have, and how targets conflict."""
+"""Designs nearest to targets: what was wanted, what they have, and how targets conflict."""
 
 import numpy as np
 import pandas as pd
@@ -19,17 +19,17 @@ NAMED_BY = ("n_stripe", "n_subunit", "pattern")
 COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of the designs
 
 
-def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:
+def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) -> Figure:
     """A row of panels for each target: what is wanted in green, and the nearest designs.
 
     With ``bands`` the range over the siblings of a design is shaded, and curves have a panel for
     each design, as bands would cover each other.
     """
-    names = [_name(found, number) for number in range(min(MOST_SHOWN, len(found.table)))]
-    rows = len(found.reached)
+    names = [_name(nearest, number) for number in range(min(MOST_SHOWN, len(nearest.table)))]
+    rows = len(nearest.reached)
     figure = Figure(figsize=(TWO_COLUMNS, 2.4 * rows + 0.6), layout="constrained")
     panels_of_targets = figure.subfigures(rows, 1, squeeze=False)[:, 0]
-    for row, reached in zip(panels_of_targets, found.reached, strict=True):
+    for row, reached in zip(panels_of_targets, nearest.reached, strict=True):
         banded = bands and len(reached.band) == 2
         curved = reached.target.reduction is None and len(reached.at) > 1
         count = len(names) if curved and banded else 1
@@ -84,8 +84,8 @@ def _label(target: Target) -> str:
     return f"{name}\n[{unit}]"
 
 
-def _name(found: Found, number: int) -> str:
-    row = found.table.iloc[number]
+def _name(nearest: Found, number: int) -> str:
+    row = nearest.table.iloc[number]
     labels = ", ".join(str(row[name]) for name in NAMED_BY if name in row)
     if "candidate" in row:
         return f"candidate {row['candidate']}: ({labels})"
