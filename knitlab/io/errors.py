@@ -29,11 +29,10 @@ class BadInput(Exception):
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults = tuple(faults)
-        super().__init__("\n".join(map(str, self.faults)))
+        super().__init__(self.faults)
 
-    def __reduce__(self) -> tuple[type["BadInput"], tuple[tuple["Fault", ...]]]:
-        """Pickle it by its faults, as workers return it."""
-        return type(self), (self.faults,)
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.faults))
 
 
 class CannotWrite(BadInput):

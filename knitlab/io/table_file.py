@@ -25,6 +25,7 @@ NUMBER = re.compile(r"[+-]?((\d{1,3}(,\d{3})+|\d+)(\.\d*)?|\.\d+)(e[+-]?\d+)?", 
 """A number with a decimal point, and perhaps commas between thousands."""
 EXCHANGED = str.maketrans(".,", ",.")
 IN_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
+WITH_UNIT = re.compile(rf"(?P<name>.*?)\s*(?P<unit>{IN_BRACKETS.pattern})")
 WORKBOOKS = (".xlsx", ".xlsm")
 SEEN = 400  # lines that decide on separator and decimal mark
 OF_SPACES = 0.67  # weight of what spaces explain, as they are within texts too
@@ -123,9 +124,9 @@ def read_columns(
     lower = [header.lower() for header in bare]
     columns, faults = {}, list[Fault]()
     for name in (*names, *optional):
-        where, wanted = f"{path}: column {name}", name_and_unit(name)[0]
-        known = next((each for each in (bare, lower) if wanted in each), [])
-        known, wanted = (headers, name) if name in headers else (known, wanted)
+        where, spellings = f"{path}: column {name}", (name, name_and_unit(name)[0])
+        pairs = product((headers, bare, lower), spellings)
+        known, wanted = next((pair for pair in pairs if pair[1] in pair[0]), ([], name))
         if known.count(wanted) == 1:
             column = known.index(wanted)
             columns[name], wrong = numbers_of(path, name, rows[column])
@@ -144,10 +145,8 @@ def read_columns(
 
 def name_and_unit(header: str) -> tuple[str, str]:
     """A header without the unit in brackets that ends it, and that unit."""
-    if not header.endswith((")", "]")):
-        return header, ""
-    brackets = IN_BRACKETS.findall(header) or [""]
-    return IN_BRACKETS.sub("", header).strip(), brackets[-1][1:-1].strip()
+    match = WITH_UNIT.fullmatch(header)
+    return (match["name"], match["unit"][1:-1].strip()) if match else (header, "")
 
 
 def _unit_faults(where: str, header: str, unit: str | None) -> list[Fault]:

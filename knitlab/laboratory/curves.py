@@ -80,10 +80,9 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         if name not in cell:
             continue
         scale = across if name == "reaction_force" else 1.0
-        values[row] = scale * cell[name].values
-        known = np.nan_to_num(scale * cell[f"{name}_error"].values)
+        values[row], known = (scale * cell[each].values for each in (name, f"{name}_error"))
         # The error of the model is a fraction of the largest value of a curve.
-        errors[row] = np.hypot(known, model_error * np.nanmax(np.abs(values[row])))
+        errors[row] = np.hypot(np.nan_to_num(known), model_error * np.nanmax(np.abs(values[row])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
     if pulled.sum() < FEWEST_STRAINS:
         problem = f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"

@@ -100,9 +100,8 @@ def fit_stripes(
     if first is None:
         problem = "the test with the tabulated stripes does not converge at every strain; choose a"
         raise fault(case.label, f"{problem} smaller strain_max, or another sample")
-    lower, upper = search.bounds
     quantiles = qmc.Halton(len(FITTED), rng=0).random(starts)
-    others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)
+    others = np.clip(looseness * norm.ppf(quantiles[1:]), *(INSIDE * search.bounds))
     best = last = search.from_start(tables)
     for start in others:
         if search.is_met(last.chi_squared):
@@ -125,21 +124,27 @@ def _by_name(values: Float[np.ndarray, " name"]) -> Factors:
     return dict(zip(FITTED, values.tolist(), strict=True))
 
 
+@dataclass
 class _Search:
     """Simulated tests of a search; the last one is kept for its derivatives."""
 
-    def __init__(
-        self, case: Case, target: MeasuredTest, looseness: float, step: Step, kept: Path | None
-    ) -> None:
-        self.case, self.target, self.looseness, self.step = case, target, looseness, step
-        self.kept = kept
-        upper = np.full(len(FITTED), np.log(LARGEST_FACTOR))
-        upper[FITTED.index("rib_theta_0")] = np.log(LARGEST_REST_ANGLE / case.weft.theta_0)
-        upper[FITTED.index("garter_theta_0")] = np.log(LARGEST_REST_ANGLE / case.warp.theta_0)
-        self.bounds = np.full(len(FITTED), -np.log(LARGEST_FACTOR)), upper
-        self.tests = self.without_derivatives = 0
-        self.near: SimulatedTest | None = None
-        self.point = b""
+    case: Case
+    target: MeasuredTest
+    looseness: float
+    step: Step
+    kept: Path | None
+    tests: int = 0
+    without_derivatives: int = 0
+    near: SimulatedTest | None = None
+    point: bytes = b""  # parameters of the test that is near
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 name"]:
+        """Lower and upper bounds of the logarithms."""
+        largest = dict.fromkeys(FITTED, LARGEST_FACTOR)
+        for name, stripe in (("rib", self.case.weft), ("garter", self.case.warp)):
+            largest[f"{name}_theta_0"] = LARGEST_REST_ANGLE / stripe.theta_0
+        return np.log([[1 / LARGEST_FACTOR] * len(FITTED), [*largest.values()]])
 
     def with_parameters(self, logarithms: Logarithms) -> Case:
         return with_factors(self.case, _by_name(np.exp(logarithms)))
@@ -154,9 +159,8 @@ class _Search:
         return test
 
     def converged(self, logarithms: Logarithms) -> SimulatedTest:
-        """The test at a point where a test has already converged."""
         test = self.test(logarithms)
-        assert test is not None
+        assert test is not None  # as it has converged there already
         return test
 
     def _simulated(self, case: Case, near: SimulatedTest | None) -> SimulatedTest | None:
@@ -180,17 +184,9 @@ class _Search:
     def from_start(self, point: Logarithms) -> _Optimum:
         """Search from a start whose test is already simulated."""
         for _ in range(MOST_SEARCHES):
-            result = least_squares(
-                self.residuals,
-                point,
-                jac=self.jacobian,
-                bounds=self.bounds,
-                x_scale=self.looseness,
-                ftol=TOLERANCE,
-                xtol=TOLERANCE,
-                gtol=None,
-                max_nfev=MOST_TESTS,
-            )
+            rules = {"ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": None, "max_nfev": MOST_TESTS}
+            scaled = {"bounds": self.bounds, "x_scale": self.looseness}
+            result = least_squares(self.residuals, point, self.jacobian, **scaled, **rules)
             point, fitted = result.x, self.converged(result.x)
             confirmed = self.test(point, flat=True)
             chi_squared = np.inf if confirmed is None else self.target.chi_squared(confirmed.values)
@@ -228,11 +224,10 @@ class _Search:
 
     def concluded(self, first: SimulatedTest, best: _Optimum) -> Fit:
         """The fit of the best search, after the first test, with the tabulated stripes."""
-        slopes = best.result.jac
-        covariance = np.linalg.inv(slopes.T @ slopes)
+        covariance = np.linalg.inv(best.result.jac.T @ best.result.jac)
         errors = np.sqrt(np.diag(covariance))
         curves = first.values, (best.confirmed or best.fitted).values
-        before, after = (self.target.chi_squared(each) for each in curves)
+        before, after = map(self.target.chi_squared, curves)
         return Fit(
             before=self.case,
             after=self.with_parameters(best.result.x),
@@ -251,8 +246,7 @@ class _Search:
     def _warnings(self, best: _Optimum, chi_squared: float) -> Iterator[str]:
         if not best.result.success:
             yield f"the search did not converge in {self.tests} tests; do not use it"
-        lower, upper = self.bounds
-        room = np.minimum(best.result.x - lower, upper - best.result.x)
+        room = np.abs(best.result.x - self.bounds).min(axis=0)
         for name, left in zip(FITTED, room, strict=True):
             if left < AT_BOUND:
                 yield f"{name} is at a bound of the search"
@@ -262,16 +256,14 @@ class _Search:
             yield "the fitted fabric, tested from the flat sheet, does not converge; do not use it"
         elif not (self.is_same(best.fitted, best.confirmed) or self.is_met(best.chi_squared)):
             yield (
-                f"the fabric has several states, and {MOST_SEARCHES} searches reached others than"
-                " a test of their result; the match is that of the test, and the standard errors"
-                " are not reliable"
+                f"the fabric has several states, and {MOST_SEARCHES} searches reached others than a"
+                " test of their result; the match is that of the test, and the standard errors are"
+                " not reliable"
             )
         freedom = max(int(self.target.measured.sum()) - len(FITTED), 1)
         if (spread := chi_squared / freedom) > POOR_FIT:
-            yield (
-                f"the difference from the test is {np.sqrt(spread):.1f} times its errors; the"
-                " standard errors do not include this"
-            )
+            difference = f"the difference from the test is {np.sqrt(spread):.1f} times its errors"
+            yield f"{difference}; the standard errors do not include this"
 
 
 def report(fit: Fit) -> Iterator[str]:
@@ -302,16 +294,11 @@ def fitted_material(fit: Fit, experiment: Path) -> Material:
     stripes, sheet = (fit.after.weft, fit.after.warp), fit.after.sheet
     sources = [f"knitlab fit {experiment}"]
     for knit in (stripe.knit for stripe in stripes):
-        errors = (
+        errors = [
             f"{name.removeprefix(f'{knit}_')} {error:.1%}"
             for name, error in fit.standard_errors.items()
             if name.startswith(knit)
-        )
+        ]
         sources.append(f"{knit}: standard errors {', '.join(errors)}")
-    return Material(
-        stripes,
-        name=f"fit of {experiment.name}",
-        z_max=sheet.z_max,
-        thickness=sheet.thickness,
-        source="; ".join([*sources, *fit.warnings]),
-    )
+    name, source = f"fit of {experiment.name}", "; ".join([*sources, *fit.warnings])
+    return Material(stripes, name=name, z_max=sheet.z_max, thickness=sheet.thickness, source=source)

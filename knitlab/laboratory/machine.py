@@ -107,10 +107,9 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
     if not lowest > 0:
         problem = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
         raise fault(f"{path}: column {table.capacitance.column}", problem)
-    if table.starts is not None:
-        time = log["time"] + table.starts.to("s")
-    else:  # then both logs have a trigger
-        time = log["time"] + (pulls.triggered - triggered)
+    # Without starts, both logs have a trigger.
+    starts = table.starts.to("s") if table.starts else pulls.triggered - triggered
+    time = log["time"] + starts
     first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
         problem = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran"
@@ -139,7 +138,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
             }
         return values | sensor_values(strains[finite], capacitance[finite], least)
 
-    shift = f"the meter's clock is {time[0] - log['time'][0]:+.3g} s from the machine's"
+    shift = f"the meter's clock is {starts:+.3g} s from the machine's"
     remarks = [_left_out(dropped)] if dropped else []
     return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary, shift, *remarks]
 
@@ -152,15 +151,13 @@ def _read_log(
     A row is bad if a reading is an overload, or the status of a meter is not 0. The time at
     which the trigger rose is NaN without one.
     """
-    present = (name for name in (*COLUMN_UNITS, "trigger", "status") if getattr(table, name, None))
-    columns = {name: getattr(table, name) for name in present}
+    names, of_meter = (*COLUMN_UNITS, "trigger", STATUS), isinstance(table, CapacitanceTable)
+    columns = {name: column for name in names if (column := getattr(table, name, None))}
     units = {column.column: getattr(column, "unit", None) for column in columns.values()}
-    of_meter = isinstance(table, CapacitanceTable)
     numbers = read_columns(path, units, EXAMPLE, optional=(STATUS,) if of_meter else ())
-    readings = np.array([numbers[each.column] for each in columns.values()])
-    good = (np.abs(readings) < OVERLOAD).all(axis=0)
+    good = np.all([np.abs(numbers[name]) < OVERLOAD for name in units], axis=0)
     if of_meter:
-        status = columns["status"].column if "status" in columns else STATUS
+        status = columns[STATUS].column if STATUS in columns else STATUS
         good &= numbers.get(status, np.zeros(len(good))) == 0
     numbers = {name: column[good] for name, column in numbers.items()}
     values = {
@@ -173,8 +170,8 @@ def _read_log(
         problem = f"has {len(time)} rows of measurements; give at least {FEWEST_POINTS}"
         raise fault(str(path), problem)
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
-        at = falls[0]
-        points = f"point {at + 1} to point {at + 2} ({time[at]:g} s to {time[at + 1]:g} s)"
+        (one, other), at = time[falls[0] :][:2], falls[0] + 1
+        points = f"point {at} to point {at + 1} ({one:g} s to {other:g} s)"
         problem = f"does not rise from {points}; sort the rows, and keep one of each time"
         raise fault(f"{path}: column {table.time.column}", problem)
     if table.trigger is None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from knitlab.io.errors import fault
 from knitlab.io.table_file import read_columns
@@ -18,7 +18,7 @@ from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.track_checks import without_implausible
 from knitlab.laboratory.track_formats import Trajectories, read_tracks, whole_numbers
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
-from knitlab.measure.records import resampled
+from knitlab.measure.records import Record, resampled
 from knitlab.measure.unit_cells import (
     central_mean,
     lattice_vectors,
@@ -28,6 +28,8 @@ from knitlab.measure.unit_cells import (
     poisson_ratio_of_test,
 )
 
+Vector = Float[np.ndarray, "2"]
+Strains = Float[np.ndarray, " frame"]  # applied, of every frame
 POSITIONS_EXAMPLE = "write it as in 'marker,row,column'"
 LARGEST_AT_REST = 0.25  # strain of the reference shape over the first applied strain
 LEAST_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
@@ -64,9 +66,7 @@ class MarkedSample:
             summary += f"; markers {strays} are not on the grid and are ignored"
         return summary
 
-    def motion(
-        self, strain: Float[np.ndarray, " frame"]
-    ) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
+    def motion(self, strain: Strains) -> tuple[Vector, Vector, Vector]:
         """Where the pull is largest: motion of the middle, last row from first, and last column."""
         pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
         moved = self.corners[pulled] - self.relaxed
@@ -112,7 +112,8 @@ def read_markers(folder: Path, description: Description) -> Imports:
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
     check_pull(path, marked, strain)
-    values = [marker_values(marked, requested, strain[span], span) for span in spans]
+    strains = np.array(requested)
+    values = [marker_values(marked, strains, strain[span], span) for span in spans]
     mean, error = values[0]["mean_strain_yy"], values[0]["mean_strain_yy_error"]
     if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(error[0])):
         problem = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
@@ -169,19 +170,15 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     if abs(misaligned) > LARGEST_MISALIGNMENT:
         problem = f"are {misaligned:.0f}° from the rows and columns of markers"
         raise fault(f"{path}: weft and warp", f"{problem}; correct them, or give turned")
-    for size, stated, count, side in (
-        (sizes[0], sample.width.to("mm"), columns, "width"),
-        (sizes[1], sample.length.to("mm"), rows, "length"),
-    ):
+    for size, count, side in zip(sizes, (columns, rows), ("width", "length"), strict=True):
+        stated = getattr(sample, side).to("mm")
         if not 1 / LARGEST_SIZE_RATIO < size * count / stated < LARGEST_SIZE_RATIO:
             problem = f"is {stated:.4g} mm for {count} unit cells, but the markers give"
             remedy = "correct it, unit_cells, pixel or markers_per_cell"
             raise fault(f"{path}: sample.{side}", f"{problem} {size:.4g} mm each; {remedy}")
 
 
-def along_pull(
-    path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]
-) -> MarkedSample:
+def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSample:
     """The same markers, rotated so that the pull is along y.
 
     If one clamp moves, the middle of the sample drifts along the pull: the sample is symmetric
@@ -213,7 +210,7 @@ def along_pull(
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
 
 
-def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]) -> None:
+def check_pull(path: Path, marked: MarkedSample, strain: Strains) -> None:
     """Refuse a sample whose middle moves along its weft, to which also its columns are pulled.
 
     So it is if coordinates are in the order (row, column), and the sample about as long as wide.
@@ -226,19 +223,16 @@ def check_pull(path: Path, marked: MarkedSample, strain: Float[np.ndarray, " fra
         raise fault(str(path), f"{problem} order of the coordinates, which is x, y")
 
 
-def _median(vectors: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "2"]:
+def _median(vectors: Float[np.ndarray, "*any 2"]) -> Vector:
     known = vectors[np.isfinite(vectors).all(axis=-1)]
     return np.median(known, axis=0) if len(known) else np.zeros(2)
 
 
 def marker_values(
-    marked: MarkedSample,
-    requested: Sequence[float],
-    strain: Float[np.ndarray, " frame"],
-    frames: np.ndarray,
+    marked: MarkedSample, strains: Record, strain: Strains, frames: Int[np.ndarray, " frame"]
 ) -> Values:
     """Strains and Poisson's ratio at the requested strains, from some frames at given strains."""
-    strains, corners = np.asarray(requested), marked.corners[frames]
+    corners = marked.corners[frames]
     values: Values = {}
     for name, field in zip(("xx", "yy"), local_strain(marked.relaxed, corners), strict=True):
         mean = resampled(strains, strain, np.asarray(central_mean(field)))

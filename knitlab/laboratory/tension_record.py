@@ -1,6 +1,5 @@
 """Records of a testing machine on a pure fabric: repeats, cycles and noise become one curve."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,11 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.table_file import factor_of, numbers_of, read_table
+from knitlab.io.table_file import factor_of, name_and_unit, numbers_of, read_table
 from knitlab.measure.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
-HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
 NAMES = {
     "strain": ("strain", "axial strain", "tensile strain"),
     "extension": ("extension", "displacement", "elongation", "crosshead", "position"),
@@ -103,15 +101,14 @@ def _columns(path: Path, sizes: dict[str, float | None]) -> tuple[dict[str, Reco
     columns: dict[str, tuple[int, str]] = {}
     faults = []
     for number, header in enumerate(headers):
-        match = HEADER.fullmatch(header)
-        name, unit = (match["name"], match["unit"].strip()) if match else (header, "")
-        kind = next((kind for kind, names in NAMES.items() if name.strip().lower() in names), None)
+        name, unit = name_and_unit(header)
+        kind = next((kind for kind, names in NAMES.items() if name.lower() in names), None)
         if kind is None:
             continue
         if not unit and kind != "repeat":
-            faults.append(Fault(f"{path}: column {name.strip()}", f"has no unit; {EXAMPLE}"))
+            faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if kind in columns:
-            faults.append(Fault(f"{path}: column {name.strip()}", "occurs twice; keep one"))
+            faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
         columns[kind] = number, unit
     along = "strain" if "strain" in columns else "extension"
     loads = [name for name in ("force", "stress") if name in columns]

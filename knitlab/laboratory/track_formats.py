@@ -32,21 +32,15 @@ ROWS = {
 SLEAP = ("frame_idx", "track", "instance.score")
 
 
-class TrackFile(NamedTuple):
-    """What a tracker has written, in the axes of its file."""
+class Tracks(NamedTuple):
+    """What a tracker has written: in the axes of its file, or as read with y down."""
 
-    tracks: Trajectories  # NaN where a marker is lost
+    positions: Trajectories  # NaN where a marker is lost
     program: str
     y_axis: YAxis = "down"  # direction in which y increases in the picture
     confidence: Float[np.ndarray, "frame marker"] | None = None  # from 0 to 1, where stated
     unit: str = ""  # of the positions, if it is not the pixel
-
-
-class Tracks(NamedTuple):
-    """Trajectories in pixels, y down, NaN where a marker is lost; and sentences on how."""
-
-    positions: Trajectories
-    summary: list[str]
+    summary: tuple[str, ...] = ()  # sentences on what was read, and what was left out
 
 
 def read_tracks(
@@ -71,7 +65,7 @@ def read_tracks(
         if faults or not np.isclose(factor, pixel):
             stated = f'pixel = {{ value = 1, unit = "{read.unit}" }}'
             raise fault(str(path), f"has positions in {read.unit}; give {stated}")
-    tracks, summary = read.tracks, []
+    tracks, summary = read.positions, []
     lost = np.isnan(tracks)
     if np.isinf(tracks).any():
         frame, marker, _ = np.argwhere(np.isinf(tracks))[0]
@@ -99,10 +93,11 @@ def read_tracks(
         listed = ", ".join(map(str, empty[:5])) + (", …" if len(empty) > 5 else "")
         problem = f"shows no marker in {len(empty)} frames ({listed})"
         raise fault(str(path), f"{problem}; track them again, or cut them off")
-    return Tracks(tracks * [1.0, -1.0] if up else tracks, summary)
+    tracks = tracks * [1.0, -1.0] if up else tracks
+    return read._replace(positions=tracks, y_axis="down", summary=tuple(summary))
 
 
-def _array(path: Path) -> TrackFile:
+def _array(path: Path) -> Tracks:
     try:
         with path.open("rb") as file:
             if file.read(len(MAGIC_PREFIX)) != MAGIC_PREFIX:
@@ -122,10 +117,10 @@ def _array(path: Path) -> TrackFile:
         raise fault(str(path), problem)
     if not tracks.size:
         raise fault(str(path), f"is empty, of shape {tracks.shape}; track some markers")
-    return TrackFile(tracks.astype(float), "tracking-markers", y_axis="up")
+    return Tracks(tracks.astype(float), "tracking-markers", y_axis="up")
 
 
-def _table(path: Path) -> TrackFile:
+def _table(path: Path) -> Tracks:
     if path.suffix.lower() != ".xlsx":
         text = read_text(path).lstrip()
         if text.startswith("scorer"):
@@ -144,7 +139,7 @@ def _table(path: Path) -> TrackFile:
     raise fault(str(path), f"has no columns of markers, but {present}; {EXAMPLE}")
 
 
-def _deeplabcut(path: Path, text: str) -> TrackFile:
+def _deeplabcut(path: Path, text: str) -> Tracks:
     """Rows ``scorer``, perhaps ``individuals``, ``bodyparts`` and ``coords`` above the numbers."""
     begins = [line.split(",")[0] for line in text.splitlines()[:6]]
     if "coords" not in begins:
@@ -162,10 +157,10 @@ def _deeplabcut(path: Path, text: str) -> TrackFile:
         problem = "begins as a table of DeepLabCut, but its columns are not x, y, likelihood"
         raise fault(str(path), f"{problem}; export it again")
     of_markers = columns.reshape(len(columns), -1, 3)
-    return TrackFile(of_markers[..., :2], "DeepLabCut", confidence=of_markers[..., 2])
+    return Tracks(of_markers[..., :2], "DeepLabCut", confidence=of_markers[..., 2])
 
 
-def _rows(path: Path, table: Table, program: str) -> TrackFile:
+def _rows(path: Path, table: Table, program: str) -> Tracks:
     """Rows in any order; a marker without a row in a frame is lost there."""
     unit = ""
     if program == "TrackMate":
@@ -185,17 +180,16 @@ def _rows(path: Path, table: Table, program: str) -> TrackFile:
         raise fault(str(path), "has a marker twice in one frame; keep one row")
     wide = rows.pivot(index=of_frame, columns=of_marker).to_numpy()
     tracks = wide.reshape(len(frames), 2, -1).swapaxes(1, 2)
-    return TrackFile(tracks, program, unit="" if unit in PIXELS else unit)
+    return Tracks(tracks, program, unit="" if unit in PIXELS else unit)
 
 
-def _sleap(path: Path, table: Table) -> TrackFile:
+def _sleap(path: Path, table: Table) -> Tracks:
     """A row for each track and frame, with ``NODE.x``, ``NODE.y`` and ``NODE.score``."""
     frame = whole_numbers(path, "frame_idx", _column(path, table, "frame_idx"))
     labels, track = np.unique(table.rows[table.headers.index("track")], return_inverse=True)
     nodes = [name[: -len(".x")] for name in table.headers if name.endswith(".x")]
     frames = _frames(path, frame)
-    shape = (len(frames), len(labels), len(nodes))
-    values = np.full((3, *shape), np.nan)
+    values = np.full((3, len(frames), len(labels), len(nodes)), np.nan)
     for number, node in enumerate(nodes):
         for kind, name in enumerate((f"{node}.x", f"{node}.y", f"{node}.score")):
             if name in table.headers:
@@ -203,10 +197,10 @@ def _sleap(path: Path, table: Table) -> TrackFile:
     x, y, score = values.reshape(3, len(frames), -1)
     seen = ~np.isnan(x).all(axis=0)
     confidence = np.nan_to_num(score[:, seen], nan=1.0)
-    return TrackFile(np.stack([x, y], axis=-1)[:, seen], "SLEAP", confidence=confidence)
+    return Tracks(np.stack([x, y], axis=-1)[:, seen], "SLEAP", confidence=confidence)
 
 
-def _wide(path: Path, table: Table) -> TrackFile | None:
+def _wide(path: Path, table: Table) -> Tracks | None:
     """One row a frame, with two columns ``x`` and ``y`` for each marker."""
     columns: dict[tuple[str, str], dict[str, int]] = {}
     for number, header in enumerate(table.headers):
@@ -217,21 +211,19 @@ def _wide(path: Path, table: Table) -> TrackFile | None:
     if len(pairs) < 2:
         return None
     coordinates = [
-        [_numbers(path, table.headers[column], table.rows[column]) for column in pair]
-        for pair in pairs
+        [_column(path, table, table.headers[column], column) for column in pair] for pair in pairs
     ]
-    return TrackFile(np.array(coordinates).transpose(2, 0, 1), "a picture")
+    return Tracks(np.array(coordinates).transpose(2, 0, 1), "a picture")
 
 
-def _column(path: Path, table: Table, name: str) -> Float[np.ndarray, " row"]:
-    return _numbers(path, name, table.rows[table.headers.index(name)])
-
-
-def _numbers(path: Path, name: str, column: pd.Series) -> Float[np.ndarray, " row"]:
-    """Numbers of a column, NaN where it is empty."""
-    gap = column.str.lower().isin(["", "nan"])
-    values = np.full(len(column), np.nan)
-    values[~gap], faults = numbers_of(path, name, column[~gap])
+def _column(
+    path: Path, table: Table, name: str, column: int | None = None
+) -> Float[np.ndarray, " row"]:
+    """Numbers of a column, by its header or its index, NaN where it is empty."""
+    texts = table.rows[table.headers.index(name) if column is None else column]
+    gap = texts.str.lower().isin(["", "nan"])
+    values = np.full(len(texts), np.nan)
+    values[~gap], faults = numbers_of(path, name, texts[~gap])
     if faults:
         raise BadInput(faults)
     return values

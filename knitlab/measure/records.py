@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy import ndimage
 
 FEWEST_POINTS = {2: 8, 1: 4, 0: 3}  # points needed by a polynomial of this degree
 LEAST_CURVATURE = 1e-6  # of normal equations, smallest over largest, if points are not too close
@@ -40,19 +41,17 @@ class Cycle:
 
     def loaded(self, time: Record) -> Bool[np.ndarray, " record"]:
         """Whether times are during loading."""
-        held = [(time > first) & (time <= last) for first, last in self.holds]
-        return (time >= self.start) & (time <= self.turn) & ~_any(held, time)
+        loaded = (time >= self.start) & (time <= self.turn)
+        for first, last in self.holds:
+            loaded &= (time <= first) | (time > last)
+        return loaded
 
     def unloaded(self, time: Record) -> Bool[np.ndarray, " record"]:
         """Whether times are during unloading."""
-        held = [(time >= first) & (time < last) for first, last in self.holds]
-        return (time >= self.turn) & (time <= self.end) & ~_any(held, time)
-
-
-def _any(
-    conditions: list[Bool[np.ndarray, " record"]], time: Record
-) -> Bool[np.ndarray, " record"]:
-    return np.any([np.zeros(time.shape, bool), *conditions], axis=0)
+        unloaded = (time >= self.turn) & (time <= self.end)
+        for first, last in self.holds:
+            unloaded &= (time < first) | (time >= last)
+        return unloaded
 
 
 def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
@@ -98,13 +97,9 @@ def _holds(extension: Record) -> list[tuple[int, int]]:
     if length > len(extension):
         return []
     windows = np.lib.stride_tricks.sliding_window_view(extension, length)
-    still = np.zeros(len(extension) + 1, int)
-    starts = np.flatnonzero(np.ptp(windows, axis=1) <= band)
-    np.add.at(still, starts, 1)
-    np.add.at(still, starts + length, -1)
-    edges = np.diff(np.concatenate([[False], np.cumsum(still[:-1]) > 0, [False]]).astype(int))
-    first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    return list(zip(first.tolist(), last.tolist(), strict=True))
+    still = np.convolve(np.ptp(windows, axis=1) <= band, np.ones(length)) > 0.5
+    spans = ndimage.find_objects(ndimage.label(still)[0])
+    return [(span.start, span.stop - 1) for (span,) in spans]
 
 
 def _turns(extension: Record, least: float) -> list[int]:
