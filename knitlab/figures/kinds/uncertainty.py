@@ -11,6 +11,7 @@ from knitlab.cube.schema import STRAIN, VARIABLES
 from knitlab.cube.uncertainty import LOWEST, PARAMETER, QUANTITIES, uncertainty_of
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
+from knitlab.figures.kinds.design_map import draw_map
 from knitlab.figures.kinds.sensitivity import SYMBOLS
 from knitlab.figures.style import TWO_COLUMNS, number
 from knitlab.io.errors import fault, unknown
@@ -62,10 +63,9 @@ def uncertainty_map(
     axes = figure.add_subplot()
     what = VARIABLES[name].long_name + (f"\nat {cube[STRAIN].item():.0%}" if single else "")
     label = f"standard deviation of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
-    marked, gaps = cells.draw_map(figure, axes, [shown], f"{name}_sd", label, text)
+    marked = draw_map(axes, [shown], f"{name}_sd", label, text)
     axes.set_xlabel(cells.PERIODS_LABEL)
-    notes = [*NOTES, *([cells.EMPTY] if gaps else [])]
-    cells.marks_legend(figure, marked, "no derivative, or no value", notes)
+    cells.marks_legend(figure, marked, "no derivative, or no value", NOTES)
     return figure
 
 
