@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from benchmarks.solver.cholmod import CholmodFactors, Vector
 from benchmarks.solver.measurement import Measurement, Record
 from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import loading_of
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.element_chunks import ChunkedFabric
@@ -94,7 +94,7 @@ def measure(measurement: Measurement) -> Record:
         raise RuntimeError("periodic fabric did not relax")
     shape, unknowns = net.shape, np.asarray(start.flattened())
     sample = ChunkedFabric(shape, fabric, Threads(allowed_threads()))
-    free = free_stiffness(shape, tensile(shape, start).free)
+    free = free_stiffness(shape, loading_of(shape, start).free)
 
     def assembled() -> np.ndarray:
         return free.shifted(free.entries(sample.element_hessians(COMPLETE, unknowns)), SHIFT)

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from benchmarks.solver.watch import Watch
-from knitlab.equilibrium.loading import all_free, rigidly_aligned, tensile
+from knitlab.equilibrium.alignment import rigidly_aligned
+from knitlab.equilibrium.loading import all_free, loading_of
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, Evaluation
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
@@ -119,7 +120,7 @@ def pull_by(
     """
     states = [relax(problem, watch)]
     watch.states = 1
-    loading = tensile(problem.shape, Configuration.of(states[0], problem.shape))
+    loading = loading_of(problem.shape, Configuration.of(states[0], problem.shape))
     strains = problem.applied_strain
     for place in range(1, len(strains)):
         passed = list(zip(strains[:place], states, strict=True))[-2:]

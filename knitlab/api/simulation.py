@@ -129,14 +129,14 @@ def simulate(
     material: Material | None = None,
     progress: bool = False,
 ) -> xr.Dataset:
-    """Relax a fabric and pull it along the warp, in this process.
+    """Relax a fabric and pull it, in this process; along the warp, unless the protocol has a load.
 
     The test is that of the paper, Sec. "Kinematics under tension". Settings that are left out are
     those of :func:`knitlab.defaults`; without a capacitor the fabric has no electrodes.
 
     Args:
         design: the knit and its sample.
-        applied_strain: strains of the test along the warp, ascending from 0, in place of those of
+        applied_strain: strains of the test, ascending from 0, in place of those of
             the protocol [1].
         protocol: the strains, and how the states are reached, such as
             ``knitlab.Protocol(strain_max=0.3, method="dynamics")``.

@@ -19,8 +19,9 @@ if TYPE_CHECKING:  # imports JAX
     from knitlab.fabric.fabric import Configuration
 
 LENGTHS = "lengths_of_shapes"  # attribute of a case whose shapes are in mm of cloth
-SHAPES = tuple(
-    f"{state}{name}" for state in ("", "snapshot_") for name in ("position", "length_x", "length_y")
+SHAPES = (
+    *("position", "length_x", "length_y", "length_shear"),
+    *("snapshot_position", "snapshot_length_x", "snapshot_length_y"),
 )
 
 
@@ -133,5 +134,6 @@ def configurations(case: xr.Dataset) -> "Configuration":
 
     positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
     none = np.zeros(len(positions))
-    lengths = [case[name].values if name in case else none for name in ("length_x", "length_y")]
+    names = ["length_x", "length_y", *(["length_shear"] if "length_shear" in case else [])]
+    lengths = [case[name].values if name in case else none for name in names]
     return Configuration(positions, np.stack(lengths, axis=-1))

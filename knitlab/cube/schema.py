@@ -29,10 +29,12 @@ class Variable:
     """One variable, as a case holds it; a cube adds the dimensions of its designs.
 
     ``of`` says which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
-    patches, with sensitivities, electrodes, unloading, siblings or contact, experiments, candidates
-    of a design; ``derived`` ones are in no file. Those of a ``design``, of its ``stripes`` or of
-    ``cloth`` are in the cube only: case files state the first two among their parameters, and the
-    last follow from its gauge.
+    patches, with sensitivities, electrodes, ``unloading`` of these or ``unloaded`` at all, siblings
+    or contact, ``loaded`` other than along the warp, with a lattice that is ``sheared``,
+    experiments, candidates of a design;
+    ``derived`` ones are in no file. Those of a ``design``, of its ``stripes`` or of ``cloth`` are
+    in the cube only: case files state the first two among their parameters, and the last follow
+    from its gauge.
     """
 
     dims: tuple[str, ...]
@@ -136,7 +138,7 @@ _DIMS = {
     "snapshots": ("snapshot",),
     "snapshots of nodes": ("snapshot", "node_y", "node_x", "component"),
 }
-_IN_CASE_FILES_ONLY = ("factorisations", "position", "length_x", "length_y")
+_IN_CASE_FILES_ONLY = ("factorisations", "position", "length_x", "length_y", "length_shear")
 
 
 def _in_table(name: str, text: str) -> Variable:
@@ -166,8 +168,12 @@ _TABLE = {
     "strain_yy": "field: local axial strain",
     "mean_strain_xx": "curve: mean transverse strain; mean over the central unit cells",
     "mean_strain_yy": "curve: mean axial strain; mean over the central unit cells",
-    "poisson_ratio": "curve: Poisson's ratio; -mean_strain_xx / mean_strain_yy; undefined at zero"
-    " strain, and where the central cells have taken less than a fifth of the applied strain",
+    "mean_strain_xy": "curve, loaded: mean shear strain; shift of courses along themselves over"
+    " their relaxed distance, mean over the central unit cells; the courses keep their direction",
+    "poisson_ratio": "curve: Poisson's ratio; -mean_strain_xx / mean_strain_yy, or the contraction"
+    " across another pulled direction over the strain along it; undefined at zero strain, under"
+    " shear and biaxial loads, and where the central cells have taken less than a fifth of the"
+    " applied strain",
     "poisson_ratio_min": "number: lowest Poisson's ratio; over all strains; missing unless all of"
     " them converged",
     "applied_strain_at_min": "number: applied strain at the lowest Poisson's ratio",
@@ -177,8 +183,14 @@ _TABLE = {
     "knit_wavelength_y": f"number, cloth: wavelength in cloth along the warp [mm]; {_KNIT_WAVE}",
     "knit_width": f"number, cloth: finished width of the sample in cloth [mm]; {_KNIT_SAMPLE}",
     "knit_length": f"number, cloth: finished length of the sample in cloth [mm]; {_KNIT_SAMPLE}",
+    "load_direction": "number, loaded: direction of the pull, from the courses [degree]; the"
+    " reaction force acts on the width across it, of (x, y) (x sin, y cos); 90 under shear",
     "reaction_force": "curve: reaction force [N]; over the whole width of the sample or periodic"
-    " cell",
+    " cell; along the warp if the load is biaxial",
+    "reaction_force_across": "curve, biaxial: reaction force along the weft [N]; over the whole"
+    " length of the sample or periodic cell",
+    "reaction_force_unloading": "curve, unloaded: reaction force during unloading [N]; from the"
+    " last strain back, along the warp if the load is biaxial",
     "poisson_ratio_sensitivity": "derivative, sensitivities: logarithmic sensitivity of Poisson's"
     f" ratio to a stripe parameter; {_LOGARITHMIC}",
     "reaction_force_sensitivity": "derivative, sensitivities: logarithmic sensitivity of the"
@@ -270,6 +282,8 @@ _TABLE = {
     " force_per_width with respect to the applied strain",
     "stretch_energy": "curve, derived: energy to stretch, per area [N/mm]; integral of"
     " force_per_width over the applied strain, in mJ per mm² of relaxed cloth",
+    "energy_recovery": "number, derived: energy that unloading gives back, over that of loading;"
+    " less than 1 where the fabric snaps: the model has no friction of yarn",
     "intersections_at_min": "number, derived: pairs of grid cells that pass through each other at"
     " the lowest Poisson's ratio; where there are any, that ratio is not one of a real fabric",
     "markers_lost": "curve, laboratory: markers lost; corners of unit cells that are not seen",
@@ -299,6 +313,7 @@ _TABLE = {
     "position": "nodes: node position [mm]",
     "length_x": "curve: length of the fabric along the weft [mm]",
     "length_y": "curve: length of the fabric along the warp [mm]",
+    "length_shear": "curve, sheared: shift of the upper end of the fabric along the weft [mm]",
     "kinetic_energy": "motion, dynamics: kinetic energy [N mm]",
     "potential_energy": "motion, dynamics: elastic energy [N mm]",
     "dissipated_work": "motion, dynamics: work done against the drag [N mm]",

@@ -11,14 +11,8 @@ from jaxtyping import Float, Int
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Moving, advance, largest_step
 from knitlab.dynamics.settings import Dynamics
-from knitlab.equilibrium.loading import (
-    Loading,
-    all_free,
-    between_walls,
-    free_under_tension,
-    rigidly_aligned,
-    tensile,
-)
+from knitlab.equilibrium.alignment import between_walls, rigidly_aligned
+from knitlab.equilibrium.loading import WARP, Load, Loading, all_free, free_under, loading_of
 from knitlab.equilibrium.state import History, Outcome, State, TensileTest
 from knitlab.fabric.energy import Energy
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
@@ -60,11 +54,13 @@ def relax_by_dynamics(
     fabrics: MovingFabrics,
     progress: Progress = lambda case, states: None,
     sheets: Sequence[Configuration | None] | None = None,
+    loads: Sequence[Load] | None = None,
 ) -> list[Relaxed]:
     """Release flat sheets at rest and let them fold (paper, Sec. "Relaxation of a pattern").
 
     A sheet moves until it is at rest, or for a given time, as ``settings.ending`` says. A sample is
-    then rotated rigidly for clamping. ``sheets``, such as imperfect ones, replace flat sheets [mm].
+    then rotated rigidly for the clamps of its load. ``sheets``, such as imperfect ones, replace
+    flat sheets [mm].
     """
     shape, settings, cases = fabrics.shape, fabrics.settings, range(len(fabrics.fabrics))
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
@@ -98,7 +94,8 @@ def relax_by_dynamics(
     for case in cases:
         folded = records[case][-1][-1]
         if not shape.periodic:
-            aligned = rigidly_aligned(shape, flat[case], folded)
+            load = WARP if loads is None else loads[case]
+            aligned = rigidly_aligned(shape, flat[case], folded, load)
             folded = between_walls(aligned, float(fabrics.fabrics[case].z_max))
         first, left = float(first_force[case]), float(moving.seen.force[case])
         force_left = left / first if first else 0.0
@@ -121,7 +118,7 @@ def stretch_by_dynamics(
     """
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)
-    loadings = [tensile(shape, end.configuration) for end in relaxed]
+    loadings = [loading_of(shape, end.configuration) for end in relaxed]
     starts = [on_grid(end.configuration) for end in relaxed]
     moving = Moving.from_rest(fabrics.bodies(clamped=True), starts)
     failed = np.array([end.outcome is not Outcome.converged for end in relaxed])
@@ -146,7 +143,7 @@ def stretch_by_dynamics(
         for case, own in enumerate(states):
             if own[-1].converged:
                 outcome = _outcome(moving, case, to_rest)
-                state = _state(shape, moving, case, free_under_tension(shape), outcome)
+                state = _state(shape, moving, case, free_under(shape), outcome)
                 taken = int(moving.steps[case] - steps[case])
                 peak = float(moving.kinetic_peak[case])
                 own.append(replace(state, iterations=taken, kinetic_peak=peak))

@@ -22,8 +22,9 @@ import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
+from knitlab.equilibrium.alignment import rigidly_aligned
 from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
-from knitlab.equilibrium.loading import all_free, drive_along, free_under_tension, rigidly_aligned
+from knitlab.equilibrium.loading import all_free, drive_along, free_under
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.element_chunks import ChunkedFabric
@@ -128,7 +129,7 @@ class Adjoint:
         shape = self._shape = layout.net.shape
         self._relaxed, self._stripes = np.asarray(relaxed.flattened()), stripes
         self._fabric, self._slope = layout.fabric(stripes), _slope(layout, stripes)
-        self._under_tension = LinearResponse(shape, free_under_tension(shape))
+        self._under_tension = LinearResponse(shape, free_under(shape))
         self._at_rest = LinearResponse(shape, all_free(shape)).at(self._fabric, self._relaxed)
 
     def of_strained(

@@ -24,6 +24,7 @@ from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.system import System
 from knitlab.fabric.energy import Evaluation, Point
 from knitlab.fabric.fabric import Configuration
+from knitlab.fabric.network import UPRIGHT
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier
@@ -144,11 +145,14 @@ class Search:
         """The fraction of a step with the largest allowed relative motion of neighbouring nodes."""
         shape = self.rules.free.shape
         move = Configuration.of(self.of_all(step), shape)
-        nodes, (along_x, along_y) = np.asarray(move.positions), np.asarray(move.lengths)
+        nodes, lengths = np.asarray(move.positions), np.asarray(move.lengths)
         changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
         if shape.periodic:
-            changes.append(nodes[0] - nodes[-1] + np.array([0.0, along_y, 0.0]))
-            changes.append(nodes[:, 0] - nodes[:, -1] + np.array([along_x, 0.0, 0.0]))
+            by_shear = lengths[2] if len(lengths) > 2 else 0.0
+            images = np.array([[lengths[0], by_shear], [0.0, lengths[1]], [0.0, 0.0]])
+            courses, wales = (images @ np.array(shape.frame or UPRIGHT)).T
+            changes.append(nodes[0] - nodes[-1] + wales)
+            changes.append(nodes[:, 0] - nodes[:, -1] + courses)
         longest = max(np.einsum("...c,...c->...", change, change).max() for change in changes)
         return self.step_length / max(float(longest), np.finfo(float).tiny) ** 0.5
 

@@ -6,7 +6,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.equilibrium.loading import Loading
+from knitlab.equilibrium.loading import Loading, along_courses
 from knitlab.fabric.energy import Energy
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import MeshShape
@@ -40,8 +40,8 @@ class State:
 
     @property
     def configuration(self) -> Configuration:
-        """The configuration of the fabric."""
-        return Configuration.of(self.unknowns, self.shape)
+        """The configuration of the fabric, its courses along x."""
+        return along_courses(self.shape, Configuration.of(self.unknowns, self.shape))
 
     @property
     def converged(self) -> bool:

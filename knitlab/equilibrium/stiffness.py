@@ -1,8 +1,8 @@
 """Stiffness of the free unknowns: its sparsity, its elimination order, and its non-zeros.
 
 The non-zeros are a constant sparse matrix times the entries of the element Hessians: a node's
-position depends on its coordinates and, across the periodic boundary, on L_x and L_y. Unknowns come
-in groups: the coordinates of a node, or L_x and L_y. As all unknowns of coupled groups are coupled,
+position depends on its coordinates and, across the periodic boundary, on the lengths. Unknowns come
+in groups: the coordinates of a node, or the lengths. As all unknowns of coupled groups are coupled,
 the place of a non-zero follows from that of its pair of groups; a search for every non-zero would
 take minutes for a large sample.
 """
@@ -23,8 +23,11 @@ from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
     planned,
 )
 from knitlab.fabric.energy import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
-from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
+from knitlab.fabric.network import LENGTHS, Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.threads import ALONE, Threads
+
+Freedom = tuple[int, int, Float[np.ndarray, " element"]]
+"""An unknown of a group, the coordinate of a node that it moves, and the derivative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +124,7 @@ def _mesh_stiffness(shape: MeshShape) -> MeshStiffness:
     springs, hinges = len(net.springs.nodes), len(net.hinges.nodes)
     pairs = _coupled_groups(shape, net.springs, net.hinges)
     whole = sp.tril(sp.kron(pairs, np.ones((3, 3)), "coo"), format="csc")
-    # L_x and L_y are two unknowns, not three.
+    # The lengths may be two unknowns, not three.
     lower = whole[: shape.unknowns, : shape.unknowns]
     lower.sort_indices()
     indptr, nodes = lower.indptr, np.arange(shape.nodes, dtype=np.int32)
@@ -171,13 +174,17 @@ def _coupled_groups(shape: MeshShape, *kinds: Elements) -> sp.csc_array:
 
 def _freedoms(
     elements: Elements,
-) -> Iterator[tuple[int, Int[np.ndarray, " element"], Float[np.ndarray, "unknown element"]]]:
-    """Nodes of an element, the groups that each depends on, and derivatives by their unknowns."""
+) -> Iterator[tuple[int, Int[np.ndarray, " element"], list[Freedom]]]:
+    """Nodes of an element, the groups that each depends on, and by which of their unknowns."""
     for node, own in enumerate(elements.nodes.T):
-        yield node, own, np.ones((3, len(own)))
-        images = elements.images[:, node]
+        yield node, own, [(component, component, np.ones(len(own))) for component in range(3)]
+        images, shape = elements.images[:, node], elements.shape
         if images.any():
-            yield node, np.full(len(own), elements.shape.nodes), images.T.astype(float)
+            by_lengths = [
+                (number, component, images[:, along])
+                for number, component, along in LENGTHS[: shape.lengths]
+            ]
+            yield node, np.full(len(own), shape.nodes), by_lengths
 
 
 def _terms(
@@ -198,9 +205,9 @@ def _terms(
         kept = np.flatnonzero(columns <= rows)
         row, column = rows[kept], columns[kept]
         offset = offsets[np.searchsorted(keys, column * groups + row)]
-        for x, y in product(range(len(by_row)), range(len(by_column))):
-            source, sign = entry(3 * i + x, 3 * j + y)
-            factor = sign * by_row[x, kept] * by_column[y, kept]
+        for (x, along_x, by_x), (y, along_y, by_y) in product(by_row, by_column):
+            source, sign = entry(3 * i + along_x, 3 * j + along_y)
+            factor = sign * by_x[kept] * by_y[kept]
             index = indptr[3 * column + y] - y + offset + x
             used = (factor != 0) & ((column != row) | (x >= y))
             yield (index[used].astype(np.int32), source[kept][used].astype(np.int32), factor[used])

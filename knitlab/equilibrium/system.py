@@ -57,6 +57,14 @@ class System:
         self._entries = np.zeros(0)
         self._factors: Multifrontal | None = None
 
+    def on(self, shape: MeshShape) -> "System":
+        """The same fabric, with the unknowns of another mesh shape."""
+        if shape == self.shape:
+            return self
+        system = System(shape, self.fabric, self.threads, self._stopped)
+        system.factorised = self.factorised
+        return system
+
     def evaluate(self, at: Point) -> Evaluation:
         """Energy and gradient, in NumPy arrays."""
         if self._stopped is not None and self._stopped.is_set():

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from knitlab.equilibrium.alignment import between_walls, rigidly_aligned
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.loading import Loading, all_free, between_walls, rigidly_aligned, tensile
+from knitlab.equilibrium.loading import WARP, Load, Loading, all_free, loading_of
 from knitlab.equilibrium.search import Drag, SearchRules
 from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome, State, TensileTest
@@ -40,8 +41,9 @@ def stretch(
     unload: bool = False,
     contact: "Barrier | None" = None,
     factorised: Callable[[], None] = lambda: None,
+    load: Load = WARP,
 ) -> TensileTest:
-    """Relax a fabric and run its tensile test.
+    """Relax a fabric and strain it, by default in the paper's tensile test.
 
     The path to a strain is followed in steps of ``settings.path_step``, or up to four times as long
     where that takes few iterations. Each step starts from the linear extrapolation of the two
@@ -65,13 +67,18 @@ def stretch(
     """
     system.factorised = factorised
     if folded is None:
-        relaxed = relax(system, settings, start, contact)
+        relaxed = relax(system, settings, start, contact, load)
     else:
         relaxed = relax_near(system, settings, folded, contact)
     progress(1)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
-    loading = tensile(system.shape, relaxed.configuration)
+    loading = loading_of(system.shape, relaxed.configuration, load)
+    if loading.shape != system.shape:
+        system = system.on(loading.shape)
+        gradient = np.asarray(system.evaluate(Point(loading.reference)).gradient)
+        unknowns = loading.reference
+        relaxed = replace(relaxed, shape=loading.shape, unknowns=unknowns, gradient=gradient)
     path = _Path(system, loading, [(applied_strain[0], relaxed)], settings, contact)
     states = [relaxed]
     for target in applied_strain[1:]:
@@ -94,6 +101,7 @@ def relax(
     settings: Solver,
     start: Configuration | None = None,
     contact: "Barrier | None" = None,
+    load: Load = WARP,
 ) -> State:
     """The relaxed shape of a fabric (paper, Sec. "Relaxation of a pattern").
 
@@ -129,7 +137,7 @@ def relax(
         if passed[-1].converged:
             break
     if passed[-1].converged and not shape.periodic:
-        aligned = rigidly_aligned(shape, flat, passed[-1].configuration)
+        aligned = rigidly_aligned(shape, flat, passed[-1].configuration, load)
         at = Point(np.asarray(between_walls(aligned, float(fabric.z_max)).flattened()))
         rules = replace(whole, convexified=False)
         passed.append(find_equilibrium(system, at, rules, patience=None))
@@ -142,7 +150,9 @@ def relax_near(
     """The relaxed shape next to a configuration that is nearly in equilibrium."""
     free = free_stiffness(system.shape, all_free(system.shape))
     rules = SearchRules(free, settings, convexified=False, contact=contact)
-    return find_equilibrium(system, Point(np.asarray(start.flattened())), rules)
+    # The lattice of a relaxed shape is not sheared.
+    begin = Configuration(start.positions, start.lengths[: system.shape.lengths])
+    return find_equilibrium(system, Point(np.asarray(begin.flattened())), rules)
 
 
 def intermediate_settings(settings: Solver, fabric: Fabric) -> Solver:

@@ -47,7 +47,9 @@ def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
     (bottom, top), (left, right) = window.rows, window.columns
     ends = 0 if periodic else 1
     along = case["applied_strain"].values[reached]
-    lengths = [case[name].values[reached] for name in ("length_x", "length_y") if periodic]
+    lengths = [case[f"length_{axis}"].values[reached] for axis in ("x", "y") if periodic]
+    if "length_shear" in case:
+        lengths.append(case["length_shear"].values[reached])
     return {
         "rows": top - bottom + ends,
         "columns": right - left + ends,

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float, Int
 
 from knitlab.fabric import energy
 from knitlab.fabric.fabric import Fabric
-from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
+from knitlab.fabric.network import LENGTHS, Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import SpringLaw
 from knitlab.fabric.threads import ALONE, Threads
@@ -98,9 +98,11 @@ def _terms(
             row = first + (3 * vector + component) * per_chunk
             yield row, 3 * elements.nodes[element, end] + component, ones
             yield row, 3 * elements.nodes[element, start] + component, -ones
-            if component < 2:
-                period = np.full(len(slot), elements.shape.unknowns - 2 + component)
-                yield row, period, elements.periods[vector, component, element]
+            shape, of_lengths = elements.shape, elements.periods[vector, :, element]
+            for number, moved, along in LENGTHS[: shape.lengths]:
+                if component == moved:
+                    of_length = np.full(len(slot), 3 * shape.nodes + number)
+                    yield row, of_length, of_lengths[:, along]
 
 
 class ChunkedFabric:

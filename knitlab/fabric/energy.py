@@ -80,8 +80,11 @@ def element_vectors(
     columns = configuration.positions.reshape(-1, 3).T
     corners = [columns[:, nodes] for nodes in elements.nodes.T]
     vectors = [corners[end] - corners[start] for start, end in elements.ends]
-    across_seam = elements.periods * configuration.lengths[:, None]
-    xp = array_library(configuration)
+    xp, periods = array_library(configuration), elements.periods
+    across_seam = periods * configuration.lengths[:2, None]
+    if configuration.lengths.shape[0] > 2:
+        shear = configuration.lengths[2] * periods[:, 1:]
+        across_seam = across_seam + xp.pad(shear, ((0, 0), (0, 1), (0, 0)))
     return xp.stack(vectors) + xp.pad(across_seam, ((0, 0), (0, 1), (0, 0)))
 
 

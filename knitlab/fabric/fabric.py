@@ -23,8 +23,9 @@ class Configuration(eqx.Module):
 
     # (x, y, z) of every node, x along the courses and y along the wales [mm]
     positions: Float[Array | np.ndarray, "*state node_y node_x 3"]
-    # L_x and L_y of periodic fabric; unused in a sample, and usually its flat size [mm]
-    lengths: Float[Array | np.ndarray, "*state 2"]
+    # L_x and L_y of periodic fabric; unused in a sample, and usually its flat size [mm]. Of a
+    # lattice that may shear there is a third: the shift along x of the upper end against the lower.
+    lengths: Float[Array | np.ndarray, "*state length"]
 
     @classmethod
     def of(
@@ -32,7 +33,7 @@ class Configuration(eqx.Module):
     ) -> "Configuration":
         """The configuration that a vector of unknowns holds, ordered as in :meth:`flattened`."""
         grid = *unknowns.shape[:-1], shape.nodes_y, shape.nodes_x, 3
-        return cls(unknowns[..., :-2].reshape(grid), unknowns[..., -2:])
+        return cls(unknowns[..., : -shape.lengths].reshape(grid), unknowns[..., -shape.lengths :])
 
     @classmethod
     def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":

@@ -18,17 +18,28 @@ from knitlab.fabric.settings import Boundary
 LARGE = 2048  # number of nodes above which a mesh shape is large; no subdomain is
 LARGE_KEPT, SMALL_KEPT = 2, 32  # results kept; a large sample needs two, relaxed and under tension
 
+Frame = tuple[tuple[float, float], tuple[float, float]]
+UPRIGHT: Frame = ((1.0, 0.0), (0.0, 1.0))
+"""The frame of which the lengths are L_x, L_y and the shift along x of the upper end [mm]."""
+LENGTHS = ((0, 0, 0), (1, 1, 1), (2, 0, 1))
+"""Of every length: its number, the coordinate of an image that it moves, and its factor, as an
+index of :attr:`Elements.periods`."""
 Others = ParamSpec("Others")
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
 class MeshShape:
-    """Grid cells along y (courses) and along x (wales), and whether the sheet is periodic."""
+    """Grid cells along y (courses) and along x (wales), and whether the sheet is periodic.
+
+    Periodic fabric whose lattice may shear has a ``frame``: the vectors (x, y), as the columns of a
+    matrix, of one period along the courses and one along the wales at lengths 1, 1 and shear 0.
+    """
 
     cells_y: int
     cells_x: int
     periodic: bool
+    frame: Frame | None = None
 
     @property
     def nodes_y(self) -> int:
@@ -47,8 +58,13 @@ class MeshShape:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns: three coordinates per node, then the lengths L_x and L_y."""
-        return 3 * self.nodes + 2
+        """Number of unknowns: three coordinates per node, then the lengths."""
+        return 3 * self.nodes + self.lengths
+
+    @property
+    def lengths(self) -> int:
+        """Number of lengths: L_x and L_y and, of a lattice that may shear, its shear."""
+        return 2 if self.frame is None else 3
 
 
 def mesh_shape(pattern: PatchGrid, boundary: Boundary) -> MeshShape:
@@ -79,7 +95,8 @@ class Elements:
     """Elements of one kind, whose energy depends on a few vectors between their nodes."""
 
     nodes: Int[np.ndarray, "element node"]
-    images: Int[np.ndarray, "element node 2"]  # periods along (x, y) by which each node is shifted
+    # lengths (x, y) by which each node is shifted: numbers of periods, or of those of the frame
+    images: Float[np.ndarray, "element node 2"]
     incidence: Int[np.ndarray, "vector node"]  # −1 where a vector starts, 1 where it ends
     shape: MeshShape
 
@@ -90,8 +107,8 @@ class Elements:
 
     @cached_property
     def periods(self) -> Float[np.ndarray, "vector 2 element"]:
-        """Periods of periodic fabric along (x, y) that each vector spans."""
-        return np.einsum("vn,enk->vke", self.incidence, self.images).astype(float)
+        """Lengths of periodic fabric along (x, y) that each vector spans."""
+        return np.einsum("vn,enk->vke", self.incidence, self.images)
 
 
 HINGE_VECTORS = np.array(
@@ -144,7 +161,8 @@ def network(shape: MeshShape) -> Network:
     def elements(incidence: np.ndarray, indices: list[np.ndarray]) -> Elements:
         turns, wrapped = np.divmod(np.concatenate(indices), (shape.nodes_y, shape.nodes_x))
         nodes = wrapped[..., 0] * shape.nodes_x + wrapped[..., 1]
-        return Elements(nodes, turns[..., ::-1], incidence, shape)
+        images = turns[..., ::-1] @ np.transpose(shape.frame or UPRIGHT)
+        return Elements(nodes, images, incidence, shape)
 
     spring_nodes = [_at_every(origins, nodes) for origins, nodes, _ in springs]
     hinge_nodes = [_at_every(origins, nodes) for origins, nodes in hinges]

@@ -35,39 +35,24 @@ NOTICED = 0.25  # trade-off between two targets, in tolerances, above which they
 
 
 class Candidate(NamedTuple):
-    """The best trial of a search: its number, labels, values of variables, case and gauge."""
+    """The best trial of a search: its values of variables, and its case and gauge."""
 
-    number: int
+    number: int  # of the search, from 1
     labels: dict[str, int | str]
     values: dict[str, float]
     case: Case
     gauge: Gauge
 
 
-def candidates_of(space: SearchSpace, searches: Sequence[SearchResult]) -> list[Candidate]:
-    """The candidates of the searches that had a trial that converged."""
-    return [
-        Candidate(
-            number,
-            space.labels(search.design),
-            search.winner.values,
-            *space.case(search.design, np.array(search.winner.point)),
-        )
-        for number, search in enumerate(searches, start=1)
-        if search.winner is not None
-    ]
-
-
 def candidates_plan(
     request: DesignRequest, space: SearchSpace, candidates: Sequence[Candidate]
 ) -> Plan:
     """The candidates as cases to be simulated from the flat sheet, with siblings."""
-    cases = {}
-    for number, labels, _, case, _ in candidates:
-        tested = replace(
-            case, design={**labels, "candidate": number}, robustness=request.robustness
-        )
-        cases[tested.case_id] = tested
+    tested = [
+        replace(case, design={**labels, "candidate": number}, robustness=request.robustness)
+        for number, labels, _, case, _ in candidates
+    ]
+    cases = {case.case_id: case for case in tested}
     return Plan(
         workflow=request.name,
         title=f"Candidates of the design {request.name}",
@@ -92,12 +77,11 @@ def completed(
 ) -> xr.Dataset:
     """The cube with own functions, and with sizes in cloth at the gauge of each candidate."""
     dims = cube["status"].dims
-    along_strain = (*dims, STRAIN)
-    lengths = [cube.sizes[dim] for dim in along_strain]
-    cube = cube.assign({name: (along_strain, np.full(lengths, np.nan)) for name, _ in own})
+    unknown = np.full(cube["status"].shape, np.nan)
+    curves = np.repeat(unknown[..., None], cube.sizes[STRAIN], axis=-1)
+    cube = cube.assign({name: ((*dims, STRAIN), curves.copy()) for name, _ in own})
     gauge_varies = bool(set(declared(Gauge)) & set(space.names))
     if gauge_varies:
-        unknown = np.full(cube["status"].shape, np.nan)
         cube = cube.assign({name: (dims, unknown.copy()) for name in declared(Gauge)})
         for name in GAUGE_ATTRIBUTES.values():
             cube.attrs.pop(name, None)
@@ -113,13 +97,13 @@ def completed(
 
 def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
     """Candidates that meet the constraints, then others, by worst distance; the cube with these."""
-    nearest = find_designs([cube], objective.wanted)
+    nearest = find_designs([cube], objective.request.wanted)
     worst_of_each = [each.worst for each in nearest.reached]
     worst, table = objective.distance(worst_of_each), nearest.table
     violation = objective.violation(worst_of_each) + np.zeros(len(worst))
     table["distance"] = objective.distance([each.off_by for each in nearest.reached])
     column = list(table.columns).index("distance") + 1
-    if objective.subject_to:
+    if objective.request.subject_to:
         table.insert(column, "violation", violation)
     table.insert(column, "distance_worst", worst)
     dims = cube["status"].dims
@@ -193,19 +177,14 @@ def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | No
     trials = trials[trials["distance"].notna()]
     names = [f"off_by_{number}" for number in range(1, len(wanted) + 1)]
     scaled = trials[names].to_numpy(float) / [scale_of(target) for target in wanted]
-    joint = {
-        (one, other): float(scaled[:, [one, other]].max(axis=1).min())
-        for one, other in combinations(range(len(wanted)), 2)
-        if _compete(scaled[:, one], scaled[:, other])
-    }
-    if not joint or max(joint.values()) <= 1:
+    joint = {}
+    for pair in combinations(range(len(wanted)), 2):
+        one, other = scaled[:, pair].T
+        # The trial nearest to either target is further from the other than the best trial.
+        if min(one[np.argmin(other)] - one.min(), other[np.argmin(one)] - other.min()) > NOTICED:
+            joint[pair] = float(np.maximum(one, other).min())
+    if max(joint.values(), default=0.0) <= 1:
         return None
     one, other = max(joint, key=lambda pair: joint[pair])
     texts, numbers = (wanted[one].text, wanted[other].text), trials["candidate"]
     return Conflict(texts, scaled[:, [one, other]], numbers.reset_index(drop=True))
-
-
-def _compete(one: Float[np.ndarray, " trial"], other: Float[np.ndarray, " trial"]) -> bool:
-    """Whether the trial nearest to either target is further from the other than the best trial."""
-    lost = one[np.argmin(other)] - one.min(), other[np.argmin(one)] - other.min()
-    return min(lost) > NOTICED

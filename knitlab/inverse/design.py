@@ -13,7 +13,16 @@ from tqdm import tqdm
 
 from knitlab.cube.cube_file import CUBE, open_cube, write_cube
 from knitlab.cube.find import CROSSINGS, Found, find_designs
-from knitlab.inverse import candidates
+from knitlab.inverse.candidates import (
+    Candidate,
+    Conflict,
+    candidates_plan,
+    completed,
+    conflict_of,
+    ranked,
+    trials_table,
+    write_workflow,
+)
 from knitlab.inverse.objective import Objective, all_met, check_targets
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import SEARCHES, TRIALS, DesignSearch, SearchResult, run_searches
@@ -62,9 +71,9 @@ class Designed:
         return bool(best) and all_met(self.request.wanted, best)
 
     @property
-    def conflict(self) -> candidates.Conflict | None:
+    def conflict(self) -> Conflict | None:
         """The two targets or constraints that conflict most in the trials, if any do."""
-        return candidates.conflict_of(self.request.wanted, self.trials)
+        return conflict_of(self.request.wanted, self.trials)
 
 
 def run_design(
@@ -85,9 +94,8 @@ def run_design(
     if own and workers:
         raise fault("workers", "own measures run in this process only; give workers = 0")
     space = search_space(request)
-    objective = Objective(request.targets, request.subject_to, own, space.acts_on())
-    first, _ = space.case(space.designs[0])
-    check_targets(request.wanted, own, first)
+    objective = Objective(request, own, space.acts_on())
+    check_targets(request.wanted, own, space.case(space.designs[0])[0])
     if not objective.has_gradient and find_spec("cmaes") is None:
         problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"
         raise fault("the package cmaes", problem)
@@ -97,65 +105,52 @@ def run_design(
         raise fault(str(folder), problem)
     # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
-        starts, simulations, unknown = _starts(request, space, own, folder / TRIALS, run, budget)
+        starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
             temporary.write_text(request.text)
-        left = max(budget - simulations, 1)
+        left, at_once = max(budget - simulations, 1), max(workers, 1)
         designs = starts[:left]
-        at_once = max(workers, 1)
         seconds = np.inf if minutes is None else 60 * minutes / -(-len(designs) // at_once)
-        searches = [
-            DesignSearch(
-                space,
-                objective,
-                design,
-                folder,
-                left // len(designs) + (number < left % len(designs)),
-                began + seconds * (number // at_once + 1),
-            )
-            for number, design in enumerate(designs)
-        ]
+        searches = []
+        for number, design in enumerate(designs):
+            most = left // len(designs) + (number < left % len(designs))
+            deadline = began + seconds * (number // at_once + 1)
+            searches.append(DesignSearch(space, objective, design, folder, most, deadline))
         results = _searched(searches, folder, workers, show_progress)
-        winners = candidates.candidates_of(space, results)
+        winners = list[Candidate]()
+        for number, result in enumerate(results, start=1):
+            if (best := result.winner) is not None:
+                case, gauge = space.case(result.design, np.array(best.point))
+                labels = space.labels(result.design)
+                winners.append(Candidate(number, labels, best.values, case, gauge))
         if not winners:
             problem = "no start converges; try other designs, bounds or settings"
             raise fault(request.name, problem)
         # An earlier cube may hold candidates that are no longer any.
         for old in (folder / CUBE, *folder.glob("candidate_*.toml")):
             old.unlink(missing_ok=True)
-        plan = candidates.candidates_plan(request, space, winners)
+        plan = candidates_plan(request, space, winners)
         tested = run_plan(plan, folder, replace(run, refresh=True))
         if tested.stopped:
             raise KeyboardInterrupt
-    cube = candidates.completed(tested.cube, space, winners, own, folder)
-    ranking, cube = candidates.ranked(cube, objective)
+    cube = completed(tested.cube, space, winners, own, folder)
+    ranking, cube = ranked(cube, objective)
     write_cube(cube, folder / CUBE)
-    trials = candidates.trials_table(request, space.dims, results)
+    trials = trials_table(request, space.dims, results)
     with atomic_write(folder / "trials.csv") as temporary:
         trials.to_csv(temporary, index=False)
-    return Designed(
-        request,
-        folder,
-        cube,
-        ranking,
-        tuple(results),
-        trials,
-        simulations + len(trials),
-        tuple(candidates.write_workflow(folder, request, space, winner) for winner in winners),
-        unknown,
-    )
+    simulations += len(trials)
+    files = tuple(write_workflow(folder, request, space, winner) for winner in winners)
+    searched = tuple(results)
+    return Designed(request, folder, cube, ranking, searched, trials, simulations, files, unknown)
 
 
 def _starts(
-    request: DesignRequest,
-    space: SearchSpace,
-    own: ShapeFunctions,
-    folder: Path,
-    options: RunOptions,
-    budget: int,
+    objective: Objective, space: SearchSpace, folder: Path, options: RunOptions, budget: int
 ) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
     """Designs to refine, the nearest first; simulations of the sweep; designs without results."""
-    cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
+    request, simulations = objective.request, 0
+    cubes = [open_cube(path, lazily=True) for path in request.cubes]
     if not cubes:
         if (count := len(space.designs)) <= request.starts:
             return space.designs, 0, ()
@@ -167,7 +162,7 @@ def _starts(
             raise KeyboardInterrupt
         cubes, simulations = [open_cube(folder / CUBE)], len(plan.cases)
     # No cube has own functions; refining may fulfil constraints.
-    targets = [target for target in request.wanted if target.name not in dict(own)]
+    targets = [target for target in request.wanted if target.name not in dict(objective.own)]
     if not targets:
         return space.designs[: request.starts], simulations, ()
     table = find_designs(cubes, targets).table
@@ -224,12 +219,22 @@ def summary(designed: Designed) -> Iterator[str]:
             yield f"  hardly determined by the targets: {', '.join(hardly)}"
     if not designed.met:
         others = (search for search in designed.searches if search.winner)
-        yield from _unmet(designed, searches[0][1] if searches else next(others))
+        nearest = searches[0][1] if searches else next(others)
+        off_by = nearest.winner.off_by if nearest.winner else []
+        for target, off in zip(designed.request.wanted, off_by, strict=True):
+            if off is not None and off > target.allowance:
+                yield f"not met: {target.text}: the nearest is off by {off:.4g}"
+        if nearest.held_by:
+            yield f"held back by {', '.join(nearest.held_by)}: widen it, or relax a target"
+        elif (conflict := designed.conflict) is not None:
+            one, other = conflict.targets
+            yield f"{one!r} and {other!r} conflict; no bound holds it back"
+        else:
+            yield "no bound holds it back: let more vary, add designs, or raise the budget"
     apart = [name for name in designed.request.bounds if name.startswith(("rib_", "garter_"))]
     if apart:
-        both = ", ".join(
-            dict.fromkeys(name.partition("_")[2] for name in apart if "factor" in name)
-        )
+        factors = (name.partition("_")[2] for name in apart if "factor" in name)
+        both = ", ".join(dict.fromkeys(factors))
         remedy = f"; vary {both}, if both are knitted alike" if both else ""
         yield f"{', '.join(apart)} change one knit alone, but yarn and stitch size both{remedy}"
     if designed.unknown:
@@ -239,17 +244,3 @@ def summary(designed: Designed) -> Iterator[str]:
 
 def _labels(dims: Sequence[str], design: DesignLabels) -> str:
     return "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=True))
-
-
-def _unmet(designed: Designed, nearest: SearchResult) -> Iterator[str]:
-    off_by = nearest.winner.off_by if nearest.winner else []
-    for target, off in zip(designed.request.wanted, off_by, strict=True):
-        if off is not None and off > target.allowance:
-            yield f"not met: {target.text}: the nearest is off by {off:.4g}"
-    if nearest.held_by:
-        yield f"held back by {', '.join(nearest.held_by)}: widen it, or relax a target"
-    elif (conflict := designed.conflict) is not None:
-        one, other = conflict.targets
-        yield f"{one!r} and {other!r} conflict; no bound holds it back"
-    else:
-        yield "no bound holds it back: let more vary, add designs, or raise the budget"

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from knitlab.cube.schema import STRAIN, VARIABLES
 from knitlab.cube.strain_window import REDUCTIONS, gradient
 from knitlab.cube.target import Target, check_window
+from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, OVER_WIDTH, ShapeFunctions, Slopes, Trial
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
@@ -22,7 +23,6 @@ INSIDE = 0.1  # fraction of the tolerance by which a search aims inside a range
 
 Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
-Linearised = tuple[Residuals, Jacobian]
 
 
 def scale_of(target: Target) -> float:
@@ -49,26 +49,20 @@ def aimed(target: Target) -> Target:
 class Objective:
     """Targets and constraints of a search, which may name the user's functions of shapes."""
 
-    targets: tuple[Target, ...]
-    subject_to: tuple[Target, ...]
+    request: DesignRequest
     own: ShapeFunctions
     acts_on: Float[np.ndarray, "parameter variable"]  # of logarithms of parameters, by variables
 
     @property
-    def wanted(self) -> tuple[Target, ...]:
-        """Targets, then constraints."""
-        return (*self.targets, *self.subject_to)
-
-    @property
     def has_gradient(self) -> bool:
         """Whether all variables have derivatives."""
-        names = {target.name for target in self.wanted}
+        names = {target.name for target in self.request.wanted}
         return names <= {*ALONG_STRAIN, *OF_DESIGN, *OVER_WIDTH, *dict(self.own)}
 
     def off_by(self, trial: Trial) -> list[float]:
         """Distance of a trial from each target and constraint, in the unit of its variable."""
         distances = []
-        for target in self.wanted:
+        for target in self.request.wanted:
             at, values, _ = self._read(target, trial, None)
             excess = target.excess(values, at)
             distances.append(float(np.sqrt(_weights(at, len(values)) @ excess**2)))
@@ -76,42 +70,43 @@ class Objective:
 
     def distance(self, off_by: Sequence[Any]) -> Any:
         """Root mean square of distances from the targets, over tolerances; numbers or arrays."""
-        pairs = zip(off_by, self.targets, strict=False)
+        pairs = zip(off_by, self.request.targets, strict=False)
         return np.sqrt(np.mean(np.square([off / scale_of(each) for off, each in pairs]), axis=0))
 
     def violation(self, off_by: Sequence[Any]) -> Any:
         """Largest excess over the allowance of a constraint, in tolerances; 0 if all are met."""
-        pairs = zip(off_by[len(self.targets) :], self.subject_to, strict=True)
+        request = self.request
+        pairs = zip(off_by[len(request.targets) :], request.subject_to, strict=True)
         excess = ((off - each.allowance) / scale_of(each) for off, each in pairs)
         return reduce(np.fmax, excess, 0.0)
 
     def slopes(self, trial: Trial) -> Slopes:
         """Derivatives of the variables that targets name; NoDerivative as at a snap."""
         needed = np.zeros(len(trial.strains), bool)
-        for target in self.wanted:
+        for target in self.request.wanted:
             if target.window is not None:
                 _, weights = target.window.read(trial.strains, np.eye(len(trial.strains)))
                 needed |= (weights != 0).any(axis=1) | (target.name in OVER_WIDTH)
         # Variables without a value at zero strain take that of the next strain.
         needed[1:2] |= needed[:1]
-        names = tuple(dict.fromkeys(target.name for target in self.wanted))
+        names = tuple(dict.fromkeys(target.name for target in self.request.wanted))
         return trial.slopes(names, tuple(needed.tolist()))
 
-    def residuals(self, trial: Trial, slopes: Slopes | None = None) -> Linearised:
+    def residuals(self, trial: Trial, slopes: Slopes | None = None) -> tuple[Residuals, Jacobian]:
         """Residuals, whose squares sum to that of the distance from the aims, and derivatives."""
-        rows, by = [], []
-        for target in map(aimed, self.targets):
+        rows, by, count = [], [], len(self.request.targets)
+        for target in map(aimed, self.request.targets):
             at, values, by_variables = self._read(target, trial, slopes)
-            weights = np.sqrt(_weights(at, len(values)) / len(self.targets)) / scale_of(target)
+            weights = np.sqrt(_weights(at, len(values)) / count) / scale_of(target)
             departure = target.departure(values, at)
             rows.append(departure * weights)
             by.append(((departure != 0) * weights)[:, None] * by_variables)
         return np.concatenate(rows), np.concatenate(by)
 
-    def constraints(self, trial: Trial, slopes: Slopes | None = None) -> Linearised:
+    def constraints(self, trial: Trial, slopes: Slopes | None = None) -> tuple[Residuals, Jacobian]:
         """Constraint functions over their tolerances, not negative if met, and derivatives."""
         rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
-        for target in map(aimed, self.subject_to):
+        for target in map(aimed, self.request.subject_to):
             at, values, by_variables = self._read(target, trial, slopes)
             for sign, bound in zip((1.0, -1.0), target.bounds(at), strict=True):
                 if np.isfinite(bound).all():
@@ -139,9 +134,8 @@ class Objective:
 
 def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " row"]:
     """Weights of the trapezoidal rule over a window, which sum to one."""
-    if len(at) < 2:
-        return np.full(rows, 1.0 / rows)
-    return np.trapezoid(np.eye(len(at)), at) / (at[-1] - at[0])
+    many = len(at) > 1
+    return np.trapezoid(np.eye(rows), at) / np.ptp(at) if many else np.full(rows, 1.0 / rows)
 
 
 def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) -> None:

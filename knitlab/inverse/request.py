@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, ValidationError
 
 from knitlab.cube.strain_window import PARTS, StrainWindow
@@ -118,9 +117,17 @@ def checked_request(
     for one, other in contradictions([*read["targets"], *read["subject_to"]]):
         problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
         faults.all.append(Fault(f"{source}targets", problem))
-    for setting in file.settings:
-        if problem := _problem_of_setting(setting, file):
-            faults.all.append(Fault(f"{source}settings.{setting}", problem))
+    for setting, value in file.settings.items():
+        with faults:
+            where = f"{source}settings.{setting}"
+            if setting not in SETTINGS:
+                raise fault(where, unknown(setting, SETTINGS, "setting"))
+            if setting in file.vary:
+                raise fault(where, "may also vary; remove one of the two")
+            if setting == "robustness":
+                raise fault(where, "is not a setting of a search; give it next to targets")
+            if isinstance(value, list) and not SETTINGS[setting].takes_list:
+                raise fault(where, "is a list; give one value, or let it vary")
     if faults.all:
         raise BadInput(faults.all)
     checked = {key: tuple(targets) for key, targets in read.items()}
@@ -138,39 +145,25 @@ def with_tolerance(target: Target) -> Target:
 def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]:
     """Pairs of targets of one variable whose allowed values have nothing in common."""
     for one, other in combinations(targets, 2):
-        if one.name == other.name and _contradict(one, other):
+        same = one.name == other.name and (one.window is None) == (other.window is None)
+        if same and _contradict(one, other):
             yield one, other
 
 
 def _contradict(one: Target, other: Target) -> bool:
-    if one.reduction == other.reduction and one.window == other.window:
-        return _apart(one, other, _strains(one.window))
-    if one.window is None or other.window is None:
-        return False
-    if one.reduction is None and other.reduction is None:
-        start = max(one.window.start, other.window.start)
-        stop = min(one.window.stop, other.window.stop)
-        return start <= stop and _apart(one, other, _strains(StrainWindow(start, stop)))
-    curve, reduced = (one, other) if one.reduction is None else (other, one)
-    if curve.reduction is not None or reduced.reduction not in WITHIN_RANGE:
-        return False
-    strains, shared = _strains(reduced.window), _strains(curve.window)
-    if not shared[0] <= strains[0] <= strains[-1] <= shared[-1]:
-        return False
-    low, high = curve.allowed(strains)
-    wanted_low, wanted_high = reduced.allowed(strains)
-    return bool(np.max(wanted_low) > np.max(high) or np.min(wanted_high) < np.min(low))
-
-
-def _apart(one: Target, other: Target, strains: Float[np.ndarray, " point"]) -> bool:
-    """Whether the allowed ranges have nothing in common at some strain."""
+    first, second = (target.window or StrainWindow(0, 0) for target in (one, other))
+    start, stop = max(first.start, second.start), min(first.stop, second.stop)
+    strains = np.linspace(start, stop, PARTS + 1)
     (low, high), (other_low, other_high) = one.allowed(strains), other.allowed(strains)
-    return bool((np.maximum(low, other_low) > np.minimum(high, other_high)).any())
-
-
-def _strains(window: StrainWindow | None) -> Float[np.ndarray, " point"]:
-    window = window or StrainWindow(0, 0)
-    return np.linspace(window.start, window.stop, PARTS + 1)
+    if one.reduction == other.reduction and (one.window == other.window or not one.reduction):
+        apart = (np.maximum(low, other_low) > np.minimum(high, other_high)).any()
+        return start <= stop and bool(apart)
+    if one.reduction is not None:
+        # A reduction of a curve may contradict the range of the curve itself.
+        return other.reduction is None and _contradict(other, one)
+    if other.reduction not in WITHIN_RANGE or (start, stop) != (second.start, second.stop):
+        return False
+    return bool(np.max(other_low) > np.max(high) or np.min(other_high) < np.min(low))
 
 
 def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
@@ -191,16 +184,3 @@ def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
         example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
         raise fault(where, f"is {value!r}; {example}")
     return tuple(map(float, listed))
-
-
-def _problem_of_setting(name: str, file: DesignFile) -> str:
-    """Why a search cannot take a setting, if so."""
-    if name not in SETTINGS:
-        return unknown(name, SETTINGS, "setting")
-    if name in file.vary:
-        return "may also vary; remove one of the two"
-    if name == "robustness":
-        return "is not a setting of a search; give it next to targets"
-    if isinstance(file.settings[name], list) and not SETTINGS[name].takes_list:
-        return "is a list; give one value, or let it vary"
-    return ""

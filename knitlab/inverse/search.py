@@ -107,20 +107,19 @@ class DesignSearch:
         methods, ended = list[str](), "the search converged"
         try:
             self.trial(start)
-            if len(start):
-                if self.objective.has_gradient:
-                    constrained = bool(self.objective.subject_to)
-                    methods.append("SLSQP" if constrained else "least squares")
-                    try:
-                        if self.records[0].distance is None:
-                            raise NoDerivative("the start has no distance")
-                        (self._constrained if constrained else self._unconstrained)(start)
-                    except NoDerivative:
-                        self.rough = True
-                met = any(record.met for record in self.records)
-                if not self.objective.has_gradient or (self.rough and not met):
-                    methods.append("CMA-ES")
-                    self._without_gradients()
+            if len(start) and self.objective.has_gradient:
+                constrained = bool(self.objective.request.subject_to)
+                methods.append("SLSQP" if constrained else "least squares")
+                try:
+                    if self.records[0].distance is None:
+                        raise NoDerivative("the start has no distance")
+                    (self._constrained if constrained else self._unconstrained)(start)
+                except NoDerivative:
+                    self.rough = True
+            stuck = self.rough and not any(record.met for record in self.records)
+            if len(start) and (stuck or not self.objective.has_gradient):
+                methods.append("CMA-ES")
+                self._without_gradients()
         except SearchEnded as reason:
             ended = str(reason)
         best = self._best()
@@ -146,11 +145,11 @@ class DesignSearch:
             values=self.space.values(point),
             case_id=trial.case.case_id,
             converged=trial.converged,
-            snapped=trial.snapped,
+            snapped=bool((trial.results["snapped"] == 1).any()),
             off_by=[one if np.isfinite(one) else None for one in off_by],
             distance=float(objective.distance(off_by)) if known else None,
             violation=float(objective.violation(off_by)) if known else None,
-            met=known and all_met(objective.wanted, off_by),
+            met=known and all_met(objective.request.wanted, off_by),
         )
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
@@ -197,15 +196,12 @@ class DesignSearch:
             trial, _ = self.trial(point)
             return objective.constraints(trial, objective.slopes(trial))[1]
 
-        minimize(
-            squared,
-            start,
-            jac=True,
-            method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(start),
-            constraints={"type": "ineq", "fun": within, "jac": within_jacobian},
-            options={"ftol": TOLERANCE, "maxiter": self.budget},
-        )
+        settings: dict[str, Any] = {
+            "bounds": [(0.0, 1.0)] * len(start),
+            "constraints": {"type": "ineq", "fun": within, "jac": within_jacobian},
+            "options": {"ftol": TOLERANCE, "maxiter": self.budget},
+        }
+        minimize(squared, start, jac=True, method="SLSQP", **settings)
 
     def _without_gradients(self) -> None:
         """Sample around the best trial with an evolution strategy."""
@@ -222,12 +218,9 @@ class DesignSearch:
             return record.distance + PENALTY * (record.violation or 0.0)
 
         variables, best = len(self.space.names), self._best()
-        strategy = CMA(
-            mean=np.full(variables, 0.5) if best is None else np.array(self.records[best].point),
-            sigma=SPREAD_OF_FIRST,
-            bounds=np.tile([0.0, 1.0], (variables, 1)),
-            seed=0,
-        )
+        mean = np.full(variables, 0.5) if best is None else np.array(self.records[best].point)
+        bounds = np.tile([0.0, 1.0], (variables, 1))
+        strategy = CMA(mean, SPREAD_OF_FIRST, bounds=bounds, seed=0)
         while not strategy.should_stop():
             population = [strategy.ask() for _ in range(strategy.population_size)]
             strategy.tell([(point, cost(point)) for point in population])
@@ -244,14 +237,13 @@ class DesignSearch:
     def _conditions(self, best: TrialRecord) -> dict[str, Any]:
         """The active bounds of the best trial, and how well its values are determined."""
         objective, names, point = self.objective, self.space.names, np.array(best.point)
-        reached = {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
-        if not (objective.has_gradient and names):
-            return reached
         trial = run_trial(self.folder / TRIALS, *self.space.case(self.design, point), objective.own)
         try:
+            if not (objective.has_gradient and names):
+                raise NoDerivative("the targets have none")
             slopes = objective.slopes(trial)
         except NoDerivative:
-            return reached
+            return {"held_by": self.space.bounds_at(point, np.zeros_like(point))}
         residuals, jacobian = objective.residuals(trial, slopes)
         downhill = -(residuals @ jacobian)
         if best.violation:
@@ -284,8 +276,7 @@ def run_searches(
         progress(by_start[case_id].design, distance)
 
     task = Task(partial(_run_search, by_start), folder)
-    failed: dict[str, str] = {}
-    pending = list(starts)
+    failed, pending = dict[str, str](), list(starts)
     with pool_of(task, min(workers, len(searches)), None, False, report) as pool:
         for attempt in range(1, ATTEMPTS + 1):
             errors = {

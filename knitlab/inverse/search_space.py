@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from knitlab.io.errors import fault
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
-from knitlab.sweep.plan import Plan, make_plan
+from knitlab.sweep.plan import make_plan
 
 ROUND_OFF = 1e-9
 AT_BOUND = 1e-3  # fraction of the distance between bounds within which a value counts as on one
@@ -45,8 +46,9 @@ class SearchSpace:
     def bounds_at(self, point: Point, downhill: Point) -> list[str]:
         """The bounds reached, such as ``rib_k_t <= 0.1``, unless downhill leads away from them."""
         active = []
+        ends = np.exp(self.lower), np.exp(self.upper)
         for name, fraction, slope, low, high in zip(
-            self.names, point, downhill, np.exp(self.lower), np.exp(self.upper), strict=True
+            self.names, point, downhill, *ends, strict=True
         ):
             if fraction < AT_BOUND and slope <= 0:
                 active.append(f"{name} >= {low:.4g}")
@@ -93,35 +95,24 @@ def search_space(request: DesignRequest) -> SearchSpace:
     allowed = make_plan(request.workflow, {**settings, **labels})
     if any(name not in CHOICES for name in allowed.dims):
         raise fault(request.workflow, f"has dimensions {allowed.dims}; a search takes one setting")
-    settings |= {"strain_max": _last_strain(request, allowed)}
-    settings |= {name: only[0] for name, only in labels.items() if name not in allowed.dims}
-    bounds = np.array(list(request.bounds.values())).reshape(-1, 2)
-    space = SearchSpace(
-        request.workflow,
-        settings,
-        allowed.dims,
-        tuple(
-            tuple(label if isinstance(label, str) else int(label) for label in design)
-            for design in allowed.designs.values()
-        ),
-        tuple(request.bounds),
-        *np.log(bounds).T,
-    )
-    for design in space.designs:
-        for fraction in (0.0, 1.0):
-            space.case(design, np.full(len(bounds), fraction))
-    return space
-
-
-def _last_strain(request: DesignRequest, plan: Plan) -> float:
-    """The last strain of the test, by default the last that a target needs."""
     needed = max((target.window.stop for target in request.wanted if target.window), default=0.0)
-    if len(plan.applied_strain) < 2:
+    if len(allowed.applied_strain) < 2:
         raise fault("strain_max = 0", "leaves no strain to apply; raise it, or leave it out")
-    last, step = plan.applied_strain[-1], plan.applied_strain[1]
+    last, step = allowed.applied_strain[-1], allowed.applied_strain[1]
     if "strain_max" not in request.settings:
-        return round(max(1, int(np.ceil(needed / step - ROUND_OFF))) * step, 12)
-    if needed > last + ROUND_OFF:
+        # By default the last strain that a target needs.
+        settings["strain_max"] = round(max(1, int(np.ceil(needed / step - ROUND_OFF))) * step, 12)
+    elif needed > last + ROUND_OFF:
         problem = f"ends before the strain {needed:g} of a target; raise it, or leave it out"
         raise fault(f"settings.strain_max = {last:g}", problem)
-    return float(request.settings["strain_max"])
+    settings |= {name: only[0] for name, only in labels.items() if name not in allowed.dims}
+    designs = tuple(
+        tuple(label if isinstance(label, str) else int(label) for label in design)
+        for design in allowed.designs.values()
+    )
+    names, bounds = tuple(request.bounds), np.array([*request.bounds.values()]).reshape(-1, 2)
+    logarithms = np.log(bounds).T
+    space = SearchSpace(request.workflow, settings, allowed.dims, designs, names, *logarithms)
+    for design, fraction in product(designs, (0.0, 1.0)):
+        space.case(design, np.full(len(bounds), fraction))
+    return space

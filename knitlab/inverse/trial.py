@@ -60,11 +60,6 @@ class Trial:
         """Whether the whole test converged."""
         return int(self.results["status"]) == Status.ok
 
-    @property
-    def snapped(self) -> bool:
-        """Whether the fabric snapped on the way to a strain."""
-        return bool((self.results["snapped"] == 1).any())
-
     @cached_property
     def strains(self) -> Float[np.ndarray, " strain"]:
         """Applied strains of the test."""

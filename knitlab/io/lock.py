@@ -90,10 +90,7 @@ def _shard_lock(number: int, count: int) -> str:
 
 
 def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AbstractContextManager[object]:
-    """A lock of a folder, acquired within some time [s]; used as a context, it is released.
-
-    It is None, as a context, on a file system without locks.
-    """
+    """A lock of a folder within some time [s]; None, as a context, if the file system has none."""
     lock: AbstractContextManager[object] = nullcontext()
     try:
         folder.mkdir(parents=True, exist_ok=True)

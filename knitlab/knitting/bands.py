@@ -1,19 +1,20 @@
 """Bands of a stitch chart: rows of patches in courses, or columns in wales, by their stripes."""
 
 from itertools import groupby
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
 
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH
 
-PER_RIB_STITCH = {"course": GARTER_STITCHES_PER_RIB_STITCH, "wale": 1}
+Axis = Literal["course", "wale"]
 
 
 class Band(NamedTuple):
     """A row or a column of patches: from a course or wale to the next band's."""
 
+    axis: Axis
     start: int
     stop: int
     stripe: int | None  # courses of its garter stripes or wales of its ribs, None without stripes
@@ -23,33 +24,34 @@ class Band(NamedTuple):
         """Number of courses or wales."""
         return self.stop - self.start
 
+    @property
+    def per_stitch(self) -> int:
+        """Courses or wales that are as long as a stitch is wide."""
+        return 1 if self.axis == "wale" else GARTER_STITCHES_PER_RIB_STITCH
+
 
 def bands_of(
-    lines: Bool[np.ndarray, "line stitch"], axis: str, tolerance: int, slender: int
+    lines: Bool[np.ndarray, "line stitch"], axis: Axis, tolerance: int, slender: int
 ) -> list[Band]:
     """Courses in rows of patches, or wales in columns, whose stripes begin on the front bed."""
     kinds, examples = _kinds(lines, tolerance)
-    runs = []  # of lines that are alike: their kind, and from where to where
-    for kind, of in groupby(range(len(lines)), key=kinds.__getitem__):
-        numbers = list(of)
-        runs.append((kind, numbers[0], numbers[-1] + 1))
-    bands, k = [], 0
+    # Runs of lines that are alike, by their kind and number of lines.
+    runs = [(kind, len(list(of))) for kind, of in groupby(kinds)]
+    bands, k, start = list[Band](), 0, 0
     while k < len(runs):
-        kind, start, stop = runs[k]
-        if k + 1 == len(runs) or not _are_stripes(runs[k], runs[k + 1], examples, axis, slender):
-            bands.append(Band(start, stop, None))
-            k += 1
+        (kind, first), (other, size) = runs[k], (*runs, (-1, 0))[k + 1]
+        if size > first or not _are_stripes(examples, kind, other, axis, slender * size):
+            bands.append(Band(axis, start, start + first, None))
+            k, start = k + 1, start + first
             continue
-        other, _, end = runs[k + 1]
-        size = end - stop
-        begin = stop - size
-        if begin > start:
-            bands.append(Band(start, begin, None))
+        if first > size:
+            bands.append(Band(axis, start, start + first - size, None))
+        stop = start + first + size
         k += 2
-        while [(of, b - a) for of, a, b in runs[k : k + 2]] == [(kind, size), (other, size)]:
-            end = runs[k + 1][2]
-            k += 2
-        bands.append(Band(begin, end, size))
+        while runs[k : k + 2] == [(kind, size), (other, size)]:
+            k, stop = k + 2, stop + 2 * size
+        bands.append(Band(axis, start + first - size, stop, size))
+        start = stop
     return bands
 
 
@@ -60,8 +62,7 @@ def _kinds(
     if not tolerance:
         _, firsts, exact = np.unique(lines, axis=0, return_index=True, return_inverse=True)
         return exact.ravel().tolist(), list(lines[firsts])
-    examples: list[np.ndarray] = []
-    kinds = []
+    examples, kinds = list[np.ndarray](), []
     for line in lines:
         alike = (k for k, each in enumerate(examples) if (each != line).sum() <= tolerance)
         kind = next(alike, len(examples))
@@ -73,20 +74,13 @@ def _kinds(
 
 
 def _are_stripes(
-    first: tuple[int, int, int],
-    second: tuple[int, int, int],
-    examples: list[Bool[np.ndarray, " stitch"]],
-    axis: str,
-    slender: int,
+    examples: list[Bool[np.ndarray, " stitch"]], first: int, second: int, axis: Axis, least: int
 ) -> bool:
-    """Whether two runs of lines are a front and a back stripe, not shorter than they are wide."""
-    front, back = examples[first[0]], examples[second[0]]
-    size = second[2] - second[1]
-    differ = front & ~back
-    if (back & ~front).any() or first[2] - first[1] < size:
+    """Whether two kinds of lines are front and back stripes, as long as some lines are high."""
+    if second < 0 or (examples[second] & ~examples[first]).any():
         return False
-    if differ.all():
-        return True
+    differ = examples[first] & ~examples[second]
     lengths = [len(list(of)) for changes, of in groupby(differ.tolist()) if changes]
-    across = GARTER_STITCHES_PER_RIB_STITCH / PER_RIB_STITCH[axis]  # 2 courses are a wale high
-    return slender * size / PER_RIB_STITCH[axis] <= min(lengths, default=0) / across
+    # 2 courses are a wale high.
+    scale = GARTER_STITCHES_PER_RIB_STITCH ** (1 if axis == "course" else -1)
+    return bool(differ.all()) or least <= scale * min(lengths, default=0)

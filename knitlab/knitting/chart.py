@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Int
 
+from knitlab.measure.knit_size import Gauge
+
 Face = Literal["front", "back"]  # a face of the fabric
 
 
@@ -61,6 +63,12 @@ class StitchChart:
         return self.courses // self.repeat[0], self.wales // self.repeat[1]
 
     @property
+    def repeats_in_words(self) -> str:
+        """How often which pattern repeats."""
+        size = "{} courses and {} wales".format(*self.repeat)
+        return "{} × {} (warp × weft) of {}".format(*self.repeats, size)
+
+    @property
     def is_whole_sample(self) -> bool:
         """Whether it is a whole sample with edges, of which nothing repeats."""
         return self.repeats == (1, 1) and not self.periodic
@@ -80,6 +88,10 @@ class StitchChart:
         """Every stitch in words, (course, wale)."""
         faces = np.array(["front", *self.plated_face])[self.plated]
         return np.vectorize(stitch_in_words)(self.front, self.plated, faces)
+
+    def flat_size(self, gauge: Gauge) -> tuple[float, float]:
+        """Width and length in cloth before it folds, by the size of a stitch [mm]."""
+        return self.wales * gauge.stitch_width, self.courses * gauge.stitch_height
 
     def difference(self, knitted: np.ndarray) -> str | None:
         """The first stitch in words that differs from a knitted one; None if all are equal."""

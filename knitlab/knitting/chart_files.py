@@ -1,6 +1,7 @@
 """Stitches read from a file: rows of text, a table, an image of one pixel a stitch, or knitout."""
 
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -39,11 +40,9 @@ def _of_text(path: Path) -> Stitches:
         is_table = is_table or line.startswith("course,")
         if not line.strip() or line.startswith(("#", "course,")):
             continue
-        if is_table:
-            # knitlab's own table has the course in its first column, and kA for a plated stitch.
-            symbols = "".join(word.strip()[:1] for word in line.split(",")[1:])
-        else:
-            symbols = "".join(each for each in line if each not in SEPARATORS)
+        # knitlab's own table has the course in its first column, and kA for a plated stitch.
+        of_table = (word.strip()[:1] for word in line.split(",")[1:])
+        symbols = "".join(of_table if is_table else (c for c in line if c not in SEPARATORS))
         for stitch, symbol in enumerate(symbols, start=1):
             if symbol not in KNITS + PURLS:
                 problem = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
@@ -82,18 +81,15 @@ def _of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
     """The stitches of a carrier, or the one that knits most of a program, up to its bind-off."""
     text = read_text(path)
     lines = text.split("\n")
-    if FIRST_COURSE in lines:
-        # A program of knitlab says where its chart begins and ends.
-        start = lines.index(FIRST_COURSE)
-        last = next((k for k in range(start, len(lines)) if lines[k] in AFTER_BODY), len(lines))
-    else:
-        start, last = 0, len(lines)
-    formed = _Knitted()
-    for operation in operations(text):
-        formed.follow(operation, counts=start < operation.line <= last)
-    counts = Counter(each for _, carriers in formed.stitches for each in carriers)
-    if not counts and formed.double:
-        problem = f"knits on both beds of a wale until line {formed.double}, a tube or double cloth"
+    # A program of knitlab says where its chart begins and ends.
+    marked = FIRST_COURSE in lines
+    start = lines.index(FIRST_COURSE) if marked else 0
+    ends = (k for k in range(start, len(lines)) if marked and lines[k] in AFTER_BODY)
+    last = next(ends, len(lines))
+    stitches, double, joined = _knitted(operations(text), range(start + 1, last + 1))
+    counts = Counter(each for _, carriers in stitches for each in carriers)
+    if not counts and double:
+        problem = f"knits on both beds of a wale until line {double}, a tube or double cloth"
         raise fault(str(path), f"{problem}; only single cloth is a chart")
     if not counts:
         raise fault(str(path), "knits no stitch through another; give a program that knits")
@@ -102,27 +98,27 @@ def _of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
         listed = ", ".join(sorted(counts))
         raise fault(str(path), f"knits nothing with carrier {body}; name one of {listed}")
     remarks = []
-    if formed.double:
-        remarks.append(f"from line {formed.double + 1}, before which both beds knit")
-    if len(counts) > 1 and FIRST_COURSE not in lines:
+    if double:
+        remarks.append(f"from line {double + 1}, before which both beds knit")
+    if len(counts) > 1 and not marked:
         remarks.append(f"of carrier {body} alone")
+    if joined:
+        remarks.append(f"up to line {joined}, that joins loops")
     chains: dict[int, list[bool]] = defaultdict(list)
-    for needle, carriers in formed.stitches:
+    for needle, carriers in stitches:
         if body in carriers:
             chains[needle.number].append(needle.front)
     courses = Counter(map(len, chains.values())).most_common(1)[0][0]
-    if formed.double:
-        # Of the course in which both beds knit last, a part may count.
-        chains = {number: chain[-courses:] for number, chain in chains.items()}
-    if formed.joined:
-        # A bind-off has knitted the first stitch of its course, or none.
-        remarks.append(f"up to line {formed.joined}, that joins loops")
-        chains = {number: chain[:courses] for number, chain in chains.items()}
     for number, chain in sorted(chains.items()):
+        if double:
+            # Of the course in which both beds knit last, some stitches may count.
+            del chain[:-courses]
+        if joined:
+            # A bind-off has knitted the first stitch of its course, or none.
+            del chain[courses:]
         if len(chain) != courses:
             problem = f"has {len(chain)} stitches of carrier {body} on needle {number}, and"
-            remedy = "only a rectangle is a chart"
-            raise fault(str(path), f"{problem} {courses} on others; {remedy}")
+            raise fault(str(path), f"{problem} {courses} on others; only a rectangle is a chart")
     first, end = min(chains), max(chains)
     if len(chains) != end - first + 1:
         missing = next(n for n in range(first, end) if n not in chains)
@@ -130,35 +126,37 @@ def _of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
     return np.array([chains[number] for number in range(first, end + 1)]).T, ", ".join(remarks)
 
 
-class _Knitted:
-    """The stitches that a program forms, without any rule of a machine."""
+def _knitted(
+    program: Iterable[Operation], counted: range
+) -> tuple[list[tuple[Needle, tuple[str, ...]]], int, int]:
+    """The stitches of counted lines until loops are joined, with their carriers, and two lines.
 
-    def __init__(self) -> None:
-        self.loops: Counter[Needle] = Counter()
-        self.double = 0  # last line that knits where the other bed holds a loop of the wale
-        self.joined = 0  # line from which on a bind-off or a decrease joins loops
-        self.stitches: list[tuple[Needle, tuple[str, ...]]] = []  # with their carriers
-
-    def follow(self, operation: Operation, counts: bool) -> None:
-        """Take the loops on by an operation; its stitch counts until loops are joined."""
+    The last line that knits where the other bed holds a loop of the wale, and that from which on a
+    bind-off or a decrease joins loops; 0 if there is none. No rule of a machine is checked.
+    """
+    loops: Counter[Needle] = Counter()
+    stitches: list[tuple[Needle, tuple[str, ...]]] = []
+    double = joined = 0
+    for operation in program:
         opcode, needles = operation.opcode, operation.needles
-        counts = counts and not self.joined
+        counts = operation.line in counted and not joined
         if opcode in ("knit", "tuck") and needles and operation.carriers:
             (needle,) = needles
             if opcode == "knit":
-                if self.loops[Needle(not needle.front, needle.number)]:
+                if loops[Needle(not needle.front, needle.number)]:
                     # Waste is often knitted on both beds; a chart can only begin after that.
-                    self.stitches.clear()
-                    self.double = operation.line
-                elif self.loops[needle] and counts:
-                    self.stitches.append((needle, operation.carriers))
-                self.loops[needle] = 0
-            self.loops[needle] += 1
+                    stitches.clear()
+                    double = operation.line
+                elif loops[needle] and counts:
+                    stitches.append((needle, operation.carriers))
+                loops[needle] = 0
+            loops[needle] += 1
         elif opcode in ("xfer", "split") and len(needles) == 2:
             source, target = needles
-            if self.loops[source] and self.loops[target] and counts:
-                self.joined = operation.line
-            self.loops[target] += self.loops[source]
-            self.loops[source] = int(opcode == "split")
+            if loops[source] and loops[target] and counts:
+                joined = operation.line
+            loops[target] += loops[source]
+            loops[source] = int(opcode == "split")
         elif opcode in ("drop", "knit") and needles:
-            self.loops[needles[0]] = 0
+            loops[needles[0]] = 0
+    return stitches, double, joined

@@ -37,24 +37,24 @@ def check(text: str, machine: Machine) -> tuple[list[Fault], list[FormedStitch]]
 def _header_faults(text: str, machine: Machine) -> list[Fault]:
     """What the back end refuses, or takes for another machine, in a header."""
     lines = text.split("\n")
-    where = {"Width": "header", "Carriers": "header"}
-    stated: dict[str, str] = {}
-    for number, line in enumerate(lines, start=1):
-        name, _, value = line.partition(": ")
-        if (name := name.removeprefix(";;")) in where and line.startswith(";;"):
-            stated[name], where[name] = value, f"line {number}: {line}"
-    problems = []
+    faults = []
     if not lines[0].startswith(";!knitout-"):
-        problems.append(Fault(f"line 1: {lines[0]}", "is not ;!knitout-2; begin with that"))
-    if stated.get("Width") != (width := str(machine.needles)):
-        why = "Position: Center means the middle of another machine's beds without it"
-        problems.append(Fault(where["Width"], f"is not ;;Width: {width}; write that, as {why}"))
-    listed = " ".join(map(str, range(1, CARRIER_COUNT[machine.hooks] + 1)))
-    if stated.get("Carriers") != listed:
-        remedy = "keep to its count of carriers, or set model=Kniterate for six"
-        problem = f"{machine.back_end} takes ;;Carriers: {listed} alone; {remedy}"
-        problems.append(Fault(where["Carriers"], problem))
-    return problems
+        faults.append(Fault(f"line 1: {lines[0]}", "is not ;!knitout-2; begin with that"))
+    width = f";;Width: {machine.needles}"
+    why = "Position: Center means the middle of another machine's beds without it"
+    listed = f";;Carriers: {' '.join(map(str, range(1, CARRIER_COUNT[machine.hooks] + 1)))}"
+    remedy = "keep to its count of carriers, or set model=Kniterate for six"
+    needed = {
+        width: f"is not {width}; write that, as {why}",
+        listed: f"{machine.back_end} takes {listed} alone; {remedy}",
+    }
+    for header, problem in needed.items():
+        name = header.partition(" ")[0]
+        stated = {line: number for number, line in enumerate(lines, 1) if line.startswith(name)}
+        line, number = next(reversed(stated.items()), ("", 0))
+        if line != header:
+            faults.append(Fault(f"line {number}: {line}" if stated else "header", problem))
+    return faults
 
 
 @dataclass
@@ -65,24 +65,24 @@ class _State:
     held: dict[Needle, list[int]] = field(default_factory=dict)
     active: set[int] = field(default_factory=set)
     unused: set[int] = field(default_factory=set)  # brought in, without a stitch yet
-    hooked: int | None = None
-    hook_from: int | None = None
+    hooked: int | None = None  # carrier that the inserting hook holds
+    hook_from: int | None = None  # first needle that is behind the hook
     racking: int = 0
     now: Operation = field(default_factory=lambda: Operation(1, "", ()))
 
     def follow(self, operation: Operation) -> None:
         """Take the state on by an operation, by the method of its name."""
-        self.now = operation
-        last = self.machine.needles
+        self.now, machine = operation, self.machine
+        last = machine.needles
         outside = [each for each in operation.needles if not 1 <= each.number <= last]
         for needle in outside:
             self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
-        hooks = self.machine.hooks
-        if operation.opcode in OF_CARRIERS and operation.opcode.endswith("hook") != hooks:
-            own = f"{self.machine.bring_in} and {self.machine.bring_out}"
-            self._report(f"{self.machine.back_end} is for {own} alone; write these")
+        if operation.opcode in OF_CARRIERS and operation.opcode.endswith("hook") != machine.hooks:
+            own = f"{machine.bring_in} and {machine.bring_out}"
+            self._report(f"{machine.back_end} is for {own} alone; write these")
         if not outside:
-            getattr(self, f"_{operation.opcode}")()
+            named = (*operation.needles, *map(int, operation.carriers))
+            getattr(self, f"_{operation.opcode}")(*named)
 
     def finish(self) -> None:
         """Find what is left over."""
@@ -104,9 +104,7 @@ class _State:
         shift = -self.racking if needle.front else self.racking
         return Needle(not needle.front, needle.number + shift)
 
-    def _yarns(self, needle: Needle) -> tuple[int, ...]:
-        """The carriers of a stitch, after their checks."""
-        carriers = tuple(map(int, self.now.carriers))
+    def _check_carriers(self, needle: Needle, carriers: tuple[int, ...]) -> None:
         most = MOST_CARRIERS[self.machine.hooks]
         if len(carriers) > most or len(set(carriers)) < len(carriers):
             self._report(f"has {len(carriers)} carriers; take {'one' if most == 1 else '1 or 2'}")
@@ -119,26 +117,21 @@ class _State:
             self._report(f"{problem}; put releasehook {self.hooked} before this line")
             self.hooked = self.hook_from = None
         for carrier in [each for each in carriers if each in self.unused]:
-            self._check_first_use(carrier, carriers)
+            first = f"the first stitch of carrier {carrier}"
+            if carriers != (carrier,):
+                problem = f"{first} has others too, which {self.machine.back_end} refuses"
+                self._report(f"{problem}; tuck with carrier {carrier} alone before")
+            words = "leftwards", "rightwards"
+            inwards, outwards = words if self.machine.hooks else words[::-1]
+            if self.now.direction != ("-" if self.machine.hooks else "+"):
+                remedy = f"yarn is brought in {inwards}: begin with a stitch {inwards}"
+                self._report(f"{first} goes {outwards}; {remedy}")
+        self.unused.difference_update(carriers)
         if self.hooked in carriers and self.hook_from is None:
             self.hook_from = needle.number + 1
-        return carriers
 
-    def _check_first_use(self, carrier: int, carriers: tuple[int, ...]) -> None:
-        self.unused.discard(carrier)
-        first = f"the first stitch of carrier {carrier}"
-        if carriers != (carrier,):
-            problem = f"{first} has others too, which {self.machine.back_end} refuses"
-            self._report(f"{problem}; tuck with carrier {carrier} alone before")
-        inwards, word = ("-", "leftwards") if self.machine.hooks else ("+", "rightwards")
-        if self.now.direction != inwards:
-            problem = f"{first} goes {'rightwards' if self.machine.hooks else 'leftwards'}"
-            remedy = f"yarn is brought in {word}: begin with a stitch {word}"
-            self._report(f"{problem}; {remedy}")
-
-    def _knit(self) -> None:
-        (needle,) = self.now.needles
-        carriers = self._yarns(needle)
+    def _knit(self, needle: Needle, *carriers: int) -> None:
+        self._check_carriers(needle, carriers)
         through = self.held.pop(needle, [])
         across = self._opposite(needle)
         if self.held.get(across):
@@ -154,9 +147,8 @@ class _State:
             self._report(f"knits a conductor alone; plate it with the body's carrier {body}")
         self._form(needle, carriers, tuple(through))
 
-    def _tuck(self) -> None:
-        (needle,) = self.now.needles
-        carriers = self._yarns(needle)
+    def _tuck(self, needle: Needle, *carriers: int) -> None:
+        self._check_carriers(needle, carriers)
         if len(self.held.get(needle, [])) >= MOST_STITCHES_HELD:
             self._report(f"{needle} holds {MOST_STITCHES_HELD} loops already; knit them first")
         self._form(needle, carriers, ())
@@ -165,8 +157,7 @@ class _State:
         self.held.setdefault(needle, []).append(len(self.graph))
         self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
 
-    def _xfer(self) -> None:
-        source, target = self.now.needles
+    def _xfer(self, source: Needle, target: Needle) -> None:
         if self._opposite(source) != target:
             opposite = f"{source} is opposite {self._opposite(source)} at racking {self.racking}"
             self._report(f"{opposite}; rack before, or correct the needles")
@@ -177,8 +168,7 @@ class _State:
             self._report(f"{target} holds a loop, and may hold one; knit or move that first")
         self.held[target] = [*there, *moved]
 
-    def _drop(self) -> None:
-        (needle,) = self.now.needles
+    def _drop(self, needle: Needle) -> None:
         dropped = self.held.pop(needle, [])
         for carrier in (each for number in dropped for each in self.graph[number].carriers):
             if carrier in self.active:
@@ -189,8 +179,7 @@ class _State:
         if (held := self.hooked) is not None:
             self._report(f"the hook still holds carrier {held}; put releasehook {held} before")
 
-    def _in(self) -> None:
-        carrier = int(self.now.carriers[0])
+    def _in(self, carrier: int) -> None:
         if carrier in self.active:
             self._report(f"carrier {carrier} is in action already; take the line out")
         if carrier > self.machine.carriers:
@@ -198,28 +187,26 @@ class _State:
         self.active.add(carrier)
         self.unused.add(carrier)
 
-    def _out(self) -> None:
-        carrier = int(self.now.carriers[0])
+    def _out(self, carrier: int) -> None:
         if carrier not in self.active:
             self._report(f"carrier {carrier} is not in action; take the line out")
         self.active.discard(carrier)
 
-    def _inhook(self) -> None:
+    def _inhook(self, carrier: int) -> None:
         self._check_hook_is_free()
-        self._in()
-        self.hooked, self.hook_from = int(self.now.carriers[0]), None
+        self._in(carrier)
+        self.hooked, self.hook_from = carrier, None
 
-    def _releasehook(self) -> None:
-        carrier = int(self.now.carriers[0])
+    def _releasehook(self, carrier: int) -> None:
         if carrier != self.hooked:
             self._report(f"the hook does not hold carrier {carrier}; take the line out")
         elif self.hook_from is None:
             self._report(f"carrier {carrier} has no stitch yet; release it after one")
         self.hooked = self.hook_from = None
 
-    def _outhook(self) -> None:
+    def _outhook(self, carrier: int) -> None:
         self._check_hook_is_free()
-        self._out()
+        self._out(carrier)
         self.hooked = self.hook_from = None
 
     def _rack(self) -> None:

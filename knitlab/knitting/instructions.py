@@ -8,8 +8,6 @@ are all knitted on the right side.
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-import numpy as np
-
 from knitlab.knitting.chart import StitchChart, electrode_name
 
 MOST_LISTED = 3  # rows that are numbered one by one
@@ -18,34 +16,34 @@ Stitch = tuple[bool, int]  # whether it is knitted, else purled, and its electro
 
 def instructions(chart: StitchChart, in_the_round: bool = False) -> str:
     """Words that knit a chart by hand, to and fro or in the round."""
-    row = "round" if in_the_round else "row"
-    courses = _courses_of_repeat(chart, in_the_round)
-    lines = [
-        " ".join(chart.title.split()),
-        "",
-        f"k: knit, p: purl, st(s): stitch(es), {_sides(in_the_round)}rep: repeat.",
-    ]
+    row, period, sides = "row", 2, "RS: right side, WS: wrong side, "
+    if in_the_round:
+        row, period, sides = "round", 1, ""
+    terms = f"k: knit, p: purl, st(s): stitch(es), {sides}rep: repeat."
+    lines = [" ".join(chart.title.split()), "", terms]
     for number in chart.electrodes:
         name, face = electrode_name(number), chart.plated_face[number - 1]
         side = "right" if face == "front" else "wrong"
         lines.append(f"with {name}: hold conductor {name} with the yarn, on the {side} side.")
     join = ", join in the round" if in_the_round else ""
     lines += ["", f"Cast on {chart.wales} sts{join}."]
+    worked = [_worked(chart, course, in_the_round) for course in range(chart.courses)]
+    courses = chart.repeat[0]
+    more = chart.courses // courses - 1
+    if courses % period or worked != worked[:courses] * (more + 1):
+        courses, more = chart.courses, 0
     start = 0
     while start < courses:
-        stop = _end_of_block(chart, start, courses, in_the_round)
-        for first in range(start, min(stop, start + (1 if in_the_round else 2))):
-            numbers = range(first + 1, stop + 1, 1 if in_the_round else 2)
-            lines.append(f"{_rows(row, numbers)}: {words_of(_worked(chart, first, in_the_round))}.")
+        following = range(start + period, courses)
+        stop = next((k for k in following if worked[k] != worked[k - period]), courses)
+        for first in range(start, min(stop, start + period)):
+            numbers = range(first + 1, stop + 1, period)
+            lines.append(f"{_rows(row, numbers)}: {words_of(worked[first])}.")
         start = stop
-    if (more := chart.courses // courses - 1) > 0:
+    if more:
         times = "once more" if more == 1 else f"{more} times more"
         lines.append(f"Rep {row}s 1 to {courses} {times}.")
     return "\n".join([*lines, "Bind off.", ""])
-
-
-def _sides(in_the_round: bool) -> str:
-    return "" if in_the_round else "RS: right side, WS: wrong side, "
 
 
 def _rows(row: str, numbers: range) -> str:
@@ -57,27 +55,6 @@ def _rows(row: str, numbers: range) -> str:
         return f"{row.capitalize()}{'s' if listed else ''} {several}{side}"
     which = f"{row.capitalize()}s" if not side else f"{'Odd' if numbers[0] % 2 else 'Even'} {row}s"
     return f"{which} {numbers[0]} to {numbers[-1]}{side}"
-
-
-def _courses_of_repeat(chart: StitchChart, in_the_round: bool) -> int:
-    """Courses after which the words begin again; a whole number of pairs of rows to and fro."""
-    courses = chart.repeat[0]
-    if courses % 2 and not in_the_round:
-        return chart.courses
-    times = (chart.courses // courses, 1)
-    alike = [(np.tile(of[:courses], times) == of).all() for of in (chart.front, chart.plated)]
-    return courses if all(alike) else chart.courses
-
-
-def _end_of_block(chart: StitchChart, start: int, courses: int, in_the_round: bool) -> int:
-    """The course after those that are worked as the first of their side from a start."""
-    period = 1 if in_the_round else 2
-    for course in range(start + period, courses):
-        before = course - period
-        for stitches in (chart.front, chart.plated):
-            if (stitches[course] != stitches[before]).any():
-                return course
-    return courses
 
 
 def _worked(chart: StitchChart, course: int, in_the_round: bool) -> list[Stitch]:

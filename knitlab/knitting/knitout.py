@@ -87,15 +87,16 @@ class _Program:
         self._bring_in(machine.body_carrier)
         self._tucks(machine.body_carrier)
         self._plain_courses(machine.setup_courses, machine.body_carrier)
-        self._body()
+        for course in range(self.chart.courses):
+            self._course(course)
         if machine.end == "bind_off":
             self._bind_off()
             return self.lines
         self._bring_out(machine.body_carrier)
         if machine.waste_courses:
             self._band("waste", machine.waste_carrier, machine.waste_courses)
-        held = map(Needle, self.on_front, self.needles)
-        return [*self.lines, ";drop", *(f"drop {needle}" for needle in held)]
+        dropped = (f"drop {needle}" for needle in map(Needle, self.on_front, self.needles))
+        return [*self.lines, ";drop", *dropped]
 
     def _take_stitch_size(self, use: str) -> None:
         number = getattr(self.machine, f"{use}_stitch_number")
@@ -167,20 +168,11 @@ class _Program:
         self._bring_out(carrier)
         self.direction = self.inwards
 
-    def _body(self) -> None:
-        chart = self.chart
-        for course in range(chart.courses):
-            self.lines.append(f";course {course + 1}")
-            self._move_to(chart.front[course])
-            self._course(course)
-            for electrode in np.setdiff1d(chart.plated[course], 0).tolist():
-                if not (chart.plated[course + 1 :] == electrode).any():
-                    self._bring_out(self.machine.carrier_of(electrode))
-            self.direction = -self.direction
-
     def _course(self, course: int) -> None:
         """One course, with a pass for every run of stitches of the same carriers."""
         plated = self.chart.plated[course]
+        self.lines.append(f";course {course + 1}")
+        self._move_to(self.chart.front[course])
         needles = self.needles[:: self.direction]
         for electrode, run in groupby(needles, key=lambda number: int(plated[number - 1])):
             numbers = list(run)
@@ -201,6 +193,10 @@ class _Program:
                     first = on_face == (self.machine.plating == "face_first")
                     carriers.insert(0 if first else 1, self.machine.carrier_of(electrode))
                 self._form("knit", self.direction, number, carriers)
+        for electrode in np.setdiff1d(plated, self.chart.plated[course + 1 :]).tolist():
+            if electrode:
+                self._bring_out(self.machine.carrier_of(electrode))
+        self.direction = -self.direction
 
     def _bind_off(self) -> None:
         """A chain: every loop is moved onto its neighbour, and knitted with it."""
@@ -212,12 +208,8 @@ class _Program:
         self._form("knit", self.direction, order[0], [carrier])
         for number, following in pairwise(order):
             # At racking R, back needle B is opposite front needle B + R.
-            self.lines += [
-                f"xfer f{number} b{number}",
-                f"rack {following - number}",
-                f"xfer b{number} f{following}",
-                "rack 0",
-            ]
+            self.lines += [f"xfer f{number} b{number}", f"rack {following - number}"]
+            self.lines += [f"xfer b{number} f{following}", "rack 0"]
             self._form("knit", self.direction, following, [carrier])
         for _ in range(self.machine.bind_off_tail):
             self.direction = -self.direction

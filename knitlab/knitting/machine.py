@@ -20,7 +20,7 @@ from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
 
 MOST_SPEEDS = 15  # rows of the table of speeds of a machine with hooks
-OTHER_MODELS = ("Kniterate",)  # each a table of what differs, taken when model is its name
+OTHER_MODEL = "Kniterate"  # a table of what differs, taken when model is its name
 
 
 def _word(text: str) -> str:
@@ -107,24 +107,21 @@ class Machine:
 def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
     """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes.
 
-    A ``model`` of ``OTHER_MODELS`` stands for all values of its table.
+    A ``model`` of ``OTHER_MODEL`` stands for all values of its table.
     """
-    tables = read_toml(shipped("params") / "machine.toml")
-    changes = dict(changes or {})
-    others = {name: tables.pop(name) for name in OTHER_MODELS}
-    for name, table in others.items():
-        if str(changes.get("model")).casefold() == name.casefold():
-            tables[name] = table
-            del changes["model"]
+    tables, changes = read_toml(shipped("params") / "machine.toml"), dict(changes or {})
+    if str(changes.get("model")).casefold() == OTHER_MODEL.casefold():
+        del changes["model"]
+    else:
+        del tables[OTHER_MODEL]
     values = {key: entry["value"] for table in tables.values() for key, entry in table.items()}
-    faults = []
-    for name, value in changes.items():
-        if name in values:
-            values[name] = value
-        else:
-            faults.append(Fault(f"machine {name}", unknown(name, values, "setting of the machine")))
+    faults = [
+        Fault(f"machine {name}", unknown(name, values, "setting of the machine"))
+        for name in changes
+        if name not in values
+    ]
     try:
-        machine = TypeAdapter(Machine).validate_python(values)
+        machine = TypeAdapter(Machine).validate_python(values | changes)
         faults += _combination_faults(machine)
     except ValidationError as error:
         faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
@@ -134,9 +131,9 @@ def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
 
 
 def _combination_faults(machine: Machine) -> list[Fault]:
-    electrodes = zip(("electrode A", "electrode B"), machine.electrode_carriers, strict=True)
     names, count = ("waste_carrier", "draw_carrier", "body_carrier"), machine.carriers
-    used = {name: getattr(machine, name) for name in names} | dict(electrodes)
+    used = {name: getattr(machine, name) for name in names}
+    used["electrode A"], used["electrode B"] = machine.electrode_carriers
     faults = [
         Fault(f"machine {name}", f"is carrier {number}, and there are {count}; name one of these")
         for name, number in used.items()

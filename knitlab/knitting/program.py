@@ -1,9 +1,7 @@
 """A program read line by line: its operations, carriage passes and floats.
 
-Operations that one movement of the carriage can do make one pass: stitches of the same carriers in
-one direction, transfers from one bed at one racking. Groups of stitches of different carriers are
-knitted in passes of their own (paper, "Knit capacitors"). Two passes in the same direction have an
-empty one between them, in which the carriage comes back.
+One pass is stitches of the same carriers in one direction (paper, "Knit capacitors"), or transfers
+from one bed at one racking. Between two passes in one direction the carriage comes back empty.
 """
 
 import re
@@ -99,12 +97,12 @@ def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
 
 
 def _goes_on(before: Operation, following: Operation) -> bool:
-    if KINDS[before.opcode] != KINDS[following.opcode]:
+    if KINDS[before.opcode] != KINDS[following.opcode] or before.direction != following.direction:
         return False
     step = following.needles[0].number - before.needles[0].number
     if following.opcode in DIRECTED:
-        same = (before.direction, before.carriers) == (following.direction, following.carriers)
-        return same and (step > 0 if following.direction == "+" else step < 0)
+        ahead = step > 0 if following.direction == "+" else step < 0
+        return ahead and before.carriers == following.carriers
     same_bed = before.needles[0].front == following.needles[0].front
     return step > 0 and (following.opcode == "drop" or same_bed)
 
@@ -113,9 +111,8 @@ def duration(program: Iterable[Operation], machine: Machine) -> Duration:
     """Passes of a program, and its time by the speeds of the machine."""
     listed = list(program)
     passes = carriage_passes(listed)
-    kinds = Counter(each.kind for each in passes)
     opcodes = Counter(operation.opcode for operation in listed)
-    needles: Counter[str] = Counter()
+    kinds, needles = Counter(each.kind for each in passes), Counter[str]()
     for each in passes:
         needles[each.kind] += abs(each.last - each.first) + 1
     returns = [

@@ -20,7 +20,7 @@ from knitlab.knitting.program import operations
 
 MOST_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
 KNOWN_MACHINE = "SWG091N2"  # the only machine of the interpreter
-KNOWN_HEADERS = ("Machine", "Gauge", "Carriers", "Position")
+KNOWN_HEADERS = (";;Gauge:", ";;Carriers:", ";;Position:")
 
 
 class NotAChart(Exception):
@@ -82,8 +82,16 @@ def stitches_of(
     if sorted(chains) != list(range(1, wales + 1)):
         knitted = f"from {min(chains)} to {max(chains)}" if chains else "nowhere"
         raise NotAChart(f"the body is knitted on needles {knitted}, not from 1 to {wales}")
-    first = machine.setup_courses
-    _check_counts({wale: len(chain) - first for wale, chain in chains.items()}, courses, machine)
+    first, bound_off = machine.setup_courses, machine.end == "bind_off"
+    # A bind-off knits one more stitch in each wale, and its tail in the last.
+    tail = machine.bind_off_tail if bound_off else 0
+    more = {wale: len(chain) - first - courses - bound_off for wale, chain in chains.items()}
+    wrong = [wale for wale, extra in more.items() if extra not in (0, tail)]
+    if not wrong and sum(more.values()) != tail:
+        wrong = [max(more, key=lambda wale: more[wale])]
+    if wrong:
+        count = courses + min(more[wrong[0]], more[wrong[0]] - tail, key=abs)
+        raise NotAChart(f"wale {wrong[0]} has {count} stitches, not {courses}")
     for position, chain in chains.items():
         for course in range(1, courses):
             before, number = chain[first + course - 1 : first + course + 1]
@@ -94,19 +102,6 @@ def stitches_of(
     if len(late):
         raise NotAChart(f"course {late[0] + 2} begins before course {late[0] + 1} is finished")
     return np.array([[_in_words(graph[number], machine) for number in course] for course in made])
-
-
-def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> None:
-    """Check the stitches of wales; a bind-off knits one more in each, and its tail in the last."""
-    bound_off = machine.end == "bind_off"
-    tail = machine.bind_off_tail if bound_off else 0
-    more = {wale: count - courses - bound_off for wale, count in counts.items()}
-    wrong = [wale for wale, extra in more.items() if extra not in (0, tail)]
-    if not wrong and sum(more.values()) != tail:
-        wrong = [max(more, key=lambda wale: more[wale])]
-    if wrong:
-        count = courses + min(more[wrong[0]], more[wrong[0]] - tail, key=abs)
-        raise NotAChart(f"wale {wrong[0]} has {count} stitches, not {courses}")
 
 
 def _in_words(stitch: FormedStitch, machine: Machine) -> str:
@@ -128,11 +123,12 @@ def stripped(text: str) -> str:
     first, *lines = text.split("\n")
     kept = [first]
     for line in lines:
-        operation, _, comment = line.partition(";")
-        name = comment.removeprefix(";").partition(":")[0]
-        if line.startswith(";;") and name in KNOWN_HEADERS:
-            operation = f";;Machine: {KNOWN_MACHINE}" if name == "Machine" else line
-        kept.append("" if operation.startswith("x-") else operation.strip())
+        operation = line.partition(";")[0].strip()
+        if line.startswith(";;Machine:"):
+            operation = f";;Machine: {KNOWN_MACHINE}"
+        elif line.startswith(KNOWN_HEADERS):
+            operation = line.strip()
+        kept.append("" if operation.startswith("x-") else operation)
     return "\n".join(kept)
 
 
@@ -140,29 +136,24 @@ def interpreted(text: str) -> list[FormedStitch]:
     """The stitches that the interpreter forms; NotAChart also if loops are left over."""
     from knitout_interpreter.knitout_execution import Knitout_Executer
     from knitout_interpreter.knitout_language.Knitout_Parser import parse_knitout
-    from virtual_knitting_machine.knitting_machine_warnings.Needle_Warnings import (
-        Knit_on_Empty_Needle_Warning,
-    )
+    from virtual_knitting_machine.knitting_machine_warnings import Needle_Warnings
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        warnings.simplefilter("error", Knit_on_Empty_Needle_Warning)
+        warnings.simplefilter("error", Needle_Warnings.Knit_on_Empty_Needle_Warning)
         try:
             executer: Any = Knitout_Executer(parse_knitout(stripped(text)))
         except Exception as error:  # it raises errors of many kinds, and its warnings
             raise NotAChart(" ".join(str(error).split()) or type(error).__name__) from error
     if left := executer.knitting_machine.all_loops():
         raise NotAChart(f"{len(left)} needles hold loops at the end, one of them {left[0]}")
-    return _formed(executer.resulting_knit_graph)
-
-
-def _formed(graph: Any) -> list[FormedStitch]:
-    """Stitches of a graph: loops that one operation formed on a needle, together."""
+    graph = executer.resulting_knit_graph
     parents: dict[int, list[int]] = defaultdict(list)
     pulled_to_front: dict[int, bool] = {}
     for parent, child, direction in graph.stitch_iter:
         parents[child.loop_count_on_machine].append(parent.loop_count_on_machine)
         pulled_to_front[child.loop_count_on_machine] = direction.name == "BtF"
+    # Loops that one operation formed on a needle are one stitch.
     stitches: list[FormedStitch] = []
     stitch_of_loop: dict[int, int] = {}
     for loop in sorted(graph.sorted_loops, key=lambda each: int(each.loop_count_on_machine)):

@@ -62,8 +62,7 @@ class Specification:
     @property
     def flat_size(self) -> tuple[float, float]:
         """Width and length in cloth before it folds, by the gauge [mm]."""
-        chart = self.chart
-        return chart.wales * self.gauge.stitch_width, chart.courses * self.gauge.stitch_height
+        return self.chart.flat_size(self.gauge)
 
     @property
     def relaxed_size(self) -> tuple[float, float] | None:
@@ -101,13 +100,9 @@ class Specification:
         """Names and values of its lines."""
         chart, machine = self.chart, self.machine
         time, plated = self.duration, int((chart.plated > 0).sum())
-        along_y, along_x = chart.repeats
         yield "design", " ".join(chart.title.split())
-        if chart.is_whole_sample:
-            yield "repeats", "none: it is a whole sample"
-        else:
-            size = "{} courses and {} wales".format(*chart.repeat)
-            yield "repeats", f"{along_y} × {along_x} (warp × weft) of {size}"
+        whole = "none: it is a whole sample"
+        yield "repeats", whole if chart.is_whole_sample else chart.repeats_in_words
         needles = f"{machine.needles} needles, {machine.needles_per_inch} an inch"
         yield "machine", f"{machine.model}, {needles}"
         yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
@@ -126,10 +121,10 @@ class Specification:
         yield "passes", f"{passes}: {kinds}"
         yield "machine time", f"about {_minutes(time.seconds)}"
         if plated:
-            unplated = self.unplated
-            more, added = time.seconds - unplated.seconds, passes - sum(unplated.passes.values())
-            time_added = f"{_minutes(more)} ({more / unplated.seconds:.0%} more)"
-            yield "plating adds", f"{time_added} and {added} passes"
+            bare = self.unplated
+            more, added = time.seconds - bare.seconds, passes - sum(bare.passes.values())
+            share = f"{more / bare.seconds:.0%} more"
+            yield "plating adds", f"{_minutes(more)} ({share}) and {added} passes"
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
             yield "size relaxed", _millimetres(self.relaxed_size)

@@ -1,12 +1,8 @@
 """Stitch charts: which needle bed knits every stitch of a case, and which stitches are plated.
 
-A stripe is whole stitches wide: n wales of rib, 2n courses of garter. Stripes are counted from the
-border of their patch, which holds an even number of them, and alternate between the beds:
-
-- In a rib patch n front wales alternate with n back wales, front first.
-- In a garter patch 2n front courses alternate with 2n back courses. Front comes first where the
-  model has ``garter_start = "valley"``, back where it has ``"mountain"``.
-- Plain knit is knitted on the front bed.
+A stripe is n wales of rib or 2n courses of garter. Stripes are counted from the border of their
+patch, which holds an even number of them, and alternate between the beds, front first; of garter
+with ``garter_start = "mountain"`` back first. Plain knit is knitted on the front bed.
 
 That follows from how plain knit curls, to its back at its sides and to its face at its ends: a
 front stripe of rib is a mountain, one of garter a valley. With ``fold_phase = "stripe_centre"`` the
@@ -58,8 +54,7 @@ def stitch_chart(
     repeat = unit[0].size, unit[1].size
     if needles is not None:
         courses, wales = repeat[::-1] if turned else repeat
-        along_x = needles // wales
-        if not along_x:
+        if not (along_x := needles // wales):
             problem = f"one repeat takes {wales} of them; give at least {wales}"
             raise fault(f"needles {needles}", problem)
         length = ASPECT * along_x * wales * GARTER_STITCHES_PER_RIB_STITCH
@@ -75,22 +70,14 @@ def stitch_chart(
         front = _panels(case, rows, columns)
     plated = _plated_stitches(case, rows, columns)
     knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit)
-    borders = rows.borders, columns.borders
+    borders, periodic = (rows.borders, columns.borders), case.options.boundary == "periodic"
     if case.folds:
         knit = np.full(knit.shape, "panel")
     if turned:
         front, plated, borders, repeat = front.T, plated.T, borders[::-1], repeat[::-1]
         knit = np.full(knit.T.shape, "rib")
-    return StitchChart(
-        case.label,
-        front,
-        plated,
-        _plated_faces(case, face),
-        knit,
-        *borders,
-        repeat,
-        periodic=case.options.boundary == "periodic",
-    )
+    faces = _plated_faces(case, face)
+    return StitchChart(case.label, front, plated, faces, knit, *borders, repeat, periodic)
 
 
 def is_turned(case: Case) -> bool:
@@ -151,21 +138,18 @@ def _panels(case: Case, rows: _PatchLines, columns: _PatchLines) -> Bool[np.ndar
     """Panels of 1 × 1 rib with a line on one bed for each single fold."""
     front = np.tile(np.arange(columns.size) % 2 == 0, (rows.size, 1))
     # Those along courses go through where they cross others.
-    for fold, line, *ends in sorted(
-        case.sample.grid_folds(), key=lambda each: each[0].along == "course"
-    ):
+    folds = sorted(case.sample.grid_folds(), key=lambda each: each[0].along == "course")
+    for fold, line, *ends in folds:
         across, along = (columns, rows) if fold.along == "wale" else (rows, columns)
         width = FOLD_WALES * (1 if fold.along == "wale" else GARTER_STITCHES_PER_RIB_STITCH)
-        middle, first, last = (
-            int(np.rint(of.grid_lines[number]))
-            for of, number in ((across, line), (along, ends[0]), (along, ends[1]))
-        )
+        middle = int(np.rint(across.grid_lines[line]))
+        first, last = np.rint(along.grid_lines[ends]).astype(int).tolist()
         lines = np.arange(middle - width // 2, middle + width // 2)
         if case.options.boundary != "periodic":
             lines = lines[(lines >= 0) & (lines < across.size)]
         on_front = (fold.sense == "mountain") == (fold.along == "wale")
-        part = np.ix_(lines % across.size, np.arange(first, last))
-        (front.T if fold.along == "wale" else front)[part] = on_front
+        stitches = np.ix_(lines % across.size, np.arange(first, last))
+        (front.T if fold.along == "wale" else front)[stitches] = on_front
     return front
 
 

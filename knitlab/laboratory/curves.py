@@ -14,7 +14,7 @@ from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import loading_of
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.state import State
 from knitlab.equilibrium.stiffness import free_stiffness
@@ -176,7 +176,7 @@ def _continued(system: System, case: Case, near: SimulatedTest) -> list[State]:
     """States next to those of a test, up to the first that does not converge."""
     settings = case.equilibrium_solver
     relaxed = relax(system, replace(settings, soft_wall=1.0), near.configurations[0])
-    loading = tensile(system.shape, relaxed.configuration)
+    loading = loading_of(system.shape, relaxed.configuration)
     rules = SearchRules(free_stiffness(system.shape, loading.free), settings, convexified=False)
     states, first = [relaxed], near.unknowns[0]
     for strain, other in zip(case.applied_strain[1:], near.unknowns[1:], strict=True):

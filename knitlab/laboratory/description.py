@@ -24,8 +24,6 @@ Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]
 UNITS = {"mm": "length", "s": "time", "Hz": "frequency", "N": "force", "pF": "capacitance"}
 """Units that knitlab uses, and what each measures."""
-
-
 Text = Annotated[str, Field(min_length=1)]
 
 

@@ -90,10 +90,7 @@ def fit_stripes(
     step: Step = lambda tests, chi_squared: None,
     kept: Path | None = None,
 ) -> Fit:
-    """Fit the stripes of a case, at the strains of a measured test, to it; see :func:`knitlab.fit`.
-
-    BadInput if the test with the tabulated stripes does not converge.
-    """
+    """Fit the stripes of a case to a measured test, at its strains; see :func:`knitlab.fit`."""
     search = _Search(case, target, looseness, step, kept)
     tables = np.zeros(len(FITTED))
     first = search.test(tables, flat=True)

@@ -18,6 +18,7 @@ FEWEST_POINTS = 3  # rows of a log
 LAST_STEP = 0.1  # of the applied strain, that the record may end before the last strain
 OVERLOAD = 9e36  # meters write 9.9E37 and 9.91E37 in place of what they cannot measure
 STATUS = "status"  # column that is read if there is one
+LEFT_OUT = "readings that report an overload or a status are left out"
 COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}  # of a log
 
 Values = dict[str, Any]  # values by variable name
@@ -45,11 +46,7 @@ class Pulls:
     def summary(self) -> str:
         """How many cycles there are, and how many records are left out."""
         count = f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine"
-        return count + (f"; {_left_out(self.dropped)}" if self.dropped else "")
-
-
-def _left_out(count: int) -> str:
-    return f"{count} readings that report an overload or a status are left out"
+        return count + (f"; {self.dropped} {LEFT_OUT}" if self.dropped else "")
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
@@ -139,17 +136,16 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         return values | sensor_values(strains[finite], capacitance[finite], least)
 
     shift = f"the meter's clock is {starts:+.3g} s from the machine's"
-    remarks = [_left_out(dropped)] if dropped else []
+    remarks = [f"{dropped} {LEFT_OUT}"] if dropped else []
     return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary, shift, *remarks]
 
 
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float, int]:
-    """Columns of a log in :data:`COLUMN_UNITS`, when its trigger rose, and the number of bad rows.
+    """Columns of a log in :data:`COLUMN_UNITS`, when a trigger rose, and how many rows are bad.
 
-    A row is bad if a reading is an overload, or the status of a meter is not 0. The time at
-    which the trigger rose is NaN without one.
+    A row is bad if a reading is an overload, or the status of a meter is not 0.
     """
     names, of_meter = (*COLUMN_UNITS, "trigger", STATUS), isinstance(table, CapacitanceTable)
     columns = {name: column for name in names if (column := getattr(table, name, None))}
@@ -174,11 +170,12 @@ def _read_log(
         points = f"point {at} to point {at + 1} ({one:g} s to {other:g} s)"
         problem = f"does not rise from {points}; sort the rows, and keep one of each time"
         raise fault(f"{path}: column {table.time.column}", problem)
-    if table.trigger is None:
-        return values, np.nan, int((~good).sum())
-    levels = numbers[table.trigger.column]
-    risen = levels > (levels.min() + levels.max()) / 2
-    if risen[0] or not risen.any():
-        problem = "does not begin low and rise; give starts instead"
-        raise fault(f"{path}: column {table.trigger.column}", problem)
-    return values, float(time[risen.argmax()]), int((~good).sum())
+    triggered = np.nan
+    if table.trigger is not None:
+        levels = numbers[table.trigger.column]
+        risen = levels > (levels.min() + levels.max()) / 2
+        if risen[0] or not risen.any():
+            problem = "does not begin low and rise; give starts instead"
+            raise fault(f"{path}: column {table.trigger.column}", problem)
+        triggered = float(time[risen.argmax()])
+    return values, triggered, int((~good).sum())

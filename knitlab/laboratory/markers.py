@@ -1,8 +1,4 @@
-"""Strains and Poisson's ratio from tracked markers, evaluated as in simulations.
-
-Trajectories in pixels are read, brought to the axes of the fabric and assigned to the corners of
-unit cells; the strains of these are resampled at the applied strains.
-"""
+"""Strains and Poisson's ratio from tracked markers, evaluated as in simulations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -70,13 +66,8 @@ class MarkedSample:
         """Where the pull is largest: motion of the middle, last row from first, and last column."""
         pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
         moved = self.corners[pulled] - self.relaxed
-        drifts = (moved + moved[:, ::-1, ::-1]) / 2
-        motions = [_median(drifts)]
-        for along in (moved, moved.swapaxes(1, 2)):
-            one, other = np.triu_indices(count := along.shape[1], 1)
-            apart = (along[:, other] - along[:, one]) / (other - one)[:, None, None]
-            motions.append(_median(apart) * (count - 1))
-        return motions[0], motions[1], motions[2]
+        drift = _median((moved + moved[:, ::-1, ::-1]) / 2)
+        return drift, _separation(moved), _separation(moved.swapaxes(1, 2))
 
 
 def read_markers(folder: Path, description: Description) -> Imports:
@@ -226,6 +217,13 @@ def check_pull(path: Path, marked: MarkedSample, strain: Strains) -> None:
 def _median(vectors: Float[np.ndarray, "*any 2"]) -> Vector:
     known = vectors[np.isfinite(vectors).all(axis=-1)]
     return np.median(known, axis=0) if len(known) else np.zeros(2)
+
+
+def _separation(moved: Float[np.ndarray, "frame line marker 2"]) -> Vector:
+    """Motion of the last line of markers from the first, by all pairs of lines."""
+    one, other = np.triu_indices(moved.shape[1], 1)
+    apart = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
+    return _median(apart) * (moved.shape[1] - 1)
 
 
 def marker_values(

@@ -37,10 +37,7 @@ class Dropped(NamedTuple):
 
 
 def without_implausible(relaxed: Field, corners: Corners) -> tuple[Corners, list[Dropped]]:
-    """Positions of a grid of markers without those that no fabric has, and what was dropped.
-
-    ``relaxed`` are the positions at rest; both are NaN where there is no marker.
-    """
+    """A grid of markers without the positions that no fabric has, and what was dropped."""
     steps = [np.linalg.norm(np.diff(relaxed, axis=axis), axis=-1) for axis in (0, 1)]
     step = min(float(np.nanmedian(each)) for each in steps)
     kept, dropped = corners.copy(), list[Dropped]()

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from numpy.lib.format import MAGIC_PREFIX
+from numpy.lib.format import read_array
 
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
@@ -100,14 +100,14 @@ def read_tracks(
 def _array(path: Path) -> Tracks:
     try:
         with path.open("rb") as file:
-            if file.read(len(MAGIC_PREFIX)) != MAGIC_PREFIX:
-                raise fault(str(path), "is not an .npy array; save it with numpy.save")
-        tracks = np.load(path, allow_pickle=False)
+            tracks = read_array(file, allow_pickle=False)
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except (ValueError, EOFError) as error:
         problem = f"is not a complete .npy array ({error}); save it with numpy.save"
-        if "allow_pickle" in str(error):
+        if "magic string" in str(error):
+            problem = "is not an .npy array; save it with numpy.save"
+        elif "allow_pickle" in str(error):
             problem = "holds pickled objects, which may execute code; save a plain array of floats"
         raise fault(str(path), problem) from error
     if tracks.dtype.kind not in "fiu":
@@ -170,34 +170,21 @@ def _rows(path: Path, table: Table, program: str) -> Tracks:
         unit = next(filter(None, (name_and_unit(name)[1] for name in of_x[::-1])), "")
         track = pd.to_numeric(table.rows[table.headers.index("track_id")], errors="coerce")
         table = table._replace(rows=table.rows[track.notna()].reset_index(drop=True))
-    of_frame, of_marker, *_ = ROWS[program]
-    numbers = {name: _column(path, table, name) for name in ROWS[program]}
-    for name in (of_frame, of_marker):
-        numbers[name] = whole_numbers(path, name, numbers[name])
-    frames = _frames(path, numbers[of_frame])
-    rows = pd.DataFrame(numbers)
-    if rows.duplicated([of_frame, of_marker]).any():
-        raise fault(str(path), "has a marker twice in one frame; keep one row")
-    wide = rows.pivot(index=of_frame, columns=of_marker).to_numpy()
-    tracks = wide.reshape(len(frames), 2, -1).swapaxes(1, 2)
+    of_frame, of_marker, x, y = ROWS[program]
+    marker = whole_numbers(path, of_marker, _column(path, table, of_marker))
+    tracks = _by_frame(path, table, of_frame, marker, [x, y])
     return Tracks(tracks, program, unit="" if unit in PIXELS else unit)
 
 
 def _sleap(path: Path, table: Table) -> Tracks:
     """A row for each track and frame, with ``NODE.x``, ``NODE.y`` and ``NODE.score``."""
-    frame = whole_numbers(path, "frame_idx", _column(path, table, "frame_idx"))
-    labels, track = np.unique(table.rows[table.headers.index("track")], return_inverse=True)
     nodes = [name[: -len(".x")] for name in table.headers if name.endswith(".x")]
-    frames = _frames(path, frame)
-    values = np.full((3, len(frames), len(labels), len(nodes)), np.nan)
-    for number, node in enumerate(nodes):
-        for kind, name in enumerate((f"{node}.x", f"{node}.y", f"{node}.score")):
-            if name in table.headers:
-                values[kind, frame - frames[0], track, number] = _column(path, table, name)
-    x, y, score = values.reshape(3, len(frames), -1)
-    seen = ~np.isnan(x).all(axis=0)
-    confidence = np.nan_to_num(score[:, seen], nan=1.0)
-    return Tracks(np.stack([x, y], axis=-1)[:, seen], "SLEAP", confidence=confidence)
+    names = [f"{node}.{each}" for node in nodes for each in ("x", "y", "score")]
+    track = table.rows[table.headers.index("track")].to_numpy()
+    of_tracks = _by_frame(path, table, "frame_idx", track, names)
+    of_nodes = of_tracks.reshape(len(of_tracks), -1, 3)
+    seen = of_nodes[:, ~np.isnan(of_nodes[..., :2]).all(axis=(0, 2))]
+    return Tracks(seen[..., :2], "SLEAP", confidence=np.nan_to_num(seen[..., 2], nan=1.0))
 
 
 def _wide(path: Path, table: Table) -> Tracks | None:
@@ -240,12 +227,21 @@ def whole_numbers(
     return values.astype(int)
 
 
-def _frames(path: Path, frame: Int[np.ndarray, " row"]) -> Int[np.ndarray, " frame"]:
-    """Consecutive frames, checked to begin with 0 or 1 and to skip none."""
-    frames = np.unique(frame)
+def _by_frame(
+    path: Path, table: Table, frame: str, marker: np.ndarray, names: list[str]
+) -> Float[np.ndarray, "frame marker value"]:
+    """Columns of rows in any order; NaN where a marker has no row, or the table no such column."""
+    known = {name: _column(path, table, name) for name in names if name in table.headers}
+    rows = pd.DataFrame(dict.fromkeys(names, np.nan) | known, index=range(len(marker)))
+    index = whole_numbers(path, frame, _column(path, table, frame))
+    frames = np.unique(index)
     if frames[0] > 1:
         problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
         raise fault(f"{path}: column frame", problem)
     if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
         raise fault(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
-    return frames
+    rows.index = pd.MultiIndex.from_arrays([index, marker])
+    if rows.index.has_duplicates:
+        raise fault(str(path), "has a marker twice in one frame; keep one row")
+    wide = rows.unstack().to_numpy()
+    return wide.reshape(len(frames), len(names), -1).swapaxes(1, 2)

@@ -30,29 +30,35 @@ def self_intersections(shape: MeshShape, configurations: Configuration) -> list[
     nodes = np.asarray(nodes_at(shape, configurations, rows, columns))
     corners = nodes[:, :-1, :-1], nodes[:, :-1, 1:], nodes[:, 1:, 1:], nodes[:, 1:, :-1]
     cells = np.stack([each.reshape(len(nodes), -1, 3) for each in corners], axis=2)
-    periods = np.asarray(configurations.lengths) * shape.periodic
-    return [crossings(*of_state) for of_state in zip(cells, periods, strict=True)]
+    lengths = np.asarray(configurations.lengths) * shape.periodic
+    of_states = zip(cells, lengths, strict=True)
+    return [crossings(quads, (x, y), *shear) for quads, (x, y, *shear) in of_states]
 
 
-def crossings(quads: Quads, periods: Periods | Float[np.ndarray, "2"] = (0.0, 0.0)) -> int:
+def crossings(quads: Quads, periods: Periods = (0.0, 0.0), shear: float = 0.0) -> int:
     """Number of pairs of quadrilaterals, or of one and an image, that pass through each other.
 
     A pair counts if a side or the diagonal of one crosses one of two triangles of the other by more
-    than 1e-9 times the size of a quadrilateral; neighbours that touch do not count.
+    than 1e-9 times the size of a quadrilateral; neighbours that touch do not count. Images along y
+    are shifted along x by ``shear`` [mm].
     """
     low, high = quads.min(axis=1), quads.max(axis=1)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low, axis=-1).max())
     tree = cKDTree(centre)
     one, other = tree.query_pairs(reach, output_type="ndarray").T
     pairs = [(one, other, np.zeros((len(one), 3)))]
+    extents = np.ptp(centre[:, :2], axis=0) + reach
+    if periods[1]:
+        extents[0] += abs(shear) * np.ceil(extents[1] / periods[1])
     images = [
-        int(np.ceil((np.ptp(centre[:, axis]) + reach) / period)) if period else 0
-        for axis, period in enumerate(periods)
+        int(np.ceil(extent / period)) if period else 0
+        for extent, period in zip(extents, periods, strict=True)
     ]
     for turns in itertools.product(range(images[0] + 1), range(-images[1], images[1] + 1)):
         # Of two opposite images one is enough to find a pair.
         if turns > (0, 0):
             shift = np.array([*np.multiply(turns, periods), 0.0])
+            shift[0] += turns[1] * shear
             near = _near(tree, centre + shift, reach)
             pairs.append((*near, np.tile(shift, (len(near[0]), 1))))
     one, other, shift = (np.concatenate(each) for each in zip(*pairs, strict=True))

@@ -62,9 +62,10 @@ def nodes_at(
     """Positions of nodes; beyond the last of periodic fabric, images of the first [mm]."""
     turns_y, rows = np.divmod(rows, shape.nodes_y)
     turns_x, columns = np.divmod(columns, shape.nodes_x)
-    # Numbers of periods L_x in x, and L_y in y.
-    turns = np.zeros((len(rows), len(columns), 3, 2))
+    # Of the lengths L_x in x and L_y in y, and of a shear that shifts images along y in x.
+    turns = np.zeros((len(rows), len(columns), 3, configuration.lengths.shape[-1]))
     turns[..., 0, 0], turns[..., 1, 1] = turns_x[None, :], turns_y[:, None]
+    turns[..., 0, 2:] = turns_y[:, None, None]
     images = (turns * configuration.lengths[..., None, None, None, :]).sum(-1)
     return configuration.positions[..., rows[:, None], columns[None, :], :] + images
 
@@ -100,6 +101,18 @@ def local_strain(reference: ReferenceGrid, current: CornerGrid) -> tuple[CellFie
     """ε_xx = ∂u_x/∂X and ε_yy = ∂u_y/∂Y of every unit cell, from its relaxed reference [1]."""
     gradient = deformation_gradient(lattice_vectors(reference), lattice_vectors(current))
     return gradient[..., 0, 0] - 1, gradient[..., 1, 1] - 1
+
+
+def strains_in_direction(gradient: CellTensor, angle: float) -> tuple[Series, Series]:
+    """Mean strains across and along material lines at an angle to the courses [degree], of F [1].
+
+    A line d is stretched by λ = |F d|; what is across it, so that the area changes by det F, by
+    det F / λ. Neither depends on a rotation.
+    """
+    along = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+    stretch = np.linalg.norm(gradient @ along, axis=-1)
+    across = np.linalg.det(gradient) / stretch
+    return central_mean(across - 1), central_mean(stretch - 1)
 
 
 def central_mean(strain: CellField) -> Series:

@@ -29,13 +29,13 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     left = selected(cube, {dim: selections[dim] for dim in dims if dim in selections})
     designs = left[["status", "case_id"]].stack(design=dims)
     designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
-    if not designs.sizes["design"]:
+    if not (count := designs.sizes["design"]):
         raise fault("selections", "leave no design of this cube; choose others")
-    if designs.sizes["design"] > 1:
+    if count > 1:
         labels = {str(dim): np.unique(designs[dim]) for dim in dims}
         several = {dim: values for dim, values in labels.items() if len(values) > 1}
         listed = choices(xr.Dataset(coords=several), several)
-        raise fault("selections", f"leave {designs.sizes['design']} designs; select {listed}")
+        raise fault("selections", f"leave {count} designs; select {listed}")
     (only,) = designs["design"].values
     case_id = str(designs["case_id"].item())
     name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
@@ -69,14 +69,14 @@ def chosen_strains(
 
     By default the relaxed state is chosen, or every strain that was reached if several may be.
     """
-    along = {STRAIN: selections[STRAIN]} if STRAIN in selections else {}
     strains, reached = case_file[STRAIN].values, has_shape(case_file)
     reason = case_file.attrs.get("reason", "")
     if not reached.any():
         title = str(case_file.attrs.get("title", "test"))
         raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
-    everything = np.flatnonzero(reached).tolist() if several else [0]
-    chosen = chosen_indices({STRAIN: strains}, along)[STRAIN] if along else everything
+    chosen = np.flatnonzero(reached).tolist() if several else [0]
+    if STRAIN in selections:
+        chosen = chosen_indices({STRAIN: strains}, {STRAIN: selections[STRAIN]})[STRAIN]
     if missing := [index for index in chosen if not reached[index]]:
         problem = f"has no shape: {reason}; select up to {strains[reached].max():g}"
         raise fault(f"{STRAIN} {strains[missing[0]]:g}", problem)

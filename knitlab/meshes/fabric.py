@@ -43,30 +43,30 @@ def fabric_meshes(
     from knitlab.simulation.case import case_of
 
     case = case_of(json.loads(case_file.attrs["parameters"]))
-    _check_repeats(case_file, repeats)
+    given = f"repeats {' '.join(map(str, repeats))}"
+    if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
+        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
+    if tuple(repeats) != (1, 1) and not is_periodic(case_file):
+        raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
+    faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
+    if faces > MOST_FACES:
+        raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
     shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])
     fixed = _fixed_fields(case, repeats)
-    of_unit_cells: dict[str, np.ndarray] = {}
-    for name in UNIT_CELL_STRAINS:
-        values = shown[name].transpose("applied_strain", "cell_y", "cell_x").values
-        of_unit_cells[f"{name} [1]"] = np.tile(on_grid_cells(case, values), (1, *repeats))
+    ordered = shown.transpose("applied_strain", "cell_y", "cell_x", ...)
     meshes = []
     for number, nodes in enumerate(closed_nodes(shown, repeats)):
         strain = np.full(nodes.shape[:2], float(shown["applied_strain"][number]))
-        stretches = {
-            name: _side_lengths(nodes, axis) / _side_lengths(relaxed, axis) - 1
-            for name, axis in STRETCHES.items()
-        }
-        in_unit_cells = {name: values[number] for name, values in of_unit_cells.items()}
-        meshes.append(
-            grid_surface(
-                nodes,
-                {HEIGHT: nodes[..., 2], FOLD_ANGLE: folds[number], APPLIED_STRAIN: strain},
-                fixed | stretches | in_unit_cells,
-            )
-        )
+        of_nodes = {HEIGHT: nodes[..., 2], FOLD_ANGLE: folds[number], APPLIED_STRAIN: strain}
+        of_cells = dict(fixed)
+        for name, axis in STRETCHES.items():
+            of_cells[name] = _side_lengths(nodes, axis) / _side_lengths(relaxed, axis) - 1
+        for name in UNIT_CELL_STRAINS:
+            values = on_grid_cells(case, ordered[name].values[number])
+            of_cells[f"{name} [1]"] = np.tile(values, repeats)
+        meshes.append(grid_surface(nodes, of_nodes, of_cells))
     return meshes
 
 
@@ -97,17 +97,6 @@ def closed_nodes(
     return np.asarray(nodes_at(shape, configurations(case_file), rows, columns))
 
 
-def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
-    given = f"repeats {' '.join(map(str, repeats))}"
-    if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
-        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
-    if tuple(repeats) != (1, 1) and not is_periodic(case_file):
-        raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
-    faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
-    if faces > MOST_FACES:
-        raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
-
-
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
     """Fields of grid cells that never change; patches count from the bottom left along courses."""
     along_y, along_x = case.unit_cells
@@ -118,7 +107,16 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
         PATCH: pattern.patch_of_row[:, None] * across + pattern.patch_of_column,
     }
     if case.capacitor is not None:
-        covered = np.tile(_plated(case), (1, *repeats))
+        from knitlab.fabric.electrodes import split_by_cells
+
+        shape = case.mesh_shape
+        of_sheet = np.zeros((2, shape.cells_y, shape.cells_x))  # covered fraction of its cells
+        for of_electrode, strips in zip(of_sheet, case.electrodes.strips, strict=True):
+            for piece in chain.from_iterable(map(split_by_cells, strips)):
+                # Over a seam a strip goes on at the other end.
+                row, column = math.floor(piece.bottom), math.floor(piece.left)
+                of_electrode[row % shape.cells_y, column % shape.cells_x] += piece.area
+        covered = np.tile(of_sheet, (1, *repeats))
         plated = covered.sum(axis=0)
         fields[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0)
         fields[PLATED] = plated
@@ -127,20 +125,6 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
         name: values.astype(np.int32) if values.dtype.kind == "i" else values
         for name, values in fields.items()
     }
-
-
-def _plated(case: "Case") -> Float[np.ndarray, "electrode cell_y cell_x"]:
-    """The fraction of every grid cell that each of the two electrodes of a case covers."""
-    from knitlab.fabric.electrodes import split_by_cells
-
-    shape = case.mesh_shape
-    plated = np.zeros((2, shape.cells_y, shape.cells_x))
-    for of_electrode, strips in zip(plated, case.electrodes.strips, strict=True):
-        for piece in chain.from_iterable(map(split_by_cells, strips)):
-            # Over a seam a strip goes on at the other end.
-            row, column = math.floor(piece.bottom), math.floor(piece.left)
-            of_electrode[row % shape.cells_y, column % shape.cells_x] += piece.area
-    return plated
 
 
 def _side_lengths(

@@ -17,9 +17,7 @@ from knitlab.meshes.surface import SurfaceMesh
 KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
 """Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
 ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))  # of electrodes A and B, likewise [sRGB]
-METRES_OF_Z_UP = np.array(
-    [[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]], dtype=float
-)
+METRES_OF_Z_UP = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]])
 """Transform of positions in mm with z upwards to those of glTF, in m with y upwards."""
 
 
@@ -88,10 +86,9 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
 
 
 def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
-    """Write a mesh for each applied strain into a folder, then the collection that lists them.
+    """Write a mesh for each strain into a folder, then the ``.pvd`` file, of ParaView, of them.
 
-    That is a ``.pvd`` file of ParaView, with the strain as its time. Returns it, then the meshes.
-    Those of an earlier series of this name are removed.
+    Its times are the strains. Returns it, then the meshes; those of an earlier series are removed.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")

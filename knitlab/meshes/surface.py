@@ -167,22 +167,9 @@ def largest_thickness(sheet: SurfaceMesh) -> float:
     first_order = np.cross(turn, other) + np.cross(side, other_turn)
     changes = (normal, first_order, np.cross(turn, other_turn))
     area, linear, square = ((normal * change).sum(axis=1) for change in changes)
-    turned = min(
-        _smallest_positive_root(area, sign * linear, square).min(initial=np.inf) for sign in (1, -1)
-    )
-    return float(min(2 * turned, np.sort(sheet.size)[1]))
-
-
-def _smallest_positive_root(
-    constant: np.ndarray, linear: np.ndarray, square: np.ndarray
-) -> Float[np.ndarray, " face"]:
-    """Smallest s > 0 at which constant + linear s + square s² = 0; infinite if there is none.
-
-    The constant is above 0; at 0, of a triangle without area, there is none.
-    """
-    root = np.sqrt(np.maximum(linear**2 - 4 * constant * square, 0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # In this form no digits cancel, and a square of 0 is no exception.
-        roots = np.stack([2 * constant / (root - linear), 2 * constant / (-root - linear)])
-    valid = (linear**2 >= 4 * constant * square) & (roots > 0)
-    return np.where(valid, roots, np.inf).min(axis=0)
+    discriminant = linear**2 - 4 * area * square
+    turns = (area > 0) & (discriminant >= 0)
+    # The least root, on either side, in the form in which no digits cancel.
+    with np.errstate(divide="ignore"):
+        turned = 2 * area[turns] / (np.sqrt(discriminant[turns]) + abs(linear[turns]))
+    return float(min(2 * turned.min(initial=np.inf), np.sort(sheet.size)[1]))

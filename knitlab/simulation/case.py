@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.loading import WARP, Load
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import Electrodes, StitchCounts, place_electrodes
 from knitlab.fabric.fabric import Fabric
@@ -61,6 +62,7 @@ class Case:
     folds: tuple[SingleFold, ...] = ()
     cell_patches: tuple[int, int] | None = None  # of a unit cell (y, x), if not the whole pattern
     plain: PlainKnit | None = None
+    load: Load = WARP
 
     def __repr__(self) -> str:
         return f"<Case {self.label}: {len(self.applied_strain)} strains by {self.method}>"
@@ -202,7 +204,8 @@ class Case:
     @property
     def all_corners_held(self) -> bool:
         """Whether every corner of a unit cell lies on a clamp: then none can move across."""
-        return self.options.boundary == "clamped" and self.cell_grid.count[0] == 1
+        along = 1 - self.load.axis
+        return self.options.boundary == "clamped" and self.cell_grid.count[along] == 1
 
     @property
     def periodic_cell(self) -> "Case":

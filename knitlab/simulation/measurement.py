@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.schema import VARIABLES, Status, Variable, described
+from knitlab.equilibrium.loading import X, Y
 from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
@@ -19,10 +20,13 @@ from knitlab.measure.folds import hinges_past_pi, widths_across_folds
 from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import (
     central_mean,
+    deformation_gradient,
+    lattice_vectors,
     local_strain,
     lowest_poisson_ratio,
     mean_cell_size,
     poisson_ratio_of_test,
+    strains_in_direction,
     unit_cell_corners,
 )
 from knitlab.measure.wavelength import POINTS, Direction, boundary_wave
@@ -58,8 +62,12 @@ def variables_of(case: Case) -> dict[str, Variable]:
         "sensitivities": case.sensitivities,
         "capacitor": electrodes,
         "unloading": electrodes and case.unloading,
+        "unloaded": case.unloading,
         "robustness": case.robustness > 0,
         "contact": case.options.contact != "none",
+        "loaded": case.load.kind != "warp",
+        "biaxial": case.load.kind == "biaxial",
+        "sheared": case.load.shears and case.mesh_shape.periodic,
     }
     return {name: variable for name, variable in VARIABLES.items() if has.get(variable.of)}
 
@@ -92,7 +100,8 @@ def measured(
     }
     if test.loading is not None:
         values |= _results(case, test)
-        values["row_force"] = values["reaction_force"] / case.mesh_shape.cells_x
+        if case.pure:
+            values["row_force"] = values["reaction_force"] / case.mesh_shape.cells_x
         values |= _shapes(case, reached)
         if not case.pure:
             values |= _relaxed_patches(case, reached[0].configuration)
@@ -126,19 +135,40 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
     strain_xx, strain_yy = local_strain(corners[0], corners)
     mean_xx, mean_yy = (np.asarray(central_mean(each)) for each in (strain_xx, strain_yy))
-    ratio = poisson_ratio_of_test(mean_xx, mean_yy)
+    values: dict[str, Any] = {}
+    across, along = mean_xx, mean_yy
+    if case.load.kind != "warp":
+        gradient = deformation_gradient(lattice_vectors(corners[0]), lattice_vectors(corners))
+        values["mean_strain_xy"] = np.asarray(central_mean(gradient[..., 0, 1]))
+        values["load_direction"] = case.load.angle_of_pull
+        pulled = strains_in_direction(gradient, case.load.angle_of_pull)
+        across, along = map(np.asarray, pulled)
+    if case.load.kind == "biaxial":
+        values["reaction_force_across"] = np.array(
+            [test.loading.force_along(X, state.gradient) for state in reached]
+        )
+    ratio = poisson_ratio_of_test(across, along)
     applied = np.array(case.applied_strain)[: len(ratio)]
-    ratio[mean_yy < LEAST_FOLLOWED * applied] = np.nan
+    ratio[along < LEAST_FOLLOWED * applied] = np.nan
+    if case.load.kind in ("shear", "biaxial"):
+        ratio[:] = np.nan
     if case.all_corners_held:
         # Its transverse strain is only round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
     cell_x, cell_y = mean_cell_size(corners[0])
     complete = len(reached) == len(case.applied_strain)
-    return {
-        "reaction_force": np.array(
-            [test.loading.reaction_force(state.gradient) for state in reached]
-        ),
+    force = test.loading.reaction_force
+    if case.load.kind == "biaxial":
+        force = partial(test.loading.force_along, Y)
+    forces = np.array([force(state.gradient) for state in reached])
+    if case.unloading and complete:
+        back = np.full(len(forces), np.nan)
+        unloaded = [force(state.gradient) for state in test.unloaded]
+        back[len(back) - 1 - len(unloaded) :] = [*unloaded[::-1], forces[-1]]
+        values["reaction_force_unloading"] = back
+    return values | {
+        "reaction_force": forces,
         "strain_xx": strain_xx,
         "strain_yy": strain_yy,
         "mean_strain_xx": mean_xx,
@@ -167,7 +197,9 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
 def _lengths(case: Case, configurations: Configuration, of: str = "") -> dict[str, Any]:
     if not case.mesh_shape.periodic:
         return {}
-    return {f"{of}length_{axis}": configurations.lengths[:, k] for k, axis in enumerate("xy")}
+    names = ("length_x", "length_y", "length_shear")
+    lengths = zip(names, configurations.lengths.T, strict=False)
+    return {f"{of}{name}": length for name, length in lengths}
 
 
 def _relaxed_patches(case: Case, relaxed: Configuration) -> dict[str, Any]:

@@ -132,7 +132,8 @@ def tensile_tests(
     if cases[0].relaxes_by_dynamics:
         from knitlab.dynamics.damped_test import relax_by_dynamics
 
-        moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets)]
+        loads = [case.load for case in cases]
+        moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets, loads)]
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
     searches = [
         partial(
@@ -145,6 +146,7 @@ def tensile_tests(
             unload=case.unloading,
             contact=contact_of(case),
             factorised=reporter.factorised,
+            load=case.load,
         )
         for case, start, relaxed, reporter in zip(cases, sheets, moved, reporters, strict=True)
     ]

@@ -177,6 +177,7 @@ def cases(
         "dynamics": overridden(parameters.dynamics, workflow.dynamics),
         "sensitivities": protocol.sensitivities,
         "unloading": protocol.unloading,
+        "load": protocol.as_load,
         "robustness": protocol.robustness if protocol.method == "equilibrium" else 0,
         "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
@@ -288,9 +289,9 @@ def _capacitor(
 def _check_together(
     workflow: Workflow, options: ModelOptions, solver: Solver, source: Source
 ) -> None:
-    """Refuse drag and contact where they have no meaning."""
+    """Refuse drag, contact and loads where they have no meaning."""
     by_dynamics = workflow.protocol.method == "dynamics"
-    sensitivities = workflow.protocol.sensitivities
+    load, sensitivities = workflow.protocol.as_load, workflow.protocol.sensitivities
     boundaries = workflow.stripes.boundaries if workflow.stripes else (options.boundary,)
     of_drag = {
         "holds back a sample that moves between clamps; periodic fabric has no place to move from:"
@@ -303,10 +304,27 @@ def _check_together(
         "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
         "has no sensitivities; leave them out, or take contact = none": sensitivities,
     }
+    protocol, kind, periodic = workflow.protocol, load.kind, "periodic" in boundaries
+    alone = options.contact == "none" and workflow.electrodes is None
+    of_load = {
+        "is biaxial, which needs load_ratio: strain along the weft over that along the warp": kind
+        == "biaxial"
+        and protocol.load_ratio is None,
+        "is off_axis, which needs load_angle: degrees from the courses": kind == "off_axis"
+        and protocol.load_angle is None,
+        "is not warp, and is found by equilibria; take method = equilibrium": kind != "warp"
+        and by_dynamics,
+        "is not warp, and has no sensitivities; leave them out": kind != "warp" and sensitivities,
+        "is off_axis, which clamps cannot pull; take boundary = periodic": kind == "off_axis"
+        and "clamped" in boundaries,
+        "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
+        " shear a clamped sample": load.shears and periodic and not alone,
+    }
     drag, contact = solver.drag > 0 and not by_dynamics, options.contact != "none"
     for key, used, refused in (
         ("solver.drag", drag, of_drag),
         ("model.contact", contact, of_contact),
+        ("protocol.load", True, of_load),
     ):
         for problem in (problem for problem, holds in refused.items() if used and holds):
             raise fault(source(key), problem)
@@ -346,6 +364,9 @@ def unusual_values(
                     subject = f"{name} of {stripe.knit} {stripe.n}"
                     sentences.append(f"{subject} is {value:.4g} {unit}; {usual}")
     protocol = workflow.protocol
+    for name, kind in (("load_ratio", "biaxial"), ("load_angle", "off_axis")):
+        if getattr(protocol, name) is not None and all(case.load.kind != kind for case in cases):
+            sentences.append(f"{name} is ignored by load = {protocol.load}; take load = {kind}")
     if protocol.robustness and protocol.method != "equilibrium":
         ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}"
         sentences.append(f"{ignored}: siblings are tested in equilibrium only")

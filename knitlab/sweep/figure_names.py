@@ -5,12 +5,12 @@ from pathlib import Path
 from knitlab.io.errors import fault
 
 FIGURE_NAMES = (
-    *("auxetic", "capacitors", "contact", "curves", "electrodes", "force", "grid", "options"),
-    *("relaxation", "samples", "sensitivity", "sensor", "shape", "stripes", "swept"),
+    *("auxetic", "capacitors", "contact", "curves", "directions", "electrodes", "force", "grid"),
+    *("options", "relaxation", "samples", "sensitivity", "sensor", "shape", "stripes", "swept"),
     *("tension", "uncertainty", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
-COMPARING = ("contact", "grid", "options", "swept")
+COMPARING = ("contact", "directions", "grid", "options", "swept")
 """Figures that accept a cube with several values of its swept settings."""
 FIGURE_SUFFIXES = (".pdf", ".svg", ".png")
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_origin
 from pydantic import (
     AfterValidator,
     Field,
+    FiniteFloat,
     PositiveFloat,
     PositiveInt,
     ValidationError,
@@ -19,10 +20,11 @@ from pydantic import (
 )
 
 from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.loading import Load, LoadKind
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
-from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit
 from knitlab.fabric.stripe import STIFFENING, STRIPE_QUANTITIES, Knit, Stripe
 from knitlab.io.errors import BadInput, faults_of, unknown
 from knitlab.io.toml import StrictModel
@@ -123,7 +125,9 @@ class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
-    ``strain_max``. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
+    ``strain_max``. ``load`` is how the fabric is strained, with the ratio of a biaxial and the
+    angle of an off-axis load (:class:`~knitlab.equilibrium.loading.Load`); lists of these are
+    dimensions. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
     respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
     ``robustness`` the spread of results over this number of siblings of each design, which are
     slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
@@ -133,6 +137,9 @@ class ProtocolSection(StrictModel):
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
     further_strains: Annotated[tuple[PositiveFloat, ...], Field(strict=False)] = ()
+    load: LoadKind = "warp"
+    load_ratio: Annotated[FiniteFloat, Field(gt=-1)] | None = None
+    load_angle: Annotated[float, Field(ge=0, lt=180), Unit("degree")] | None = None
     sensitivities: bool = False
     unloading: bool = False
     robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
@@ -160,6 +167,15 @@ class ProtocolSection(StrictModel):
                 f"strain_max / strain_step gives {steps:.3g} strains; give at most {MOST_STEPS}"
             )
         return self
+
+    @property
+    def as_load(self) -> Load:
+        """The load, with a ratio or angle if it has one."""
+        if self.load == "biaxial" and self.load_ratio is not None:
+            return Load("biaxial", ratio=self.load_ratio)
+        if self.load == "off_axis" and self.load_angle is not None:
+            return Load("off_axis", angle=self.load_angle)
+        return Load(self.load)
 
     @property
     def applied_strain(self) -> tuple[float, ...]:
@@ -273,6 +289,8 @@ class Workflow(StrictModel):
             raise ValueError("needs either [design] or [stripes], and not both")
         if self.stripes is not None and self.protocol.sensitivities:
             raise ValueError("pure stripes have no sensitivities; leave out protocol.sensitivities")
+        if self.stripes is not None and self.protocol.load != "warp":
+            raise ValueError("pure stripes are pulled across their ridges; leave out protocol.load")
         return self
 
 
@@ -286,6 +304,7 @@ SECTIONS: dict[str, type[StrictModel]] = {
 SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")  # single settings may be lists
 SAMPLE_SIZE = "unit_cells"  # the setting of `[design]` that may be a list too, of pairs
 PATTERN = "pattern"  # the setting of `[design]` that may be a list of names
+LOAD = ("load", "load_ratio", "load_angle")  # settings of `[protocol]` that may be lists
 OF_ALL_CASES = ("material", "interpolate_stripes")  # but these may not
 
 
@@ -323,6 +342,7 @@ class Setting:
             names = [isinstance(one, str) and is_pattern_name(one) for one in value]
             return len(value) > 1 and all(names)
         swept = self.section in SWEPT_SECTIONS and self.name not in OF_ALL_CASES
+        swept = swept or self.name in LOAD
         return swept and not self.takes_list
 
 

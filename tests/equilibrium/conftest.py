@@ -2,7 +2,7 @@
 
 import pytest
 
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import loading_of
 from tests.fabrics import CLAMPED, checkered, relaxed
 
 
@@ -10,4 +10,4 @@ from tests.fabrics import CLAMPED, checkered, relaxed
 def sample():
     """A relaxed sample of 2 × 2 unit cells, and its test."""
     net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
-    return net, fabric, tensile(net.shape, relaxed(net, fabric).configuration)
+    return net, fabric, loading_of(net.shape, relaxed(net, fabric).configuration)

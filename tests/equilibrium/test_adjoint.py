@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from knitlab.equilibrium.adjoint import Adjoint, NoDerivative, rigid_motions
+from knitlab.equilibrium.alignment import aligning_rotation, rigidly_aligned
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.loading import aligning_rotation, all_free, rigidly_aligned, tensile
+from knitlab.equilibrium.loading import all_free, loading_of
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import stretch
@@ -75,7 +76,7 @@ class Pulled:
         relaxed = found(self.relaxed.flattened(), all_free(net.shape))
         aligned = rigidly_aligned(net.shape, flat_sheet(net, fabric), relaxed)
         relaxed = found(np.asarray(aligned.flattened()), all_free(net.shape))
-        loading = tensile(net.shape, relaxed)
+        loading = loading_of(net.shape, relaxed)
         start = loading.holding(self.strained.flattened(), self.strain)
         return relaxed, found(start, loading.free), fabric
 

@@ -17,7 +17,7 @@ from knitlab.equilibrium.equilibrium import (
     SubdomainRounds,
     find_equilibrium,
 )
-from knitlab.equilibrium.loading import all_free, free_under_tension
+from knitlab.equilibrium.loading import all_free, free_under
 from knitlab.equilibrium.search import Search, SearchRules, minimise
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import free_stiffness
@@ -53,7 +53,7 @@ def solved_by_subdomains(system, *args, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dofs", [all_free, free_under_tension])
+@pytest.mark.parametrize("dofs", [all_free, free_under])
 def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains, sample, dofs):
     net, fabric, loading = sample
     random = np.random.default_rng(0)

@@ -8,7 +8,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from knitlab.equilibrium.loading import between_walls, rigidly_aligned, tensile
+from knitlab.equilibrium.alignment import between_walls, rigidly_aligned
+from knitlab.equilibrium.loading import loading_of
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.network import MeshShape
@@ -59,7 +60,7 @@ def test_a_path_is_extrapolated_by_the_polynomial_through_its_states():
     """Three states give the polynomial of second order at any spacing, two the straight line."""
     shape = MeshShape(4, 4, periodic=True)
     relaxed = Configuration(np.random.default_rng(0).normal(size=(4, 4, 3)), np.array([4.0, 4.0]))
-    loading = tensile(shape, relaxed)
+    loading = loading_of(shape, relaxed)
     coefficients = np.random.default_rng(1).normal(size=(3, shape.unknowns))
 
     def state(strain: float, order: int) -> np.ndarray:

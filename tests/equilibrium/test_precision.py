@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import loading_of
 from knitlab.equilibrium.search import NEARLY, SearchRules
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System, one_thread_of_blas
@@ -63,7 +63,7 @@ def pulled(strain, useless="", settings=DEFAULT):
     net, fabric = checkered(4, 1, PERIODIC)
     with one_thread_of_blas():
         relaxed = relax(equations(net, fabric), FINE)
-        loading = tensile(net.shape, relaxed.configuration)
+        loading = loading_of(net.shape, relaxed.configuration)
         system = Recorded(net, fabric, loading.free, useless)
         rules = SearchRules(free_stiffness(net.shape, loading.free), settings, convexified=False)
         start = Point(relaxed.unknowns + strain * loading.drive)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.equilibrium.loading import all_free, tensile
+from knitlab.equilibrium.loading import all_free, loading_of
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.fabric.energy import (
     COMPLETE,
@@ -82,7 +82,7 @@ def test_walls_and_held_unknowns_enter_the_stiffness():
     net, fabric = checkered(4, 1, ModelOptions(boundary="clamped"))
     sheet = shaken(flat_sheet(net, fabric), 0.1)
     raised = Configuration(sheet.positions + np.array([0, 0, 6.0]), sheet.lengths)
-    at, loading = raised.flattened(), tensile(net.shape, raised)
+    at, loading = raised.flattened(), loading_of(net.shape, raised)
     free = free_stiffness(net.shape, loading.free)
     matrix = whole_stiffness(free, net, fabric, COMPLETE, at)
     exact = np.asarray(

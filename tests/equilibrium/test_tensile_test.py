@@ -7,7 +7,7 @@ import pytest
 
 from knitlab.equilibrium import tensile_test
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.loading import loading_of
 from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome
 from knitlab.equilibrium.tensile_test import _Path, stretch
@@ -231,7 +231,7 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
     small_subdomains, monkeypatch, shake, parts
 ):
     net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
-    loading = tensile(net.shape, relaxed(net, fabric).configuration)
+    loading = loading_of(net.shape, relaxed(net, fabric).configuration)
     before, last = stretched(net, fabric, [0.0, 0.01]).states
     # With a distant previous state the linear extrapolation is distant too, on the other side.
     noise = np.random.default_rng(0).normal(size=net.shape.unknowns)

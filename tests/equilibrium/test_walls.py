@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.loading import all_free, tensile
+from knitlab.equilibrium.loading import all_free, loading_of
 from knitlab.equilibrium.search import Search, SearchRules, lowest_fraction, step_between_walls
 from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.stiffness import free_stiffness
@@ -105,7 +105,7 @@ def test_only_the_part_of_a_step_within_the_step_limit_meets_walls(squeezed):
 
 def test_searches_reach_the_same_states_with_fewer_factorisations(squeezed, monkeypatch):
     net, fabric, relaxed = squeezed
-    loading = tensile(net.shape, relaxed.configuration)
+    loading = loading_of(net.shape, relaxed.configuration)
     rules = SearchRules(free_stiffness(net.shape, loading.free), DEFAULT)
 
     def states():

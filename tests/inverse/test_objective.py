@@ -8,7 +8,7 @@ import xarray as xr
 from knitlab.cube.schema import Status
 from knitlab.cube.target import read_target
 from knitlab.inverse.objective import Objective, aimed, all_met, check_targets
-from knitlab.inverse.request import checked_request, with_tolerance
+from knitlab.inverse.request import DesignRequest, checked_request, with_tolerance
 from knitlab.inverse.search_space import search_space
 from knitlab.inverse.trial import Trial, run_trial
 from knitlab.io.errors import BadInput
@@ -18,10 +18,12 @@ CURVE = {"name": "poisson_ratio", "applied_strain": [0.05, 0.3], "value": [-0.5,
 
 
 def objective(*texts, subject_to=(), acts_on=None):
-    wanted = [tuple(with_tolerance(read_target(one)) for one in of) for of in (texts, subject_to)]
-    return Objective(
-        *wanted, (("thickness", thickness),), np.zeros((10, 1)) if acts_on is None else acts_on
+    targets, constraints = (
+        tuple(with_tolerance(read_target(one)) for one in of) for of in (texts, subject_to)
     )
+    request = DesignRequest(name="asked", targets=targets, subject_to=constraints)
+    own = (("thickness", thickness),)
+    return Objective(request, own, np.zeros((10, 1)) if acts_on is None else acts_on)
 
 
 def made_up(ratio, force):
@@ -61,14 +63,14 @@ def test_distances_are_those_of_a_fine_grid():
 def test_squared_residuals_sum_to_the_squared_distance():
     trial = made_up(lambda e: -0.5 + e, lambda e: 4 * e)
     asked = objective("poisson_ratio = -0.3 @ 0.1:0.3", "spread(reaction_force) > 2 @ 0.1:0.3")
-    aims = objective(*(each for each in map(aimed, asked.targets)))
+    aims = objective(*(each for each in map(aimed, asked.request.targets)))
     residuals, _ = asked.residuals(trial)
     assert residuals @ residuals == pytest.approx(aims.distance(aims.off_by(trial)) ** 2)
-    assert aims.targets[1].low > asked.targets[1].low
+    assert aims.request.targets[1].low > asked.request.targets[1].low
 
 
 def met_by(asked, trial):
-    return all_met(asked.wanted, asked.off_by(trial))
+    return all_met(asked.request.wanted, asked.off_by(trial))
 
 
 def test_met_means_within_a_tolerance_of_a_value_and_within_a_range():

@@ -69,7 +69,10 @@ def of_later_version(case, table, gravity):
         kind = tuple[kind, ...]
     else:
         new = with_fields(value, kind, gravity=gravity)
-    of_case = make_dataclass("Case", [(table, kind)], bases=(Case,), frozen=True)
+    # A table with a default, such as the load, has one in the later version too.
+    has_default = is_dataclass(next(each for each in fields(Case) if each.name == table).default)
+    added = (table, kind, field(default=kind())) if has_default else (table, kind)
+    of_case = make_dataclass("Case", [added], bases=(Case,), frozen=True)
     return with_fields(case, of_case, **{table: new})
 
 

@@ -17,10 +17,11 @@ export function sheetOf(shape, positions, frame, repeats) {
   if (!periods) {
     return { rows, columns, cellsY: rows - 1, cellsX: columns - 1, at: node(place, columns, 0, 0) };
   }
-  const [lengthX, lengthY] = periods[frame];
+  const [lengthX, lengthY, shear = 0] = periods[frame];
   const at = (row, column) => {
     const [turnY, turnX] = [Math.floor(row / rows), Math.floor(column / columns)];
-    const read = node(place, columns, turnX * lengthX, turnY * lengthY);
+    const right = turnX * lengthX + turnY * shear;
+    const read = node(place, columns, right, turnY * lengthY);
     return read(row - turnY * rows, column - turnX * columns);
   };
   return {

@@ -1,0 +1,74 @@
+"""Pulls at every angle to the courses: Poisson's ratio and stiffness as polar plots."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
+
+from knitlab.cube.common_settings import parameters_of
+from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
+from knitlab.figures.kinds import FigureKind
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
+from knitlab.io.errors import fault
+
+ANGLE = "load_angle"
+MOST = len(MARKERS)  # designs whose curves can be told apart
+
+
+def directions(cube: xr.Dataset) -> Figure:
+    """Poisson's ratio and force over width against the angle of the pull, as polar plots.
+
+    0° is along the courses (weft), 90° along the wales (warp). Pulls in opposite directions are the
+    same. The strain is the one selected, or the largest at which all pulls have a Poisson's ratio.
+    """
+    if ANGLE not in cube.dims:
+        remedy = "run one with load = off_axis and load_angle = 0,15,…,90"
+        raise fault("directions", f"compares angles of pull, and the cube sweeps none; {remedy}")
+    stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ANGLE, STRAIN, ...)
+    done = (stacked["status"] == Status.ok).any(ANGLE).values
+    stacked = stacked.isel(design=done)
+    if not 0 < stacked.sizes["design"] <= MOST:
+        count = stacked.sizes["design"]
+        raise fault("directions", f"shows 1 to {MOST} designs, not {count}; select some")
+    complete = stacked["poisson_ratio"].notnull().all(["design", ANGLE]).values
+    if not complete.any():
+        raise fault("directions", "there is no strain at which all pulls have a Poisson's ratio")
+    at = stacked.isel({STRAIN: int(np.flatnonzero(complete)[-1])})
+    figure = Figure(figsize=(TWO_COLUMNS, 3.9), layout="constrained")
+    ratio, force = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
+    strain = f"{float(at[STRAIN]):.0%}"
+    # A checkerboard is its own mirror image: a quarter of the directions tells the others.
+    mirrored = parameters_of(cube).get("pattern") == ["GR", "RG"]
+    _draw(ratio, at["poisson_ratio"], f"Poisson's ratio at {strain}", mirrored)
+    _draw(force, 10 * at["force_per_width"], f"force over width at {strain} [N/cm]", mirrored)
+    figure.legend(*ratio.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def _draw(axes: PolarAxes, values: xr.DataArray, title: str, mirrored: bool) -> None:
+    angles = np.deg2rad(values[ANGLE].values)
+    whole = np.concatenate([angles, angles + np.pi])
+    quarter = mirrored and np.isclose(angles[-1] - angles[0], np.pi / 2)
+    for row, colour, marker in zip(values, CATEGORY_COLOURS, MARKERS, strict=False):
+        n_stripe, n_subunit = row["design"].item()
+        look: Look = {"label": f"({n_stripe}, {n_subunit})", "lw": 0.9, "ms": 3}
+        curve = np.tile(row.values, 2)
+        if quarter:
+            whole = np.concatenate([angles, np.pi - angles[::-1], np.pi + angles, -angles[::-1]])
+            curve = np.concatenate([row.values, row.values[::-1]] * 2)
+        axes.plot([*whole, whole[0]], [*curve, curve[0]], color=colour, marker=marker, **look)
+    low, high = float(values.min()), float(values.max())
+    bottom = min(low - 0.15 * (high - low), 0.0)
+    axes.set_rlim(bottom, max(high, 0.0) + 0.05 * (high - low))
+    if low < 0:
+        axes.plot(np.linspace(0, 2 * np.pi, 181), np.zeros(181), color="0.4", lw=1.0, zorder=0)
+    axes.grid(lw=0.5)
+    axes.tick_params(axis="y", labelsize=6)
+    axes.tick_params(axis="x", pad=6)
+    axes.set_rlabel_position(67.5)
+    names = ["0°\ncourses", "45°", "90° wales", *("",) * 5]
+    axes.set_thetagrids(range(0, 360, 45), names)
+    axes.set_title(title, fontsize=8, pad=14)
+
+
+FIGURES = {"directions": FigureKind(directions, coordinates=(STRAIN,))}
