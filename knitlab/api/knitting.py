@@ -28,8 +28,7 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
-from knitlab.sweep.parameters import defaults
-from knitlab.sweep.stripe_tables import UNITS
+from knitlab.sweep.parameters import UNITS, defaults
 from knitlab.sweep.workflow import Protocol
 
 if TYPE_CHECKING:

@@ -30,12 +30,11 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
-from knitlab.sweep.cases import cases, design_space, electrode_problems
+from knitlab.sweep.cases import cases, designs_of_section, electrode_problems
 from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
 from knitlab.sweep.material import Material, with_material
-from knitlab.sweep.parameters import Parameters, defaults
+from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
-from knitlab.sweep.stripe_tables import StripeRow
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
 OWN_PATTERN = "own pattern"  # name of a pattern that is given as an object
@@ -246,8 +245,8 @@ def case_of_design(
         protocol=protocol,
         electrodes=ElectrodesSection() if electrodes else None,
     )
-    space = design_space(section, parameters, str)
-    (case,) = cases(workflow, {}, space, parameters, str)
+    designs = designs_of_section(section, parameters, str)
+    (case,) = cases(workflow, {}, designs, parameters, str)
     if problems := electrode_problems(case):
         raise fault("layout", "; ".join(problems))
     return replace(case, applied_strain=strains)

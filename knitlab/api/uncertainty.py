@@ -5,11 +5,11 @@ from pathlib import Path
 import xarray as xr
 
 from knitlab.api.cubes import Cube, opened
-from knitlab.cube.cube_file import joined_cubes
 from knitlab.cube.sampled import sampled_uncertainty
 from knitlab.cube.schema import SAMPLE
 from knitlab.cube.uncertainty import uncertainty_of
 from knitlab.io.errors import fault
+from knitlab.sweep.cube import joined_cubes
 from knitlab.sweep.material import Material
 from knitlab.sweep.stripe_covariance import uncertain_stripes
 from knitlab.sweep.stripe_samples import write_samples

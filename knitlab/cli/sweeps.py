@@ -135,6 +135,7 @@ def run(
         return
     from knitlab.sweep.batches import Shard
     from knitlab.sweep.plan import make_plan
+    from knitlab.sweep.results_folder import CaseState
     from knitlab.sweep.run import RunOptions, run_plan
 
     own_shard = None if shard is None else Shard.of(shard)
@@ -153,7 +154,8 @@ def run(
         drawn, faults = draw_figures(made.figures, folder)
     _echo_excluded(made.dims, made.excluded)
     of_shard = f" in shard {own_shard}" if own_shard else ""
-    click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there{of_shard}")
+    reused = len(done.left_in(CaseState.done, CaseState.stale_code))
+    click.echo(f"{len(done.simulated)} cases simulated, {reused} already there{of_shard}")
     if done.joined:
         _echo_files(folder, drawn)
     else:

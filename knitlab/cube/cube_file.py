@@ -1,26 +1,20 @@
 """Cube files: opening, writing and joining cubes, and the dimensions of their designs."""
 
-import json
-from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from knitlab.cube import schema
-from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
 from knitlab.cube.derived import with_derived
-from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES, Status
+from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.lock import is_locked
 
 CUBE = "cube.nc"
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
-WITHOUT_RESULTS = {Status.excluded: 0, Status.pending: 1, Status.failed: 2}  # rank; with results 3
 
 
 def cube_path(path: str | Path) -> Path:
@@ -173,52 +167,3 @@ def as_cube(case: xr.Dataset) -> xr.Dataset:
     dims = [str(name) for name, each in case.coords.items() if not each.dims]
     names = [name for name in case.data_vars if VARIABLES[str(name)].in_cube]
     return case[names].expand_dims(dims)
-
-
-def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
-    """One cube with the designs of several along the same design dimensions.
-
-    A design with results is taken before one without; of several with results, that of the first
-    cube. The attributes are those of the first one; ``parameters`` are those that all share.
-    """
-    first, *others = cubes
-    return reduce(_joined, others, first.copy())
-
-
-def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    names = [name for name in VARIABLES if name in one or name in other]
-    kinds = {name: (one if name in one else other)[name].dtype for name in names}
-    empty = {name: "" if kind.kind in "OU" else np.nan for name, kind in kinds.items()}
-    both = xr.concat(
-        [one, other],
-        "cube",
-        data_vars="all",
-        coords="minimal",
-        compat="override",
-        join="outer",
-        fill_value=empty | {"status": int(Status.excluded)},
-        combine_attrs="override",
-    )
-    rank_of = np.vectorize(lambda status: WITHOUT_RESULTS.get(status, 3), otypes=[int])
-    rank = xr.apply_ufunc(rank_of, both["status"])
-    joined = both.isel(cube=rank.argmax("cube"))
-    labels = {
-        dim: [*one[dim].values.tolist(), *other[dim].values.tolist()] for dim in design_dims(one)
-    }
-    joined = joined.reindex({dim: ordered_labels(given) for dim, given in labels.items()})
-    joined = xr.Dataset(
-        {
-            name: joined[name].transpose(*design_dims(one), *VARIABLES[name].dims).astype(kind)
-            for name, kind in kinds.items()
-        },
-        joined.coords,
-        one.attrs,
-    )
-    joined.attrs[ATTRIBUTE] = json.dumps(shared(parameters_of(one), parameters_of(other)))
-    return joined
-
-
-def ordered_labels(given: Iterable[Any]) -> list[Any]:
-    """Different labels: numbers in ascending order, texts in order of appearance."""
-    labels = list(dict.fromkeys(given))
-    return labels if any(isinstance(label, str) for label in labels) else sorted(labels)

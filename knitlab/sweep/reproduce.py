@@ -3,11 +3,10 @@
 import json
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -31,8 +30,7 @@ CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capa
 MOST_NAMED = 5  # largest number of identifiers that a message lists
 
 
-@dataclass(frozen=True)
-class RecordedCase:
+class RecordedCase(NamedTuple):
     """A case in a results folder, and its identifier there, perhaps that of another version."""
 
     case: Case
@@ -45,8 +43,15 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     matches: dict[str, tuple[Path, dict[str, Any]]] = {}
     for folder in [results, *sorted(path for path in results.glob("*") if path.is_dir())]:
         with suppress(BadInput, OSError):  # a folder that cannot be read holds no case
-            for name, record in _records(folder, case_id):
-                matches.setdefault(name, (folder, record))
+            recorded = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
+            if (folder / PLAN).is_file():
+                recorded |= read_plan(folder)["cases"]
+            for name in sorted(path.stem for path in folder.glob("cases/*.nc")):
+                if name.startswith(case_id) and name not in recorded:
+                    recorded[name] = json.loads(read_case(folder, name).attrs["parameters"])
+            for name in recorded:
+                if name.startswith(case_id):
+                    matches.setdefault(name, (folder, recorded[name]))
     if not matches:
         where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
         raise fault(case_id, where)
@@ -60,17 +65,6 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         return RecordedCase(case_of(record), name, folder)
     except (ValidationError, KeyError, TypeError) as error:
         raise fault(name, f"was recorded by another version of knitlab ({error})") from error
-
-
-def _records(folder: Path, begins: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Recorded cases of a results folder whose identifiers begin with ``begins``."""
-    recorded = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
-    if (folder / PLAN).is_file():
-        recorded |= read_plan(folder)["cases"]
-    yield from ((key, value) for key, value in recorded.items() if key.startswith(begins))
-    for path in sorted(folder.glob("cases/*.nc")):
-        if path.stem.startswith(begins) and path.stem not in recorded:
-            yield path.stem, json.loads(read_case(folder, path.stem).attrs["parameters"])
 
 
 def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
@@ -116,10 +110,10 @@ def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
     differ, same = largest_differences(results, kept)
     agree = same and max(differ.values()) <= AGREES
     verdict = "agrees with" if agree else "DOES NOT agree with"
-    listed = [f"{CURVES[name]} by {value:.1e}" for name, value in differ.items()]
-    listed[0] = f"nu differs by at most {differ['poisson_ratio']:.1e}"
+    listed = ", ".join(f"{CURVES[name]} by {value:.1e}" for name, value in differ.items())
+    listed = listed.replace("nu by", "nu differs by at most")
     missing = "" if same else ", and other states are missing"
-    return agree, f"{', '.join(listed)} of the largest{missing}: {verdict}"
+    return agree, f"{listed} of the largest{missing}: {verdict}"
 
 
 def largest_differences(results: xr.Dataset, kept: xr.Dataset) -> tuple[dict[str, float], bool]:

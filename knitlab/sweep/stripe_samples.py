@@ -76,11 +76,10 @@ def write_samples(
     # Lengths of the workflow are those of the paper's yarn.
     text = read_workflow(base, {"material": str(material)})
     _, scaled = with_material_file(material, defaults(), text)
-    lists = {axis.name: [*axis.values] for axis in scaled.axes}
     for name in SCALED:
         section = SETTINGS[name].section
         if name in table.get(section, {}):
-            table[section][name] = lists.get(name, scaled.table[section][name])
+            table[section][name] = [*scaled.axes.get(name, ())] or scaled.table[section][name]
     table["design"]["n_stripe"] = [n_stripe]
     if files := table["design"].get("pattern_files"):
         table["design"]["pattern_files"] = [str((base.parent / file).resolve()) for file in files]

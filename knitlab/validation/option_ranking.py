@@ -48,7 +48,7 @@ class RankedOptions:
     @property
     def score(self) -> tuple[int, int, float]:
         """What it is ranked by: claims that hold, near misses, and the sum of clipped margins."""
-        margins = [each.margin for each in self.results.values() if each.margin is not None]
+        margins = [each.margin or 0.0 for each in self.results.values()]
         total = float(np.clip(margins, -CLIPPED, CLIPPED).sum())
         return self.count(Grade.holds), self.count(Grade.near_miss), total
 

@@ -17,21 +17,12 @@ from matplotlib.patches import Rectangle
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import with_columns
-from knitlab.figures import cells
+from knitlab.figures import cells, style
 from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import snapped_before
 from knitlab.figures.nearest_designs import non_dominated
-from knitlab.figures.style import (
-    CATEGORY_COLOURS,
-    MARKERS,
-    TWO_COLUMNS,
-    Look,
-    colour_bar,
-    ink_on,
-    number,
-    value_colours,
-)
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
@@ -95,7 +86,7 @@ def draw_map(
     the bottom of its cell. Several experiments on one design are refused.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
-    colours = value_colours(np.concatenate([np.empty(0), *values]), signed)
+    colours = style.value_colours(np.concatenate([np.empty(0), *values]), signed)
     by_cell = defaultdict[tuple[int, float], list[xr.Dataset]](list)
     for design in chain.from_iterable(map(designs_of, sorted(cubes, key=is_measured))):
         n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
@@ -115,7 +106,7 @@ def draw_map(
             look: Look = (
                 {"facecolor": colours.to_rgba(np.array(value))} if valid else cells.MARKS[status]
             )
-            ink = ink_on(look["facecolor"])
+            ink = style.ink_on(look["facecolor"])
             if design is designs[0]:
                 at: Look = {"xytext": (3, -3), "textcoords": "offset points", "va": "top"}
                 # Of a mark the name hides the hatching.
@@ -134,7 +125,7 @@ def draw_map(
                 axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
     cells.name_columns_and_rows(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
     axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
-    colour_bar(axes, colours, pad=0.01, label=label)
+    style.colour_bar(axes, colours, pad=0.01, label=label)
     return marked
 
 
