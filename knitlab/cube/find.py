@@ -135,13 +135,11 @@ def find_designs(
         "have no value at the strains of a target": int((allowed & ~known).sum()),
     }
     labels = [*design_dims(cubes[0]), *(name for name in ("cube", "boundary") if name in designs)]
-    table = designs[labels].iloc[order].reset_index(drop=True)
-    if stripes is not None:
-        table["probability"] = probability[order]
-    table["distance"] = distance[order]
-    if CROSSINGS in designs and (crossings := designs[CROSSINGS].iloc[order]).fillna(0).any():
-        # No real fabric passes through itself.
-        table[CROSSINGS] = crossings.to_numpy()
+    nearest = designs.iloc[order].reset_index(drop=True)
+    ranked_by = {} if stripes is None else {"probability": probability[order]}
+    table = nearest[labels].assign(**ranked_by, distance=distance[order])
+    if CROSSINGS in nearest and nearest[CROSSINGS].fillna(0).any():
+        table[CROSSINGS] = nearest[CROSSINGS]  # no real fabric passes through itself
     ordered = tuple(each.in_order(order) for each in reached)
     for number, each in enumerate(ordered, start=1):
         table[f"value_{number}"] = each.obtained
@@ -160,7 +158,7 @@ def _reached(
     if target.window is None:
         # NaN where a cube does not have it.
         values, none = designs[target.name].to_numpy(float, na_value=np.nan), np.zeros(0)
-        off_by = target.excess(values, none)
+        off_by = abs(target.departure(values, none))
         in_spread = np.full(len(values), "unknown")
         changes = numbers_of(designs, target.name)
         met = is_met(target, none, values[:, None], changes) if sampled else None
@@ -173,15 +171,14 @@ def _reached(
         if any(name in cube for cube in cubes)
     ]
     read = [curves, *band]
-    if target.reduction is None:
-        obtained = REDUCTIONS["mean"](at, curves)
-        excess = [target.excess(item, at) for item in read]
-        off_by, worst = (root_mean_square(at, item) for item in (excess[0], np.fmax.reduce(excess)))
-    else:
+    obtained = REDUCTIONS[target.reduction or "mean"](at, curves)
+    if target.reduction is not None:
         read = [REDUCTIONS[target.reduction](at, item)[:, None] for item in read]
-        obtained = read[0][:, 0]
-        excess = [target.excess(item, at)[:, 0] for item in read]
-        off_by, worst = excess[0], np.fmax.reduce(excess)
+    distances = [abs(target.departure(item, at)) for item in read]
+    off_by, worst = (
+        root_mean_square(at, item) if target.reduction is None else item[:, 0]
+        for item in (distances[0], np.fmax.reduce(distances))
+    )
     in_spread = np.full(len(curves), "unknown")
     if band:
         lowest, highest = np.minimum(*read[1:]), np.maximum(*read[1:])

@@ -64,7 +64,7 @@ def is_met(
         sampled = curve + _deviates() @ changes[:, row]
         if target.reduction is not None:
             sampled = REDUCTIONS[target.reduction](at, sampled)[:, None]
-        excess = target.excess(sampled, at)
+        excess = abs(target.departure(sampled, at))
         met[row] = np.where(
             np.isnan(excess).any(axis=1), np.nan, (excess <= target.allowance).all(axis=1)
         )

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from knitlab.cube.common_settings import parameters_of
+from knitlab.cube.cube_file import parameters_of
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.io.errors import fault
 

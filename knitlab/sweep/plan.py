@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.cube.common_settings import common_settings
+from knitlab.cube.cube_file import common_settings
 from knitlab.cube.schema import SAMPLE, Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
