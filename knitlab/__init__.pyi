@@ -21,6 +21,8 @@ from .api.sweeps import NotAllOk as NotAllOk
 from .api.sweeps import merge as merge
 from .api.sweeps import plan as plan
 from .api.sweeps import run as run
+from .api.uncertainty import sample_stripes as sample_stripes
+from .api.uncertainty import uncertainty as uncertainty
 from .cube.cube_file import open_cube as open_cube
 from .dynamics.settings import Dynamics as Dynamics
 from .equilibrium.settings import Solver as Solver

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import xarray as xr
@@ -21,6 +21,9 @@ from knitlab.meshes import formats
 from knitlab.meshes.chosen_case import chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
 from knitlab.meshes.surface import SurfaceMesh, solid_of
+
+if TYPE_CHECKING:
+    from knitlab.sweep.material import Material
 
 Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
 Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
@@ -59,6 +62,7 @@ def find(
     targets: Wanted | Sequence[Wanted],
     subject_to: Wanted | Sequence[Wanted] = (),
     most: int | None = None,
+    material: "str | Path | Material | None" = None,
 ) -> Found:
     """Find the designs that come closest to targets; nothing is simulated.
 
@@ -75,11 +79,14 @@ def find(
             ``applied_strain``, ``value`` and ``tolerance``.
         subject_to: targets that must be met; designs that do not are left out.
         most: largest number of designs to return, all by default.
+        material: material with the covariances of its stripes, to rank by the probability that a
+            design meets all targets and ``subject_to``, of cubes with sensitivities. What has no
+            sensitivities counts as exact; a single value needs a tolerance.
 
     Returns:
-        The designs, the nearest first. For target 1 ``table`` has ``value_1``, ``off_by_1`` in the
-        unit of the variable, and ``in_spread_1``: whether the spread over a design's siblings
-        covers it.
+        The designs, the nearest first, or with a material the most probable. For target 1
+        ``table`` has ``value_1``, ``off_by_1`` in the unit of the variable, and ``in_spread_1``:
+        whether the spread over a design's siblings covers it.
 
     Raises:
         BadInput: with every target that cannot be read or is not of a variable of the cubes.
@@ -92,7 +99,13 @@ def find(
         [4, 16]
     """
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
-    return find_designs([opened(cube, lazily=True) for cube in cubes], wanted, required, most)
+    stripes = None
+    if material is not None:
+        from knitlab.sweep.stripe_covariance import uncertain_stripes  # which imports JAX
+
+        stripes = uncertain_stripes(material)
+    read = [opened(cube, lazily=True) for cube in cubes]
+    return find_designs(read, wanted, required, most, stripes)
 
 
 def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:

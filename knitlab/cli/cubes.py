@@ -58,6 +58,7 @@ def query(
 )
 @repeatable("--subject-to TARGET", 'Target that must be met, such as "knit_cell_x < 20".')
 @option("--most", "Designs to list.", COUNT, default=10)
+@options.covariances("Rank by the probability of meeting the targets, by the covariances in FILE.")
 @options.table_format
 @options.output("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
 def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any) -> None:
@@ -119,18 +120,19 @@ def compare(
 @option("--y DIM", "Dimension up a grid.")
 @option("--of NAME", "Variable whose values grid and swept show.")
 @option("--window STRAIN:STRAIN", "Strains over which sensor shows slope and linearity.")
+@options.covariances("Material file with the covariances of stripes, for uncertainty.")
 @options.select
 def draw_map(
     kind: str,
     cubes: tuple[Path, ...],
     output: Path,
     selections: dict[str, Any],
-    **shown: str | None,
+    **shown: str | Path | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
     from knitlab.figures.drawing import draw_figure
 
-    chosen = {name: value for name, value in shown.items() if value is not None}
+    chosen = {name: str(value) for name, value in shown.items() if value is not None}
     click.echo(f"figure  {draw_figure(kind, cubes, output, selections, chosen)}")
 
 

@@ -74,6 +74,7 @@ def calibrate(
     from knitlab.measure import calibration
     from knitlab.sweep.material import add_stripe
     from knitlab.sweep.parameters import defaults
+    from knitlab.sweep.stripe_covariance import with_period
 
     options.check_toml(output)
     if (law == "tabulated") != (spring_curve is not None):
@@ -100,7 +101,11 @@ def calibrate(
     if fitted.usable:
         used_size = cell_size or defaults().model.cell_size
         source = calibration.source_of(fitted, record, used_size)
-        add_stripe(output, fitted.stripe(knit, stitches, used_size), source, fitted.covariance)
+        stripe = fitted.stripe(knit, stitches, used_size)
+        covariance = fitted.covariance
+        if used_size == "flat":
+            covariance = with_period(covariance, fitted.values["theta_0"])
+        add_stripe(output, stripe, source, covariance)
         click.echo(f"stripe   {knit} {stitches} in {output}")
     else:
         options.echo_problem("no stripe is written, as this fit cannot be used")

@@ -218,3 +218,8 @@ select = repeatable(
     "Keep one value of a coordinate, or several with commas.",
     callback=lambda _, __, texts: read_selections(texts),
 )
+
+
+def covariances(help: str) -> Decorator:
+    """The option ``--material`` of a command that takes the covariances of its stripes."""
+    return option("--material FILE", help, FILE)
