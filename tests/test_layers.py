@@ -20,6 +20,7 @@ LAYERS = (
     "knitting",
     "laboratory",
     "meshes",
+    "plate",
     "inverse",
     "validation",
     "figures",

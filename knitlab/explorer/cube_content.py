@@ -5,7 +5,6 @@ The report of the run says what ran, how long, what failed, by which code, and h
 
 import base64
 import io
-import itertools
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,13 +17,12 @@ import xarray as xr
 from PIL import Image
 
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_of
+from knitlab.cube.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
 from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.explorer.shapes import shape_of
 from knitlab.sweep.results_folder import PLAN, earlier_failures
 
-EXPANDED = ("stripe_parameter",)  # dimensions along which a variable becomes one for each label
+EXPANDED = "stripe_parameter"  # a variable along it becomes one for each label
 DIGITS = 6  # significant digits of the numbers on the page
 NEGLIGIBLE = 1e-7  # fraction of the largest value, below which one is zero but for round-off
 BAND = ("low", "high", "error")  # endings of the variables that give the band of another
@@ -123,16 +121,14 @@ def _contents(
 ) -> Iterator[dict[str, Any]]:
     """A variable with one number for a design or for each of its states; else nothing."""
     variable, dims = cube[name], design_dims(cube)
-    further = [str(dim) for dim in variable.dims if dim not in (*dims, STRAIN)]
-    if not set(dims) <= set(variable.dims) or not set(further) <= set(EXPANDED):
+    if not set(dims) <= set(variable.dims) <= {*dims, STRAIN, EXPANDED}:
         return
-    for labels in itertools.product(*(cube[dim].values.tolist() for dim in further)):
-        one = variable.sel(dict(zip(further, labels, strict=True))).transpose(*dims, ...)
+    for label in cube[EXPANDED].values.tolist() if EXPANDED in variable.dims else [""]:
+        one = variable.sel({EXPANDED: label} if label else {}).transpose(*dims, ...)
         values = np.array([one.values[index] for index in indices], float)
         if not np.isfinite(values).any():
             continue
         values[np.abs(values) < NEGLIGIBLE * np.nanmax(np.abs(values))] = 0
-        label = ", ".join(map(str, labels))
         yield {
             "name": f"{name}[{label}]" if label else name,
             "long_name": f"{one.attrs.get('long_name', name)}{f': {label}' if label else ''}",

@@ -13,17 +13,10 @@ from matplotlib.figure import Figure
 
 from knitlab.cube import cube_file
 from knitlab.cube.case_file import case_path, in_cloth, read_case
-from knitlab.cube.cube_file import base_dims, is_measured, swept_dims
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import base_dims, is_measured, swept_dims, with_derived
 from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
-from knitlab.figures import kinds
-from knitlab.figures.figure_files import (
-    draw_into,
-    fingerprint_of_figure,
-    is_drawn,
-    requested_figures,
-)
+from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
@@ -53,10 +46,10 @@ def draw_figure(
         raise fault("kind", unknown(kind, FIGURES, "figure"))
     check_figure_suffix(output)
     cubes = [cube_file.open_cube(path) for path in cube_paths]
-    fingerprint = fingerprint_of_figure(kind, cube_paths, selections, options)
-    if not is_drawn(output, fingerprint):
+    fingerprint = figure_files.fingerprint_of_figure(kind, cube_paths, selections, options)
+    if not figure_files.is_drawn(output, fingerprint):
         drawn = partial(draw, kind, cubes, selections, options)
-        draw_into(drawn, output, fingerprint=fingerprint)
+        figure_files.draw_into(drawn, output, fingerprint=fingerprint)
     return output
 
 
@@ -67,7 +60,7 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     """
     files, faults = list[Path](), list[Fault]()
     cube = cube_file.open_cube(folder)
-    requested = requested_figures(names, cube, folder)
+    requested = figure_files.requested_figures(names, cube, folder)
     slices = {tuple(each.selections.items()) for each in requested if each.kind not in COMPARING}
     if len(slices) > MOST_SLICES:
         problem = f"{len(slices)} slices are too many to draw in a run; draw one by knitlab map"
@@ -77,7 +70,7 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
         try:
             if missing := figure.missing:
                 drawn = partial(draw, figure.kind, [cube], figure.selections)
-                draw_into(drawn, *missing, fingerprint=figure.fingerprint)
+                figure_files.draw_into(drawn, *missing, fingerprint=figure.fingerprint)
         except BadInput as error:
             stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]

@@ -68,6 +68,8 @@ def fingerprint_of_figure(
     """Fingerprint of all that a figure depends on: cubes, their slice, code and matplotlib's."""
     chosen = [f"{name}:{value}" for name, value in options.items()]
     parts = [kind, *as_given(selections), *chosen, package_fingerprint(), version("matplotlib")]
+    files = [Path(value) for name, value in options.items() if name == "material"]
+    parts += [file_digest(file) for file in files if file.is_file()]
     parts += [file_digest(cube_path(path)) for path in cube_paths]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[: 2 * DIGITS]
 
@@ -80,25 +82,19 @@ def is_drawn(output: Path, fingerprint: str) -> bool:
 def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
     """Write a figure in the format of its suffix, with the fingerprint of its sources."""
     import matplotlib as mpl
-    import numpy as np
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    mark, suffix = f"{MARK}{fingerprint}", output.suffix.lower()
-    canvas, dpi, note = FigureCanvasAgg(figure), mpl.rcParams["savefig.dpi"], PngInfo()
+    mark, suffix, note = f"{MARK}{fingerprint}", output.suffix.lower(), PngInfo()
     with atomic_write(output) as temporary:
-        if suffix != ".png":
-            key = "Keywords" if suffix == ".pdf" else "Description"
-            figure.savefig(temporary, metadata={key: mark})
-            return
-        # Not by savefig, which would compress the image only to be read again.
-        figure.set_dpi(dpi)
-        canvas.draw()
-        note.add_text("Description", mark)
-        image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-        image = image.quantize(PALETTE, dither=Image.Dither.NONE)
-        image.save(temporary, format="PNG", optimize=True, dpi=(dpi, dpi), pnginfo=note)
+        key = "Keywords" if suffix == ".pdf" else "Description"
+        figure.savefig(temporary, metadata={key: mark})
+        if suffix == ".png":
+            note.add_text("Description", mark)
+            with Image.open(temporary) as drawn:
+                image = drawn.convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
+            dpi = (mpl.rcParams["savefig.dpi"],) * 2
+            image.save(temporary, format="PNG", optimize=True, dpi=dpi, pnginfo=note)
 
 
 def draw_into(draw: Callable[[], "Figure"], *outputs: Path, fingerprint: str = "") -> None:

@@ -25,7 +25,13 @@ def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) 
     With ``bands`` the range over the siblings of a design is shaded, and curves have a panel for
     each design, as bands would cover each other.
     """
-    names = [_name(nearest, number) for number in range(min(MOST_SHOWN, len(nearest.table)))]
+    names = []
+    for _, design in nearest.table.head(MOST_SHOWN).iterrows():
+        labels = f"({', '.join(str(design[name]) for name in NAMED_BY if name in design)})"
+        if "candidate" in design:
+            names.append(f"candidate {design['candidate']}: {labels}")
+        else:
+            names.append(labels + (f"\n{design['cube']}" if "cube" in design else ""))
     rows = len(nearest.reached)
     figure = Figure(figsize=(TWO_COLUMNS, 2.4 * rows + 0.6), layout="constrained")
     panels_of_targets = figure.subfigures(rows, 1, squeeze=False)[:, 0]
@@ -48,7 +54,10 @@ def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) 
         # Not before all curves are drawn, which the limits of the panels must hold.
         for panel in panels:
             _draw_wanted(panel, reached.target)
-        panels[0].set_ylabel(_label(reached.target), fontsize="small")
+        target, variable = reached.target, VARIABLES.get(reached.target.name)
+        name = variable.long_name if variable and target.reduction is None else target.label
+        unit = "1" if variable is None or target.reduction == "linearity" else variable.units
+        panels[0].set_ylabel(f"{name}\n[{unit}]", fontsize="small")
         # The first panel has every entry: those of the others repeat it.
         row.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.suptitle(f"the {len(names)} nearest {title}, the nearest first", fontsize="small")
@@ -75,21 +84,6 @@ def _draw_marks(panel: Axes, reached: Reached, names: list[str], banded: bool) -
         edges = [np.abs(edge[:shown, 0] - middle) for edge in reached.band]
         look: Look = {"color": "black", "capsize": 3, "zorder": 4}
         panel.errorbar(range(shown), middle, edges, fmt="none", label=RANGE, **look)
-
-
-def _label(target: Target) -> str:
-    variable = VARIABLES.get(target.name)
-    name = variable.long_name if variable and target.reduction is None else target.label
-    unit = "1" if variable is None or target.reduction == "linearity" else variable.units
-    return f"{name}\n[{unit}]"
-
-
-def _name(nearest: Found, number: int) -> str:
-    row = nearest.table.iloc[number]
-    labels = ", ".join(str(row[name]) for name in NAMED_BY if name in row)
-    if "candidate" in row:
-        return f"candidate {row['candidate']}: ({labels})"
-    return f"({labels})" + (f"\n{row['cube']}" if "cube" in row else "")
 
 
 def _draw_wanted(panel: Axes, target: Target) -> None:

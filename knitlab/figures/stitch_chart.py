@@ -37,7 +37,7 @@ Both are estimates."""
 @print_style()
 def stitch_chart_figure(chart: StitchChart) -> Figure:
     """Every stitch of a chart, seen from the front; of a large one, one repeat."""
-    rows, columns = drawn_part(chart)
+    rows, columns = drawn_block(chart)
     stitch = min(0.16, (TWO_COLUMNS - MARGIN) / (columns.stop - columns.start))
     # A stitch is drawn twice as wide as high, as it is.
     height = stitch * (rows.stop - rows.start) / 2 + 2 * MARGIN + 0.55
@@ -49,15 +49,15 @@ def stitch_chart_figure(chart: StitchChart) -> Figure:
 
 
 def title_of(chart: StitchChart) -> str:
-    """Design and size of a chart, and which part of it is drawn."""
+    """Design and size of a chart, and what of it is drawn."""
     along_y, along_x = chart.repeats
     title = f"{chart.title}: {chart.courses} courses of {chart.wales} wales"
-    if drawn_part(chart) != (slice(0, chart.courses), slice(0, chart.wales)):
+    if drawn_block(chart) != (slice(0, chart.courses), slice(0, chart.wales)):
         title += f"; one of {along_y} × {along_x} repeats is drawn"
     return title
 
 
-def drawn_part(chart: StitchChart) -> tuple[slice, slice]:
+def drawn_block(chart: StitchChart) -> tuple[slice, slice]:
     """Courses and wales that are drawn: all, or of a large chart the repeat with most electrode."""
     if chart.courses <= MOST_DRAWN[0] and chart.wales <= MOST_DRAWN[1]:
         return slice(0, chart.courses), slice(0, chart.wales)
@@ -71,7 +71,7 @@ def drawn_part(chart: StitchChart) -> tuple[slice, slice]:
 
 def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
     """Draw a chart, or one repeat of it, with stitches of a width on paper [in]."""
-    rows, columns = drawn_part(chart)
+    rows, columns = drawn_block(chart)
     front, plated = chart.front[rows, columns], chart.plated[rows, columns]
     colours = np.where(front[..., None], to_rgb(FRONT), to_rgb(BACK))
     for electrode, (on_front, on_back) in ELECTRODES.items():
@@ -169,13 +169,14 @@ def specification_sheet(specification: "Specification") -> Figure:
     figure.text(0.07, 0.955, "Specification of a knitted sample", fontsize=14, weight="bold")
     written = f"knitlab {version('knitlab')}, {date.today().isoformat()}"
     figure.text(0.93, 0.955, written, ha="right", fontsize=8, color="0.3")
-    y = 0.925
-    for name, value in specification.rows():
-        lines = textwrap.wrap(value, 78) or [""]
+    rows = [(name, textwrap.wrap(value, 78) or [""]) for name, value in specification.rows()]
+    # All end above the chart.
+    y, spacing = 0.925, min(0.0165, 0.345 / sum(len(lines) for _, lines in rows))
+    for name, lines in rows:
         figure.text(0.07, y, name, fontsize=9, color="0.3", va="top")
         figure.text(0.24, y, "\n".join(lines), fontsize=9, va="top")
-        y -= 0.0165 * len(lines)
-    _, columns = drawn_part(chart)
+        y -= spacing * len(lines)
+    _, columns = drawn_block(chart)
     axes = figure.add_axes((0.1, 0.12, 0.54, 0.4))
     axes.set_anchor("NW")
     draw_chart(axes, chart, 4.4 / (columns.stop - columns.start))

@@ -148,8 +148,7 @@ def trials_table(
     request: DesignRequest, dims: Sequence[str], searches: Sequence[SearchResult]
 ) -> pd.DataFrame:
     """One row for each trial: design, values, distance, and how far it is from each target."""
-    facts = ("converged", "snapped", "distance", "violation")
-    unknown = [None] * len(request.wanted)
+    facts, unknown = ("converged", "snapped", "distance", "violation"), [None] * len(request.wanted)
     return pd.DataFrame(
         {
             "candidate": number,

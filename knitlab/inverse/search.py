@@ -268,7 +268,7 @@ def run_searches(
     progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
     """Run searches, each in one worker; BadInput with the reason of every one that failed."""
-    first = [one.space.case(one.design, one.space.start(one.design))[0] for one in searches]
+    first = (one.space.case(one.design, one.space.start(one.design))[0] for one in searches)
     starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))
 

@@ -32,7 +32,7 @@ OF_NO_CASE = (
 DIGITS = 12
 LIBRARIES = ("equinox", "jax", "jaxlib", "netCDF4", "numpy", "scipy", "xarray")
 NOT_EXECUTED = {"annotation", "returns", "type_comment", "ctx", "kind", "simple"}
-"""Fields of nodes that hold annotations, or repeat what the place of the node says."""
+"""Fields of nodes that hold annotations, or repeat what the position of the node says."""
 BLOCKS = {"body", "orelse", "finalbody"}
 
 

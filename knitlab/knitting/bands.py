@@ -40,18 +40,18 @@ def bands_of(
     bands, k, start = list[Band](), 0, 0
     while k < len(runs):
         (kind, first), (other, size) = runs[k], (*runs, (-1, 0))[k + 1]
+        k += 1
         if size > first or not _are_stripes(examples, kind, other, axis, slender * size):
-            bands.append(Band(axis, start, start + first, None))
-            k, start = k + 1, start + first
-            continue
+            size = 0
         if first > size:
             bands.append(Band(axis, start, start + first - size, None))
-        stop = start + first + size
-        k += 2
-        while runs[k : k + 2] == [(kind, size), (other, size)]:
-            k, stop = k + 2, stop + 2 * size
-        bands.append(Band(axis, start + first - size, stop, size))
-        start = stop
+        start += first
+        if size:
+            stop, k = start + size, k + 1
+            while runs[k : k + 2] == [(kind, size), (other, size)]:
+                stop, k = stop + 2 * size, k + 2
+            bands.append(Band(axis, start - size, stop, size))
+            start = stop
     return bands
 
 

@@ -91,8 +91,7 @@ class _State:
         for carrier in sorted(self.active):
             remedy = f"add {self.machine.bring_out} {carrier}"
             self._report(f"ends while carrier {carrier} is in action; {remedy}")
-        left = sorted(str(needle) for needle, loops in self.held.items() if loops)
-        if left:
+        if left := sorted(str(needle) for needle, loops in self.held.items() if loops):
             more = f" and {len(left) - 1} others" if len(left) > 1 else ""
             self._report(f"ends while {left[0]}{more} hold loops; bind them off or drop them")
 

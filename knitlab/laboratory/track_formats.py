@@ -78,17 +78,15 @@ def read_tracks(
     up = (y_axis or read.y_axis) == "up"
     stated = "as stated" if y_axis else f"as {read.program} writes it; else give y_axis"
     summary.append(f"y counts {'upwards' if up else 'downwards'}, {stated}")
-    if read.confidence is not None:
-        unsure = ~lost[..., 0] & (read.confidence < least_confidence)
-        tracks = np.where(unsure[..., None], np.nan, tracks)
-        if unsure.any():
-            below = f"a confidence below {least_confidence:g}"
-            summary.append(f"{unsure.sum()} positions of {below} are left out")
+    confidence = np.inf if read.confidence is None else read.confidence
+    unsure = ~lost[..., 0] & (confidence < least_confidence)
     # Programs that lose a marker may write zeros.
-    at_origin = (tracks == 0).all(axis=2)
-    if at_origin.any():
-        tracks = np.where(at_origin[..., None], np.nan, tracks)
-        summary.append(f"{at_origin.sum()} positions at (0, 0) are left out")
+    at_origin = (tracks == 0).all(axis=2) & ~unsure
+    of_unsure = f"of a confidence below {least_confidence:g}"
+    for wrong, which in ((unsure, of_unsure), (at_origin, "at (0, 0)")):
+        if wrong.any():
+            tracks = np.where(wrong[..., None], np.nan, tracks)
+            summary.append(f"{wrong.sum()} positions {which} are left out")
     if len(empty := np.flatnonzero(np.isnan(tracks).all(axis=(1, 2)))):
         listed = ", ".join(map(str, empty[:5])) + (", …" if len(empty) > 5 else "")
         problem = f"shows no marker in {len(empty)} frames ({listed})"

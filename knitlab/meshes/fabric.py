@@ -102,10 +102,10 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
     along_y, along_x = case.unit_cells
     pattern = replace(case, unit_cells=(repeats[0] * along_y, repeats[1] * along_x)).sample
     across = pattern.knit.shape[1]
-    fields = {
-        KNIT: np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0),
-        PATCH: pattern.patch_of_row[:, None] * across + pattern.patch_of_column,
-    }
+    knit = np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0)
+    patch = pattern.patch_of_row[:, None] * across + pattern.patch_of_column
+    # Every format knows integers of 32 bits.
+    fields: dict[str, np.ndarray] = {KNIT: knit.astype(np.int32), PATCH: patch.astype(np.int32)}
     if case.capacitor is not None:
         from knitlab.fabric.electrodes import split_by_cells
 
@@ -118,13 +118,9 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
                 of_electrode[row % shape.cells_y, column % shape.cells_x] += piece.area
         covered = np.tile(of_sheet, (1, *repeats))
         plated = covered.sum(axis=0)
-        fields[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0)
+        fields[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0).astype(np.int32)
         fields[PLATED] = plated
-    # Every format knows integers of 32 bits.
-    return {
-        name: values.astype(np.int32) if values.dtype.kind == "i" else values
-        for name, values in fields.items()
-    }
+    return fields
 
 
 def _side_lengths(

@@ -39,11 +39,6 @@ def linear(colours: UInt8[np.ndarray, "node 3"]) -> Float[np.ndarray, "node 3"]:
     return np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
 
 
-def _write_vtu(mesh: SurfaceMesh, path: Path) -> None:
-    fields = {name: [values] for name, values in mesh.face_fields.items()}
-    _meshio(mesh, mesh.node_fields, fields).write(path, "vtu")
-
-
 def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
     fields = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
     for name, values in mesh.node_fields.items():
@@ -67,7 +62,7 @@ def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
 
 
 FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
-    ".vtu": _write_vtu,
+    ".vtu": lambda mesh, path: _meshio(mesh, mesh.node_fields, mesh.face_fields).write(path, "vtu"),
     ".obj": lambda mesh, path: _meshio(mesh).write(path, "obj"),
     ".ply": _write_ply,
     ".stl": lambda mesh, path: _trimesh(mesh).export(path, "stl"),
@@ -147,13 +142,13 @@ def write_fold(
 def _meshio(
     mesh: SurfaceMesh,
     node_fields: Mapping[str, np.ndarray] = {},
-    face_fields: Mapping[str, list[np.ndarray]] = {},
+    face_fields: Mapping[str, np.ndarray] = {},
 ) -> Any:
     import meshio
 
-    kind = "quad" if mesh.faces.shape[1] == 4 else "triangle"
-    faces = mesh.faces.astype(np.int32)
-    return meshio.Mesh(mesh.nodes, [(kind, faces)], dict(node_fields), dict(face_fields))
+    blocks = [("quad" if mesh.faces.shape[1] == 4 else "triangle", mesh.faces.astype(np.int32))]
+    of_blocks = {name: [values] for name, values in face_fields.items()}
+    return meshio.Mesh(mesh.nodes, blocks, dict(node_fields), of_blocks)
 
 
 def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:

@@ -28,7 +28,7 @@ STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over 
 CONTACT = 4.0  # how much longer a fabric with contact takes
 PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
 BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}  # to 30 %
-PARTS_OF_SHARE = 8  # batches of each shard, at least, if their cases are small enough
+BATCHES_OF_SHARD = 8  # batches of each shard, at least, if their cases are small enough
 DIGITS = 6  # of the estimated times that balance shards, whatever the machine
 
 
@@ -44,7 +44,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class Shard:
-    """One of the ``count`` parts of a plan, numbered from 1 on."""
+    """One of the ``count`` shares of a plan, numbered from 1 on."""
 
     number: int
     count: int
@@ -70,9 +70,8 @@ def batched(cases: Mapping[str, Case]) -> tuple[Batch, ...]:
     """Batches of cases that can be stacked, as large as memory allows, the longest first."""
     alike: dict[tuple[Any, ...], list[str]] = defaultdict(list)
     for case_id, case in cases.items():
-        dynamics = case.dynamics
-        if dynamics is not None:  # mass and damping are numbers of each fabric in a batch
-            dynamics = replace(dynamics, damping_ratio=0.0, surface_density=1.0)
+        # Mass and damping are numbers of each fabric in a batch.
+        dynamics = case.dynamics and replace(case.dynamics, damping_ratio=0.0, surface_density=1.0)
         key = case.mesh_shape, case.options.fold_angle, case.spring_kinds, dynamics
         alike[key].append(case_id)
     batches = []
@@ -147,23 +146,21 @@ def split(
     batches: Sequence[Batch], cases: Mapping[str, Case], count: int
 ) -> list[tuple[Batch, ...]]:
     """The batches of each shard of a plan: the longest first, to the shard that has least to do."""
-    share = math.fsum(batch.estimated_seconds for batch in batches) / count
-    longest = share / PARTS_OF_SHARE  # unless a single case takes longer
-    parts: list[Batch] = []
+    whole = math.fsum(batch.estimated_seconds for batch in batches)
+    longest = whole / count / BATCHES_OF_SHARD  # unless a single case takes longer
+    pieces: list[tuple[float, Batch]] = []
     for batch in batches:
         times = _rounded(batch.estimated_seconds / longest) if longest else 1.0
-        pieces = min(len(batch.cases), max(1, math.ceil(times)))
-        borders = [len(batch.cases) * k // pieces for k in range(pieces + 1)]
-        parts += [
-            _batch_of(batch.cases[first:last], cases) for first, last in itertools.pairwise(borders)
-        ]
-    costs = {part: _rounded(part.estimated_seconds) for part in parts}
+        number = min(len(batch.cases), max(1, math.ceil(times)))
+        for members in np.array_split(batch.cases, number):
+            piece = _batch_of(members.tolist(), cases)
+            pieces.append((_rounded(piece.estimated_seconds), piece))
     shards: list[list[Batch]] = [[] for _ in range(count)]
     loads = [(0.0, number) for number in range(count)]
-    for part in sorted(parts, key=lambda part: (-costs[part], part.cases)):
+    for cost, piece in sorted(pieces, key=lambda pair: (-pair[0], pair[1].cases)):
         load, number = loads[0]
-        heapq.heapreplace(loads, (load + costs[part], number))
-        shards[number].append(part)
+        heapq.heapreplace(loads, (load + cost, number))
+        shards[number].append(piece)
     return [tuple(shard) for shard in shards]
 
 

@@ -4,7 +4,7 @@ Settings that have no meaning together are refused.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,10 +26,10 @@ from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.material import scaled_lengths
-from knitlab.sweep.parameters import Parameters
+from knitlab.sweep.material import SCALED
+from knitlab.sweep.parameters import UNITS, Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
-from knitlab.sweep.stripe_tables import UNITS
+from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import (
     CHANGES,
     PATTERN,
@@ -48,20 +48,12 @@ PATTERN_FILES = "design.pattern_files"
 USUAL_STRAIN = 2.0  # largest usual applied strain: that of pure stripes, which unfold furthest
 FAR = 10.0  # factor beyond the values of the tables from which a value is unusual
 Table = TypeVar("Table")
-Design = tuple[Label, ...]
 Pair = tuple[int, int]
+Designs = dict[Design, str | None]  # by labels along the dimensions, with why one is impossible
 Source = Callable[[str], str]  # names where a `section.key` comes from, for a fault
 
 
-@dataclass(frozen=True)
-class DesignSpace:
-    """Labels of designs along the dimensions, and impossible ones of their grid with the reason."""
-
-    designs: tuple[Design, ...]
-    excluded: dict[Design, str]
-
-
-def design_space(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
+def designs_of_section(section: DesignSection, parameters: Parameters, source: Source) -> Designs:
     """The designs of ``[design]``; BadInput if a set or a member is unknown, or none is left."""
     name, sets = section.set or "paper", parameters.designs.root
     if name not in sets:
@@ -71,15 +63,12 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     else:
         pairs = sorted({(n, m) for n in section.n_stripe for m in section.n_subunit})
     of_material = f" (material {parameters.material!r})" if parameters.material else ""
-    excluded: dict[Design, str] = {
-        pair: f"{reason}{of_material}"
-        for pair in pairs
-        if (reason := parameters.stripes.impossible(*pair))
-    }
-    if len(excluded) == len(pairs):
+    reasons = {pair: parameters.stripes.impossible(*pair) for pair in pairs}
+    designs: Designs = {pair: why and f"{why}{of_material}" for pair, why in reasons.items()}
+    if all(designs.values()):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
-        raise BadInput(Fault(asked, reason) for reason in dict.fromkeys(excluded.values()))
-    return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
+        raise BadInput(Fault(asked, str(reason)) for reason in dict.fromkeys(designs.values()))
+    return designs
 
 
 def _members(
@@ -87,10 +76,8 @@ def _members(
 ) -> list[Pair]:
     faults = []
     for axis, (key, other) in enumerate((("n_stripe", "n_subunit"), ("n_subunit", "n_stripe"))):
-        wanted = getattr(section, key)
-        if wanted is None:
-            continue
         members = sorted({pair[axis] for pair in pairs})
+        wanted = getattr(section, key) or members
         remedy = f"choose from {members}, or give {other} too for a grid of your own"
         faults += [
             Fault(source(f"design.{key}"), f"set {name!r} has no {key} = {value}; {remedy}")
@@ -103,25 +90,21 @@ def _members(
     return sorted(pairs)
 
 
-def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
+def designs_of_stripes(section: StripesSection, parameters: Parameters, source: Source) -> Designs:
     """The stripes of ``[stripes]``; sizes that only one knit has are excluded for the other."""
     there = {knit: list(parameters.stripes.rows(knit)) for knit in section.knit}
     sizes = sorted(set().union(*there.values()))
     if section.n and (strangers := sorted(set(section.n) - set(sizes))):
         problem = f"there is no stripe of n = {strangers}; choose from {sizes}"
         raise fault(source("stripes.n"), problem)
-    asked = [
-        (knit, n, boundary)
+    return {
+        (knit, n, boundary): None
+        if n in there[knit]
+        else f"there is no {knit} stripe of n = {n}; choose from {there[knit]}"
         for knit in dict.fromkeys(section.knit)
-        for n in sorted(set(section.n or sizes))
+        for n in sorted(set(section.n or there[knit]))
         for boundary in dict.fromkeys(section.boundaries)
-    ]
-    excluded: dict[Design, str] = {
-        (knit, n, boundary): f"there is no {knit} stripe of n = {n}; choose from {there[knit]}"
-        for knit, n, boundary in asked
-        if n not in there[knit] and section.n
     }
-    return DesignSpace(tuple(design for design in asked if design[1] in there[design[0]]), excluded)
 
 
 def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int, int]:
@@ -143,8 +126,7 @@ def with_pattern_files(
     for path in files:
         read = read_checked(PatternFile, path, text.source(PATTERN_FILES)).root
         patterns |= {name: (entry, path.parent) for name, entry in read.items()}
-    swept = [value for axis in text.axes if axis.name == PATTERN for value in axis.values]
-    names = {pattern_name(section.pattern), *swept} & set(patterns)
+    names = {pattern_name(section.pattern), *text.axes.get(PATTERN, ())} & set(patterns)
     for entry, folder in (patterns[name] for name in sorted(map(str, names))):
         files += entry.files(folder)
     return replace(parameters, patterns=patterns), files
@@ -160,11 +142,11 @@ def overridden(table: Table, section: StrictModel) -> Table:
 def cases(
     workflow: Workflow,
     labels: dict[str, Label],
-    space: DesignSpace,
+    designs: Designs,
     parameters: Parameters,
     source: Source,
 ) -> Iterator[Case]:
-    """The case of every design, also labelled by the axes; BadInput if settings contradict."""
+    """Cases of the possible designs, also labelled by axes; BadInput if settings contradict."""
     protocol, numbers = workflow.protocol, {*CHANGES, *PLAIN_NUMBERS}
     changes = workflow.model.model_dump(include=numbers, exclude_none=True)
     model_options = overridden(parameters.model, workflow.model)
@@ -182,6 +164,7 @@ def cases(
         "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
     _check_together(workflow, model_options, solver, source)
+    possible = [design for design, why_not in designs.items() if why_not is None]
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
         return changed_stripe(parameters.stripes.stripe(knit, stitches), changes)
@@ -192,8 +175,7 @@ def cases(
         height, width = len(rows), len(rows[0])
         if "P" in "".join(rows):
             common["plain"] = _plain(parameters, changes, source)
-        for n_stripe, n_subunit in space.designs:
-            n, m = int(n_stripe), int(n_subunit)
+        for n, m in possible:
             try:
                 case = Case(
                     design={"n_stripe": n, "n_subunit": m, **labels},
@@ -219,14 +201,13 @@ def cases(
                 raise BadInput(Fault(where, problem) for problem in error.problems) from error
             yield case.without_unused()
     elif workflow.stripes is not None:
-        for knit, stitches, boundary in space.designs:
-            pure = stripe("rib" if knit == "rib" else "garter", int(stitches))
-            options: dict[str, Any] = {"boundary": boundary}
+        for knit, n, boundary in possible:
+            pure = stripe(knit, n)
             case = Case(
-                design={"knit": knit, "n": stitches, "boundary": boundary, **labels},
+                design={"knit": knit, "n": n, "boundary": boundary, **labels},
                 weft=pure,
                 warp=pure,
-                options=replace(model_options, **options),
+                options=replace(model_options, boundary=boundary),
                 pattern=PULLED_ACROSS,
                 periods=workflow.stripes.stripe_periods,
                 unit_cells=(1, 1),
@@ -237,13 +218,11 @@ def cases(
 
 
 def _plain(parameters: Parameters, changes: dict[str, float], source: Source) -> PlainKnit:
-    names = declared(PlainKnit)
-    if parameters.plain is not None:
-        return changed_table(parameters.plain, changes)
-    if missing := [name for name in names if name not in changes]:
+    plain, names = parameters.plain, declared(PlainKnit)
+    if plain is None and (missing := [name for name in names if name not in changes]):
         problem = f"the material {parameters.material!r} has no plain knit; give {missing}"
         raise fault(source("design.pattern"), f"{problem}, or choose a pattern without P")
-    return changed_table(PlainKnit(**{name: changes[name] for name in names}), changes)
+    return changed_table(plain or PlainKnit(**{name: changes[name] for name in names}), changes)
 
 
 def _pattern(
@@ -260,10 +239,8 @@ def _pattern(
 
 def electrode_problems(case: Case) -> tuple[str, ...]:
     """What is wrong with the layout of the electrodes of a case; nothing if it has none."""
-    if case.capacitor is None:
-        return ()
     try:
-        case.electrodes  # noqa: B018  (it raises)
+        _ = case.capacitor and case.electrodes
     except BadLayout as error:
         return tuple(error.problems)
     return ()
@@ -304,27 +281,25 @@ def _check_together(
         "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
         "has no sensitivities; leave them out, or take contact = none": sensitivities,
     }
-    protocol, kind, periodic = workflow.protocol, load.kind, "periodic" in boundaries
+    biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
     alone = options.contact == "none" and workflow.electrodes is None
     of_load = {
-        "is biaxial, which needs load_ratio: strain along the weft over that along the warp": kind
-        == "biaxial"
-        and protocol.load_ratio is None,
-        "is off_axis, which needs load_angle: degrees from the courses": kind == "off_axis"
-        and protocol.load_angle is None,
-        "is not warp, and is found by equilibria; take method = equilibrium": kind != "warp"
-        and by_dynamics,
-        "is not warp, and has no sensitivities; leave them out": kind != "warp" and sensitivities,
-        "is off_axis, which clamps cannot pull; take boundary = periodic": kind == "off_axis"
+        "is biaxial, which needs load_ratio: strain along the weft over that along the"
+        " warp": biaxial and workflow.protocol.load_ratio is None,
+        "is off_axis, which needs load_angle: degrees from the courses": off_axis
+        and workflow.protocol.load_angle is None,
+        "is not warp, and is found by equilibria; take method = equilibrium": by_dynamics,
+        "is not warp, and has no sensitivities; leave them out": sensitivities,
+        "is off_axis, which clamps cannot pull; take boundary = periodic": off_axis
         and "clamped" in boundaries,
         "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
-        " shear a clamped sample": load.shears and periodic and not alone,
+        " shear a clamped sample": load.shears and "periodic" in boundaries and not alone,
     }
     drag, contact = solver.drag > 0 and not by_dynamics, options.contact != "none"
     for key, used, refused in (
         ("solver.drag", drag, of_drag),
         ("model.contact", contact, of_contact),
-        ("protocol.load", True, of_load),
+        ("protocol.load", load.kind != "warp", of_load),
     ):
         for problem in (problem for problem, holds in refused.items() if used and holds):
             raise fault(source(key), problem)
@@ -349,7 +324,16 @@ def unusual_values(
     """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
     cases = tuple(cases)
     contact = any(case.options.contact != "none" for case in cases)
-    sentences = scaled_lengths(workflow, parameters, contact)
+    uses = {"sheet": True, "gauge": not workflow.stripes, "capacitor": bool(workflow.electrodes)}
+    scaled = [
+        f"{name} = {value:.3g} mm"
+        for name, value in sorted(parameters.scaled.items())
+        if uses[SCALED[name]] and (contact or name != "thickness")
+    ]
+    sentences = []
+    if scaled:
+        origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
+        sentences.append(f"{', '.join(scaled)}: {origin}; give others in its file or as settings")
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
             usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"

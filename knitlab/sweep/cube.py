@@ -1,17 +1,25 @@
 """The cube: every design that a results folder knows, on one labelled grid."""
 
 import json
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
+from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_values
-from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
-from knitlab.cube.cube_file import OPTION, design_dims, ordered_labels, read_cube
+from knitlab.cube.cube_file import (
+    ATTRIBUTE,
+    OPTION,
+    design_dims,
+    differences,
+    parameters_of,
+    read_cube,
+    shared,
+)
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.io.errors import BadInput, fault
@@ -30,8 +38,7 @@ Values = dict[str, Any]
 GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}  # in mm
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(NamedTuple):
     """Values of a design by variable, along the strains [1] and unit cells of its own test."""
 
     values: Values
@@ -77,56 +84,75 @@ def build_cube(
     cells of the old cube are kept; combinations never requested are ``excluded``.
     """
     known = cells(old)
-    entries = {} if old is None else _old_entries(plan, old, known)
+    entries = {} if old is None else _entries_of(old, known)
+    if old is not None and (gauge := gauge_of(old.attrs)):
+        for entry in entries.values():
+            sizes = {name: float(entry.values[name]) for name in (*ALONG_X, *ALONG_Y)}
+            entry.values.update(at_gauge(sizes, gauge, plan.gauge))
+    # A swept setting, such as contact, may give some cases variables that others lack.
+    names = set() if old is None else set(map(str, old.data_vars))
     for case_id, case in plan.cases.items():
+        variables = {name for name, each in variables_of(case).items() if each.in_cube}
+        names |= variables
         design = tuple(case.design.values())
-        cell = known.get(design)
+        cell, state = known.get(design), states.get(case_id)
         has_results = cell is not None and cell.has_results
-        state, path = states.get(case_id), case_path(results, case_id)
         if cell and has_results and state is CaseState.done and cell.case_id == case_id:
             continue
+        values, path = known_in_advance(case), case_path(results, case_id)
         if state is not CaseState.damaged and path.is_file():
-            wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
-            values = known_in_advance(case) | read_values(path, wanted)
+            values |= read_values(path, variables)
             values |= sizes_of(case, values, plan.gauge)
-            entries[design] = Entry(values, case.applied_strain)
-        elif not has_results:
+        elif has_results:
+            continue
+        else:
             status = Status.failed if case_id in failed else Status.pending
-            values = known_in_advance(case) | {"code": "", "status": status}
-            entries[design] = Entry(values, case.applied_strain)
+            values |= {"code": "", "status": status}
+        entries[design] = Entry(values, case.applied_strain)
 
-    cube = _gridded(plan, _names(plan, old), entries)
+    pure = any(case.pure for case in plan.cases.values())
+    kinds = ("design", "stripes") if pure else ("design", "stripes", "cloth")
+    names |= {name for name, each in VARIABLES.items() if each.of in kinds}
+    designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
+    labels = dict(zip(plan.dims, zip(*designs, strict=True), strict=True))
+    # A stripe number that is swept is a coordinate.
+    cube = _gridded(labels, names - {*plan.dims}, entries)
+    for name, coordinate in plan.coordinates.items():
+        cube[name].attrs |= coordinate.attributes
     cube.attrs |= _attributes(plan, old, entries)
     if "knit_cell_x" in cube:
         cube.attrs |= stated_gauge(plan.gauge)
     return cube
 
 
-def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
-    """Variables of the cube, in the order of the registry."""
-    case = next(iter(plan.cases.values()))
-    # A swept setting, such as contact, may give some cases variables that others lack.
-    wanted = set() if old is None else set(map(str, old.data_vars))
-    for each in plan.cases.values():
-        wanted |= {name for name, variable in variables_of(each).items() if variable.in_cube}
-    kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
-    named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]
-    # A stripe number that is swept is a coordinate.
-    return [name for name in named if name not in plan.dims]
+def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
+    """One cube with the designs of several along the same dimensions, and the gauge of all.
+
+    A design with results is taken before one without; of several, that of the first cube. The
+    attributes are those of the first cube; ``parameters`` are those that all share.
+    """
+    first, rank_of = cubes[0], {Status.pending: 0, Status.failed: 1}
+    entries = [pair for cube in cubes[::-1] for pair in _entries_of(cube, cells(cube)).items()]
+    entries.sort(key=lambda pair: rank_of.get(pair[1].values["status"], 2))  # the last is taken
+    labels = {
+        dim: [label for cube in cubes for label in cube[dim].values.tolist()]
+        for dim in design_dims(first)
+    }
+    names = {str(name) for cube in cubes for name in cube.data_vars}
+    joined = _gridded(labels, names, dict(entries)).assign_attrs(first.attrs)
+    for dim in labels:
+        joined[dim].attrs |= first[dim].attrs
+    joined.attrs[ATTRIBUTE] = json.dumps(reduce(shared, map(parameters_of, cubes)))
+    return joined
 
 
-def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
-    """The cells of an old cube, with knit sizes at the gauge of the new one."""
-    arrays = {str(name): old[name].values for name in old.data_vars}
-    strains = tuple(old["applied_strain"].values.tolist())
-    gauge, entries = gauge_of(old.attrs), {}
-    for design, cell in known.items():
-        values = {name: array[cell.indices] for name, array in arrays.items()}
-        if gauge is not None:
-            sizes = {name: float(values[name]) for name in (*ALONG_X, *ALONG_Y)}
-            values |= at_gauge(sizes, gauge, plan.gauge)
-        entries[design] = Entry(values, strains)
-    return entries
+def _entries_of(cube: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
+    arrays = {str(name): array.values for name, array in cube.data_vars.items()}
+    strains = tuple(cube["applied_strain"].values.tolist())
+    return {
+        design: Entry({name: array[cell.indices] for name, array in arrays.items()}, strains)
+        for design, cell in known.items()
+    }
 
 
 def _attributes(
@@ -183,27 +209,35 @@ def gauge_of(attributes: Mapping[Any, Any]) -> Gauge | None:
     return Gauge(**{name: float(attributes[key]) for name, key in GAUGE_ATTRIBUTES.items()})
 
 
-def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:
-    designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
-    labels = [ordered_labels(along) for along in zip(*designs, strict=True)]
+def _gridded(
+    labels: Mapping[str, Iterable[Any]], names: Collection[str], entries: Mapping[Design, Entry]
+) -> xr.Dataset:
+    """Entries on the grid of labels by dimension: numbers ascend, texts are in order of appearance.
+
+    Combinations without an entry are ``excluded``.
+    """
+    along = {dim: list(dict.fromkeys(given)) for dim, given in labels.items()}
+    for given in along.values():
+        if not any(isinstance(label, str) for label in given):
+            given.sort()
     strains = sorted({strain for entry in entries.values() for strain in entry.strains})
     sizes = {"applied_strain": len(strains)}
     for dim, name in zip(("cell_y", "cell_x"), UNIT_CELLS, strict=True):
         sizes[dim] = max(int(entry.values[name]) for entry in entries.values())
     sizes |= {name: len(labels) for name, labels in FIXED_COORDINATES.items()}
-    grid = tuple(map(len, labels))
+    grid = tuple(map(len, along.values()))
     arrays: dict[str, np.ndarray] = {
-        name: np.full((*grid, *(sizes[dim] for dim in VARIABLES[name].dims)), np.nan)
-        for name in names
-        if name not in TEXT_VARIABLES
+        name: np.full((*grid, *(sizes[dim] for dim in variable.dims)), np.nan)
+        for name, variable in VARIABLES.items()
+        if name in names and name not in TEXT_VARIABLES
     }
     arrays["status"] = np.full(grid, Status.excluded, np.int8)
     arrays |= {name: np.full(grid, "", dtype=object) for name in TEXT_VARIABLES}
 
-    index_of = [{label: k for k, label in enumerate(along)} for along in labels]
+    index_of = [{label: k for k, label in enumerate(given)} for given in along.values()]
     rank = {strain: k for k, strain in enumerate(strains)}
     for design, entry in entries.items():
-        at = tuple(along[label] for along, label in zip(index_of, design, strict=True))
+        at = tuple(index[label] for index, label in zip(index_of, design, strict=True))
         rows = [rank[strain] for strain in entry.strains]
         for name, value in entry.values.items():
             dims = VARIABLES[name].dims
@@ -216,15 +250,12 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
                 arrays[name][at][(rows, *within)] = value[(slice(None), *within)]
 
     variables: dict[str, Any] = {
-        name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()
+        name: ((*along, *VARIABLES[name].dims), array) for name, array in arrays.items()
     }
     coordinates = {
-        **dict(zip(plan.dims, labels, strict=True)),
+        **along,
         "applied_strain": strains,
         **{dim: np.arange(sizes[dim]) for dim in ("cell_y", "cell_x")},
         **fixed_coordinates({dim for name in names for dim in VARIABLES[name].dims}),
     }
-    cube = described(xr.Dataset(variables, coordinates))
-    for name, coordinate in plan.coordinates.items():
-        cube[name].attrs |= coordinate.attributes
-    return cube
+    return described(xr.Dataset(variables, coordinates))

@@ -31,19 +31,19 @@ def declared(table: type, without: Collection[str] = ()) -> Types:
     return {field.name: hints[field.name] for field in fields if field.name not in without}
 
 
-def factors(quantities: Types) -> Types:
+def factors(quantities: Collection[str]) -> Types:
     """A factor on each quantity."""
     return {f"{name}{FACTOR}": PositiveFloat for name in quantities}
 
 
-def parts(kind: Any) -> tuple[Any, ...]:
-    """A declared type and all its parts, including markers such as its unit."""
-    return kind, *(inner for argument in get_args(kind) for inner in parts(argument))
+def with_inner(kind: Any) -> tuple[Any, ...]:
+    """A declared type and all types and markers within it, such as its unit."""
+    return kind, *(inner for argument in get_args(kind) for inner in with_inner(argument))
 
 
 def unit_of(kind: Any) -> str:
     """Unit of a declared type [UDUNITS]."""
-    return next((mark.symbol for mark in parts(kind) if isinstance(mark, Unit)), "1")
+    return next((mark.symbol for mark in with_inner(kind) if isinstance(mark, Unit)), "1")
 
 
 def required(types: Types) -> Fields:

@@ -6,8 +6,8 @@ from knitlab.io.errors import fault
 
 FIGURE_NAMES = (
     *("auxetic", "capacitors", "contact", "curves", "directions", "electrodes", "force", "grid"),
-    *("options", "relaxation", "samples", "sensitivity", "sensor", "shape", "stripes", "swept"),
-    *("tension", "wavelength"),
+    *("options", "polar", "relaxation", "samples", "sensitivity", "sensor", "shape", "stripes"),
+    *("swept", "tension", "uncertainty", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
 COMPARING = ("contact", "directions", "grid", "options", "swept")

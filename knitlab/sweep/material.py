@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,15 +12,13 @@ from scipy.interpolate import interp1d
 from scipy.stats import gmean
 
 from knitlab.fabric.settings import PlainKnit, Unit
-from knitlab.fabric.stripe import Knit, Stripe
+from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.toml import StrictModel, read_checked, read_toml
-from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
-from knitlab.sweep.parameters import Parameters
-from knitlab.sweep.stripe_tables import QUANTITIES, UNITS, StripeRow, StripeTable, StripeTables
-from knitlab.sweep.workflow import SETTINGS, Workflow
+from knitlab.sweep.parameters import KNITS, UNITS, Parameters, StripeRow, StripeTable, StripeTables
+from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_text import WorkflowText
 
 SCALED = {
@@ -35,6 +33,7 @@ SCALED = {
 UNIT_OF = dict.fromkeys(SCALED, "mm") | {"surface_density": "g/mm^2"}
 """Numbers of a yarn beside its stripes, and their units."""
 MATERIAL = "model.material"
+Covariance = Mapping[str, Mapping[str, float]]
 DIGITS = 6
 """Digits of the numbers of a calibrated stripe in a file."""
 
@@ -61,6 +60,9 @@ class Material:
         plain: stiffness of plain knit; a pattern with plain knit is refused without it.
         interpolate: whether stripes between two of these are interpolated.
         source: where the numbers come from.
+        covariances: of the numbers of stripes, by knit and stitches, for
+            :func:`knitlab.uncertainty`: ``{("rib", 4): fitted.covariance}``. They are those of
+            ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact.
 
     Raises:
         BadInput: if a number is out of range, or a stripe is there twice.
@@ -85,6 +87,9 @@ class Material:
     plain: PlainKnit | None = None
     interpolate: bool = False
     source: str = "given in Python"
+    covariances: Mapping[tuple[Knit, int], Covariance] = field(
+        default_factory=dict, hash=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         faults: list[Fault] = []
@@ -131,7 +136,8 @@ class Material:
                 for name, unit in units.items()
             }
         for stripe in sorted(self.stripes, key=lambda each: (each.knit, each.n)):
-            _add_row(table, stripe, self.source)
+            covariance = self.covariances.get((stripe.knit, stripe.n))
+            _add_row(table, stripe, self.source, covariance)
         with atomic_write(Path(path)) as temporary:
             temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
@@ -156,46 +162,41 @@ class MaterialFile(StrictModel):
 
     def material(self, name: str) -> Material:
         """The material, with this name if the file has none."""
-        tables = StripeTables(rib=self.rib, garter=self.garter)
-        knits: tuple[Knit, ...] = ("rib", "garter")
-        sources = [
-            row.source or table.source
-            for table in (self.rib, self.garter)
-            if table is not None
-            for row in table.n.values()
-        ]
-        numbers, plain = {number: getattr(self, number) for number in UNIT_OF}, self.plain
+        stripes = StripeTables(rib=self.rib, garter=self.garter)
+        tables, plain = [table for table in (self.rib, self.garter) if table], self.plain
+        sources = [row.source or table.source for table in tables for row in table.n.values()]
+        entries = {number: entry for number in UNIT_OF if (entry := getattr(self, number))}
         return Material(
-            tuple(tables.stripe(knit, n) for knit in knits for n in tables.rows(knit)),
+            tuple(stripes.stripe(knit, n) for knit in KNITS for n in stripes.rows(knit)),
             name=self.name or name,
             plain=PlainKnit(**{name: entry.value for name, entry in plain}) if plain else None,
             interpolate=self.interpolate,
             source="; ".join(dict.fromkeys(sources)),
-            **{number: entry.value for number, entry in numbers.items() if entry is not None},
+            covariances={
+                (knit, n): row.covariance
+                for knit in KNITS
+                for n, row in stripes.rows(knit).items()
+                if row.covariance is not None
+            },
+            **{number: entry.value for number, entry in entries.items()},
         )
 
 
 def add_stripe(
-    path: Path, stripe: Stripe, source: str, covariance: Mapping[str, Any] | None = None
+    path: Path, stripe: Stripe, source: str, covariance: Covariance | None = None
 ) -> None:
     """Add a stripe to a material file, or replace it there; BadInput has every fault of a file."""
-    table: dict[str, Any] = {}
     if path.exists():
         read_checked(MaterialFile, path)
-        table = read_toml(path)
-    rounded: dict[str, Any] = {
-        name: float(f"{getattr(stripe, name):.{DIGITS}g}") for name in QUANTITIES
-    }
-    _add_row(table, replace(stripe, **rounded), source, covariance)
+    table = read_toml(path) if path.exists() else {}
+    rounded = {name: float(f"{getattr(stripe, name):.{DIGITS}g}") for name in STRIPE_QUANTITIES}
+    _add_row(table, replace(stripe, **dict[str, Any](rounded)), source, covariance)
     with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
 
 def _add_row(
-    table: dict[str, Any],
-    stripe: Stripe,
-    source: str,
-    covariance: Mapping[str, Any] | None = None,
+    table: dict[str, Any], stripe: Stripe, source: str, covariance: Covariance | None = None
 ) -> None:
     """Add the row of a stripe to the table of a material file."""
     row = StripeRow.of(stripe).model_dump(exclude_none=True)
@@ -205,7 +206,7 @@ def _add_row(
     if stripe.stiffening_strain is not None:
         own["unit"]["stiffening_strain"] = "1"
     if covariance:
-        row["covariance"] = dict(covariance)
+        row["covariance"] = {name: dict(each) for name, each in covariance.items()}
     own["n"][str(stripe.n)] = row
 
 
@@ -226,18 +227,16 @@ def period_ratio(stripes: Sequence[Stripe], reference: StripeTables) -> float:
 def with_material(parameters: Parameters, material: Material) -> Parameters:
     """The parameters with a material in place of the paper's yarn."""
     ratio = period_ratio(material.stripes, parameters.stripes)
-    given = material.numbers
     scaled = {
         name: ratio * getattr(getattr(parameters, table), name)
         for name, table in SCALED.items()
-        if name not in given
+        if name not in material.numbers
     }
-    tables: dict[str, Any] = {}
-    for name, number in (scaled | given).items():
+    stripes = StripeTables(interpolate=material.interpolate).with_stripes(material.stripes)
+    tables: dict[str, Any] = {"stripes": stripes, "plain": material.plain}
+    for name, number in (scaled | material.numbers).items():
         table = SCALED.get(name, "dynamics")
         tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
-    stripes = StripeTables(interpolate=material.interpolate).with_stripes(material.stripes)
-    tables |= {"stripes": stripes, "plain": material.plain}
     return replace(parameters, material=material.name, scaled=scaled, **tables)
 
 
@@ -251,9 +250,8 @@ def with_material_file(
     """
     material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
     changed = with_material(parameters, material)
-    scaled = dict(changed.scaled)
+    scaled, axes = dict(changed.scaled), dict(text.axes)
     tables = {table: dict(given) for table, given in text.table.items() if isinstance(given, dict)}
-    axes = {axis.name: axis for axis in text.axes}
     for name, attribute in SCALED.items():
         section = SETTINGS[name].section
         given = tables.get(section, {})
@@ -262,26 +260,11 @@ def with_material_file(
         scaled.pop(name, None)
         of_the_paper = MATERIAL in text.sources and f"{section}.{name}" not in text.sources
         # Others are faults, which the workflow's check reports.
-        values = axes[name].values if name in axes else (given[name],)
+        values = axes.get(name, (given[name],))
         if of_the_paper and all(isinstance(value, int | float) for value in values):
             new, old = (getattr(getattr(each, attribute), name) for each in (changed, parameters))
             given[name] = scaled[name] = new / old * given[name]
             if name in axes:
-                axes[name] = replace(axes[name], values=tuple(new / old * each for each in values))
-    text = replace(text, table=text.table | tables, axes=tuple(axes.values()))
+                axes[name] = tuple(new / old * each for each in values)
+    text = replace(text, table=text.table | tables, axes=axes)
     return replace(changed, scaled=scaled), text
-
-
-def scaled_lengths(workflow: Workflow, parameters: Parameters, contact: bool) -> list[str]:
-    """A sentence on the lengths that were scaled to a material, and that matter in a workflow."""
-    without_effect = set() if contact else {"thickness"}
-    if workflow.stripes is not None:
-        without_effect |= set(declared(Gauge))
-    if workflow.electrodes is None:
-        without_effect |= {"clearance", "ground_distance"}
-    scaled = {name: parameters.scaled[name] for name in parameters.scaled.keys() - without_effect}
-    if not scaled:
-        return []
-    lengths = ", ".join(f"{name} = {value:.3g} mm" for name, value in sorted(scaled.items()))
-    origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
-    return [f"{lengths}: {origin}; give others in its file or as settings"]

@@ -5,19 +5,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import xarray as xr
 
 from knitlab.cube import case_file, cube_file
-from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import CUBE
+from knitlab.cube.cube_file import CUBE, differences, parameters_of
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.lock import held
 from knitlab.sweep import results_folder
-from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube
+from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes
 from knitlab.sweep.plan import joined_plan
 from knitlab.sweep.reproduce import CURVES, comparison
 from knitlab.sweep.results_folder import PLAN, Cell, Design, Failure
@@ -26,21 +25,15 @@ CASES = "cases"
 MOST_NAMED = 5  # largest number of cases that a message names
 
 
-@dataclass(frozen=True)
-class Merge:
-    """The result of a merge: its folder and cube, and the case files copied and left out."""
+class Merge(NamedTuple):
+    """The result of a merge."""
 
     folder: Path
     cube: xr.Dataset
+    counts: dict[str, int]  # of designs by status, without excluded combinations
     sources: tuple[Path, ...]
-    copied: tuple[str, ...]
-    damaged: tuple[Path, ...]
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Number of designs by status, without excluded combinations."""
-        numbers = {each.name: int((self.cube["status"] == each).sum()) for each in Status}
-        return {name: n for name, n in numbers.items() if n and name != Status.excluded.name}
+    copied: tuple[str, ...]  # cases whose files were copied
+    damaged: tuple[Path, ...]  # files that were left out
 
 
 @dataclass(frozen=True)
@@ -48,65 +41,49 @@ class FolderContents:
     """What a results folder of one workflow holds: plan, cube, and case files by their state."""
 
     path: Path
+    workflow: str
     record: Mapping[str, Any] | None
     cube: xr.Dataset | None
+    dims: tuple[str, ...]  # of its designs; empty if it states none
+    parameters: dict[str, Any]  # settings that its designs share, and its gauge
+    cells: dict[Design, Cell]  # of its cube, with results
     sound: frozenset[str]
     damaged: tuple[Path, ...]
 
     @classmethod
     def of(cls, path: Path) -> "FolderContents":
         """Read a results folder; BadInput if it holds an experiment."""
+        workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
-        if cube is not None and cube_file.is_measured(cube):
-            raise fault(str(path), "holds an experiment; only simulations are merged")
+        if cube is not None:
+            if cube_file.is_measured(cube):
+                raise fault(str(path), "holds an experiment; only simulations are merged")
+            workflow, dims = str(cube.attrs["workflow"]), cube_file.design_dims(cube)
+            gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
+            parameters = parameters_of(cube) | gauge
         record = results_folder.read_plan(path) if (path / PLAN).exists() else None
+        if record is not None:
+            workflow = record["workflow"]
+            dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
+        known = results_folder.cells(cube).items()
+        cells = {design: cell for design, cell in known if cell.has_results}
         files = {file.stem: file for file in (path / CASES).glob("*.nc")}
         intact = case_file.StoredCase.sound
         sound = {name for name in files if case_file.check_case_file(path, name) is intact}
         damaged = tuple(file for name, file in files.items() if name not in sound)
-        return cls(path, record, cube, frozenset(sound), damaged)
-
-    @property
-    def workflow(self) -> str:
-        """Name of the workflow."""
-        if self.record is not None:
-            return str(self.record["workflow"])
-        return self.path.name if self.cube is None else str(self.cube.attrs["workflow"])
-
-    @cached_property
-    def cells(self) -> dict[Design, Cell]:
-        """The simulated designs of its cube."""
-        known = results_folder.cells(self.cube)
-        return {design: cell for design, cell in known.items() if cell.has_results}
+        return cls(path, workflow, record, cube, dims, parameters, cells, frozenset(sound), damaged)
 
     @cached_property
     def results(self) -> dict[str, Cell | None]:
         """The cases that it has results of, and their cells if they are in its cube."""
         return dict.fromkeys(self.sound) | {cell.case_id: cell for cell in self.cells.values()}
 
-    @property
-    def dims(self) -> tuple[str, ...]:
-        """Dimensions of its designs; empty if it does not state any."""
-        if self.cube is not None:
-            return cube_file.design_dims(self.cube)
-        return () if self.record is None else tuple(self.record["dims"])
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """The settings that its designs share, and its gauge."""
-        if self.cube is None:
-            return {} if self.record is None else dict(self.record["parameters"])
-        gauge = {name: self.cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
-        return parameters_of(self.cube) | gauge
-
     def numbers(self, case_id: str) -> xr.Dataset:
         """What is compared of a case: from its file, or else from the cube."""
-        if case_id in self.sound:
+        cell = self.results[case_id]
+        if cell is None or self.cube is None or case_id in self.sound:
             case = case_file.read_case(self.path, case_id)
         else:
-            cell = self.results[case_id]
-            assert self.cube is not None
-            assert cell is not None
             case = self.cube.isel(dict(zip(self.dims, cell.indices, strict=True)), drop=True)
         return case[[name for name in CURVES if name in case]]
 
@@ -129,25 +106,37 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
         if _holds_results(target):
             merged = [FolderContents.of(target), *merged]
         _check_agreement(merged, any_code)
-        copied = _copied(merged, target)
         failures: dict[str, Failure] = {}
+        owners: dict[str, Path] = {}
         for source in reversed(merged):
             failures |= results_folder.earlier_failures(source.path)
+            owners |= dict.fromkeys(source.sound, source.path)
+        copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
+        for case_id, owner in copied.items():
+            # The checksum first, as where a case is simulated.
+            for path in (case_file.checksum_path, case_file.case_path):
+                with atomic_write(path(target, case_id)) as temporary:
+                    shutil.copyfile(path(owner, case_id), temporary)
         cube = _joined(merged, target, failures)
         cube_file.write_cube(cube, target / CUBE)
         bad = cube["status"].isin([Status.not_converged, Status.failed]).values
         not_ok = [failures[name] for name in cube["case_id"].values[bad] if name in failures]
         results_folder.write_failures(target, not_ok)
-    sound = {case_id for source in merged for case_id in source.sound}
-    damaged = {path for source in sources for path in source.damaged if path.stem not in sound}
-    return Merge(results / target.name, cube, tuple(paths), copied, tuple(sorted(damaged)))
+    counts = {each.name: int((cube["status"] == each).sum()) for each in Status}
+    damaged = {file for source in sources for file in source.damaged if file.stem not in owners}
+    return Merge(
+        folder=results / target.name,
+        cube=cube,
+        counts={name: n for name, n in counts.items() if n and name != Status.excluded.name},
+        sources=tuple(paths),
+        copied=tuple(copied),
+        damaged=tuple(sorted(damaged)),
+    )
 
 
 def _results_folders(path: Path) -> list[Path]:
     """A results folder of a workflow, or those in a folder of such folders."""
-    if _holds_results(path):
-        return [path]
-    folders = sorted(each for each in path.glob("*") if each.is_dir() and _holds_results(each))
+    folders = [path] if _holds_results(path) else [*filter(_holds_results, sorted(path.glob("*")))]
     if not folders:
         raise fault(str(path), f"holds no results: neither {PLAN} nor {CUBE}; check the path")
     return folders
@@ -157,24 +146,12 @@ def _holds_results(path: Path) -> bool:
     return any((path / name).exists() for name in (PLAN, CUBE, CASES))
 
 
-def _copied(merged: Sequence[FolderContents], target: Path) -> tuple[str, ...]:
-    """Copy the case files that the target lacks; their identifiers."""
-    owners = {case_id: source.path for source in reversed(merged) for case_id in source.sound}
-    copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
-    for case_id, owner in copied.items():
-        # The checksum first, as where a case is simulated.
-        for path in (case_file.checksum_path, case_file.case_path):
-            with atomic_write(path(target, case_id)) as temporary:
-                shutil.copyfile(path(owner, case_id), temporary)
-    return tuple(copied)
-
-
 def _joined(
     merged: Sequence[FolderContents], target: Path, failures: Mapping[str, Failure]
 ) -> xr.Dataset:
     """The cube of all folders and of the case files in the target, which gets their joint plan."""
     cubes = [source.cube for source in merged if source.cube is not None]
-    old = cube_file.joined_cubes(cubes) if cubes else None
+    old = joined_cubes(cubes) if cubes else None
     records = [source.record for source in merged if source.record]
     if not records:
         if old is None:
@@ -183,7 +160,7 @@ def _joined(
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    states = results_folder.survey(plan.designs, target, results_folder.cells(old), check=False)
+    states = results_folder.survey(plan.designs, target, old, check=False)
     return build_cube(plan, target, old, states, results_folder.without_results(failures))
 
 

@@ -1,9 +1,8 @@
 """Named patterns: their schema, and the stripes and sizes of a design that follow from them."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, PositiveInt, RootModel, model_validator
@@ -124,10 +123,26 @@ class Pattern(StrictModel):
             return None
         problems: list[str] = []
         made = []
-        for lines, count in ((COLUMNS, len(rows[0])), (ROWS, len(rows))):
-            n, sizes = self._sizes(lines, count, n_stripe, n_subunit, problems)
-            periods = tuple(lines.periods(sizes, n, problems))
-            made.append((periods, tuple(lines.stripes(n, stripe, problems))))
+        for lines, number_of_lines in ((COLUMNS, len(rows[0])), (ROWS, len(rows))):
+            sizes = self._sizes(lines, number_of_lines, n_stripe, n_subunit, problems)
+            periods, stripes = [], []
+            for number, (n, size) in enumerate(sizes, 1):
+                line, period = f"{lines.title} {number}", 2 * lines.stitches * n
+                count, rest = divmod(size, period)
+                if rest or not count:
+                    near = sorted({max(1, count) * period, (count + 1) * period})
+                    are = f"{size} {lines.unit} are {2 * size / period:g} stripes of n_stripe {n}"
+                    rule = "a patch holds an even number of them"
+                    remedy = f"take {' or '.join(map(str, near))}"
+                    problems.append(f"{line}: {are}, and {rule}; {remedy}")
+                periods.append(max(1, count))
+                try:
+                    stripes.append(stripe(lines.knit, lines.stitches * n))
+                except KeyError:
+                    missing = f"no {lines.knit} stripe of {lines.stitches * n} {lines.unit}"
+                    remedy = "choose another n_stripe, or give a material that has it"
+                    problems.append(f"{line}: there is {missing}; {remedy}")
+            made.append((tuple(periods), tuple(stripes)))
         if problems:
             raise BadPattern(problems)
         (column_periods, rib), (row_periods, garter) = made
@@ -135,7 +150,7 @@ class Pattern(StrictModel):
 
     def _sizes(
         self, lines: "_Lines", count: int, n_stripe: int, n_subunit: int, problems: list[str]
-    ) -> tuple[Sequence[int], Sequence[int]]:
+    ) -> list[tuple[int, int]]:
         """The n_stripe of every line, and its size in stitches or courses."""
 
         def given(key: str, default: int) -> Sequence[int]:
@@ -148,21 +163,20 @@ class Pattern(StrictModel):
 
         n = given("n_stripe", n_stripe)
         if getattr(self, f"{lines.name}_periods") is None:
-            return n, given(lines.unit, lines.stitches * n_subunit)
+            return list(zip(n, given(lines.unit, lines.stitches * n_subunit), strict=True))
         periods = given("periods", 1)
-        return n, [lines.of_period(of_line) * p for of_line, p in zip(n, periods, strict=True)]
+        return [(one, 2 * lines.stitches * one * p) for one, p in zip(n, periods, strict=True)]
 
     def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
         """Courses and wales of the whole pattern, of given rows of letters and one design."""
         courses, wales = (
-            sum(self._sizes(lines, count, n_stripe, n_subunit, [])[1])
+            sum(size for _, size in self._sizes(lines, count, n_stripe, n_subunit, []))
             for lines, count in ((ROWS, len(rows)), (COLUMNS, len(rows[0])))
         )
         return courses, wales
 
 
-@dataclass(frozen=True)
-class _Lines:
+class _Lines(NamedTuple):
     """The rows or the columns of a pattern; a rib stitch counts as ``stitches`` of theirs."""
 
     name: str
@@ -170,36 +184,6 @@ class _Lines:
     unit: str
     knit: Knit
     stitches: int
-
-    def of_period(self, n_stripe: int) -> int:
-        """Stitches in a period of two stripes."""
-        return 2 * self.stitches * n_stripe
-
-    def periods(
-        self, sizes: Sequence[int], n_stripe: Sequence[int], problems: list[str]
-    ) -> Iterator[int]:
-        """Periods of all lines, from their sizes in stitches."""
-        for number, (size, n) in enumerate(zip(sizes, n_stripe, strict=True), 1):
-            period = self.of_period(n)
-            count, rest = divmod(size, period)
-            if rest or not count:
-                near = sorted({max(1, count) * period, (count + 1) * period})
-                stripes = f"{size} {self.unit} are {2 * size / period:g} stripes of n_stripe {n}"
-                rule = f"a patch holds an even number of them; take {' or '.join(map(str, near))}"
-                problems.append(f"{self.title} {number}: {stripes}, and {rule}")
-            yield max(1, count)
-
-    def stripes(
-        self, n_stripe: Sequence[int], stripe: StripeOf, problems: list[str]
-    ) -> Iterator[Stripe]:
-        """The stripe of every line."""
-        for number, n in enumerate(n_stripe, 1):
-            try:
-                yield stripe(self.knit, self.stitches * n)
-            except KeyError:
-                missing = f"no {self.knit} stripe of {self.stitches * n} {self.unit}"
-                remedy = "choose another n_stripe, or give a material that has it"
-                problems.append(f"{self.title} {number}: there is {missing}; {remedy}")
 
 
 COLUMNS = _Lines("column", "column", "stitches", "rib", 1)

@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.cube.common_settings import common_settings
-from knitlab.cube.schema import Variable
+from knitlab.cube.cube_file import common_settings
+from knitlab.cube.schema import SAMPLE, Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
 from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
@@ -21,21 +21,25 @@ from knitlab.simulation.case import Case, case_of
 from knitlab.sweep import workflow_text
 from knitlab.sweep.batches import Batch, Shard, batched, split
 from knitlab.sweep.cases import (
-    Design,
-    DesignSpace,
+    Designs,
     cases,
-    design_space,
+    designs_of_section,
+    designs_of_stripes,
     electrode_problems,
     overridden,
-    stripe_space,
     unusual_values,
     with_pattern_files,
 )
+from knitlab.sweep.declared_fields import FACTOR
 from knitlab.sweep.material import MATERIAL, with_material_file
 from knitlab.sweep.parameters import Parameters, read_parameters
+from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
-from knitlab.sweep.workflow_text import SweepAxis, WorkflowText
+from knitlab.sweep.workflow_text import WorkflowText
+
+RECORDED = ("workflow", "title", "figures", "dims", "overrides", "inputs", "stripes", "material")
+"""Attributes of a plan that its file has as they are."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +74,8 @@ class Plan:
         """Labels of the cases, by identifier."""
         return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
 
-    def part(self, shard: Shard) -> "Plan":
-        """The part that one shard simulates; without cases if there are more shards than cases."""
+    def share(self, shard: Shard) -> "Plan":
+        """The share of one shard; without cases if there are more shards than cases."""
         batches = split(self.batches, self.cases, shard.count)[shard.number - 1]
         wanted = {case_id for batch in batches for case_id in batch.cases}
         cases = {case_id: case for case_id, case in self.cases.items() if case_id in wanted}
@@ -80,8 +84,8 @@ class Plan:
     @cached_property
     def common(self) -> dict[str, Any]:
         """The settings that all cases share."""
-        settings = [SETTINGS[dim] for dim in self.coordinates]
-        swept = {*self.dims, *(setting.factor_on for setting in settings if setting.factor_on)}
+        # A factor on a number changes this number too.
+        swept = {*self.dims, *(each.removesuffix(FACTOR) for each in self.dims)}
         return common_settings([case.record for case in self.cases.values()], swept, self.stripes)
 
     @property
@@ -89,31 +93,18 @@ class Plan:
         """Strains of the protocol, the same for every case."""
         return next(iter(self.cases.values())).applied_strain
 
-    def record(self) -> dict[str, Any]:
-        """The plan as a JSON object."""
-        return {
-            "workflow": self.workflow,
-            "title": self.title,
-            "figures": self.figures,
-            "dims": self.dims,
-            "overrides": self.overrides,
-            "inputs": self.inputs,
+    def write(self, path: Path) -> None:
+        """Write the plan into a JSON file, one line for each case."""
+        record = {name: getattr(self, name) for name in RECORDED} | {
             "code": code_fingerprint(),
             "package": package_fingerprint(),
             "gauge": asdict(self.gauge),
-            "stripes": self.stripes,
-            "material": self.material,
             "parameters": self.common,
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
-            "cases": {case_id: case.record for case_id, case in self.cases.items()},
         }
-
-    def write(self, path: Path) -> None:
-        """Write the plan into a JSON file, one line for each case."""
-        record = self.record()
-        cases = record.pop("cases").items()
-        lines = (f"  {json.dumps(case_id)}: {json.dumps(case)}" for case_id, case in cases)
+        cases = self.cases.items()
+        lines = (f"  {json.dumps(case_id)}: {json.dumps(case.record)}" for case_id, case in cases)
         head = json.dumps(record, indent=1).removesuffix("\n}")
         with atomic_write(path) as temporary:
             temporary.write_text(f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n")
@@ -125,10 +116,8 @@ def make_plan(
     """The plan of a workflow, by name or file, with overrides; BadInput has every fault."""
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
-    faults = ErrorCollector()
-    parameters = read = None
-    axes: tuple[SweepAxis, ...] = ()
-    space = DesignSpace((), {})
+    faults, parameters, read = ErrorCollector(), None, None
+    axes, designs = workflow_text.Axes(), Designs()
     made: dict[str, Case] = {}
     inputs = [text.path, *folder.glob("*.toml")]
     with faults:
@@ -147,15 +136,15 @@ def make_plan(
         if parameters and (design := text.section("design")):
             parameters, files = with_pattern_files(design, parameters, text)
             inputs += files
-            space = design_space(design, parameters, text.source)
+            designs = designs_of_section(design, parameters, text.source)
         elif parameters and (pure := text.section("stripes")):
-            space = stripe_space(pure, parameters, text.source)
+            designs = designs_of_stripes(pure, parameters, text.source)
     with faults:
         if parameters and read and not faults.all:
             made = {
                 case.case_id: case
-                for labels, chosen in workflow_text.combinations(read, axes)
-                for case in cases(chosen, labels, space, parameters, text.source)
+                for labels, chosen in workflow_text.combinations(read, axes, text.paired)
+                for case in cases(chosen, labels, designs, parameters, text.source)
             }
             faults.all += _misplaced_electrodes(made, text)
     if parameters is None or read is None or faults.all:
@@ -166,11 +155,13 @@ def make_plan(
         figures=read.figures,
         cases=made,
         batches=batched(made),
-        excluded=space.excluded,
-        coordinates={axis.name: workflow_text.coordinate(axis.setting) for axis in axes},
+        excluded={design: reason for design, reason in designs.items() if reason},
+        coordinates={
+            name: workflow_text.coordinate(name) for name in workflow_text.dims(axes, text.paired)
+        },
         overrides=text.overrides,
         inputs=digests(sorted(inputs)),
-        stripes=_stripes_fingerprint(parameters, read, axes),
+        stripes=_stripes_fingerprint(parameters, read, set(axes)),
         gauge=overridden(parameters.gauge, read.gauge),
         material=parameters.material,
         warnings=unusual_values(read, made.values(), parameters),
@@ -191,37 +182,27 @@ def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fau
     ]
 
 
-def _stripes_fingerprint(
-    parameters: Parameters, read: Workflow, axes: tuple[SweepAxis, ...]
-) -> str:
-    swept = {axis.name for axis in axes}
+def _stripes_fingerprint(parameters: Parameters, read: Workflow, swept: set[str]) -> str:
     changes = read.model.model_dump(include=set(CHANGES) - swept)
     # For linear springs the fingerprint is that of a version without other laws.
-    changes = {
-        name: value
-        for name, value in changes.items()
-        if value is not None or name not in SPRING_LAW_CHANGES
-    }
+    for name in [name for name in SPRING_LAW_CHANGES if changes.get(name) is None]:
+        changes.pop(name, None)
     tables = parameters.stripes.model_dump(exclude_none=True)
     return text_fingerprint(json.dumps([tables, changes]))
 
 
 def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
     """Recorded plans of one workflow as one; it states inputs only if they have the same cases."""
-    first = records[0]
-    cases: dict[str, Case] = {}
-    for record in records:
-        for case_id, stored in record["cases"].items():
-            if case_id in cases:
-                continue
-            try:
-                cases[case_id] = case_of(stored)
-            except (ValidationError, KeyError, TypeError) as error:
-                problem = f"was recorded by another version of knitlab ({error}); run it again"
-                raise fault(f"{source}: {case_id}", problem) from error
+    first, cases = records[0], dict[str, Case]()
+    for case_id, stored in dict(item for each in records for item in each["cases"].items()).items():
+        try:
+            cases[case_id] = case_of(stored)
+        except (ValidationError, KeyError, TypeError) as error:
+            problem = f"was recorded by another version of knitlab ({error}); run it again"
+            raise fault(f"{source}: {case_id}", problem) from error
     designs = {tuple(case.design.values()) for case in cases.values()}
     excluded = {tuple(row[:-1]): row[-1] for record in records for row in record["excluded"]}
-    alike = all(record["cases"].keys() == first["cases"].keys() for record in records)
+    alike = all(record["cases"].keys() == cases.keys() for record in records)
     return Plan(
         workflow=first["workflow"],
         title=first["title"],
@@ -230,9 +211,9 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         batches=batched(cases),
         excluded={design: why for design, why in excluded.items() if design not in designs},
         coordinates={
-            name: workflow_text.coordinate(SETTINGS[name])
+            name: workflow_text.coordinate(name)
             for name in first["dims"]
-            if name in SETTINGS and name not in ("n_stripe", "n_subunit")
+            if name in (*SETTINGS, SAMPLE) and name not in ("n_stripe", "n_subunit")
         },
         overrides=dict(first["overrides"]) if alike else {},
         inputs=dict(first["inputs"]) if alike else {},

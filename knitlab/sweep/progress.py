@@ -31,15 +31,14 @@ class ProgressBar:
         self._closed = Event()
         self._clock = Thread(target=self._refresh_regularly, daemon=True)
         self._bar = tqdm(
-            desc=self._description,
+            desc=f"0/{len(cases)} cases",
             total=self._total,
             smoothing=0,
             disable=not shown,
             file=file if on_terminal else _LogLines(file),
             bar_format=BAR if on_terminal else LINE,
             mininterval=0.1 if on_terminal else SECONDS_BETWEEN_LINES,
-            # The amount of work of an update is arbitrary.
-            miniters=0,
+            miniters=0,  # the amount of work of an update is arbitrary
         )
 
     def __enter__(self) -> "ProgressBar":
@@ -66,7 +65,7 @@ class ProgressBar:
         """Record that a case has ended, with whatever result."""
         self._ended += 1
         self.reached(case_id, self._cases[case_id].states)
-        self._bar.set_description_str(self._description, refresh=False)
+        self._bar.set_description_str(f"{self._ended}/{len(self._cases)} cases", refresh=False)
 
     def write(self, sentence: str) -> None:
         """Print a sentence above the bar."""
@@ -77,10 +76,6 @@ class ProgressBar:
             if time.time() - self._bar.last_print_t >= self._interval:
                 self._bar.refresh()
                 self._bar.last_print_t = time.time()
-
-    @property
-    def _description(self) -> str:
-        return f"{self._ended}/{len(self._cases)} cases"
 
 
 class _LogLines:

@@ -3,11 +3,10 @@
 import json
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -31,8 +30,7 @@ CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capa
 MOST_NAMED = 5  # largest number of identifiers that a message lists
 
 
-@dataclass(frozen=True)
-class RecordedCase:
+class RecordedCase(NamedTuple):
     """A case in a results folder, and its identifier there, perhaps that of another version."""
 
     case: Case
@@ -45,8 +43,15 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     matches: dict[str, tuple[Path, dict[str, Any]]] = {}
     for folder in [results, *sorted(path for path in results.glob("*") if path.is_dir())]:
         with suppress(BadInput, OSError):  # a folder that cannot be read holds no case
-            for name, record in _records(folder, case_id):
-                matches.setdefault(name, (folder, record))
+            recorded = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
+            if (folder / PLAN).is_file():
+                recorded |= read_plan(folder)["cases"]
+            for name in sorted(path.stem for path in folder.glob("cases/*.nc")):
+                if name.startswith(case_id) and name not in recorded:
+                    recorded[name] = json.loads(read_case(folder, name).attrs["parameters"])
+            for name in recorded:
+                if name.startswith(case_id):
+                    matches.setdefault(name, (folder, recorded[name]))
     if not matches:
         where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
         raise fault(case_id, where)
@@ -62,52 +67,56 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         raise fault(name, f"was recorded by another version of knitlab ({error})") from error
 
 
-def _records(folder: Path, begins: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Recorded cases of a results folder whose identifiers begin with ``begins``."""
-    recorded = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
-    if (folder / PLAN).is_file():
-        recorded |= read_plan(folder)["cases"]
-    yield from ((key, value) for key, value in recorded.items() if key.startswith(begins))
-    for path in sorted(folder.glob("cases/*.nc")):
-        if path.stem.startswith(begins) and path.stem not in recorded:
-            yield path.stem, json.loads(read_case(folder, path.stem).attrs["parameters"])
+def reproduce(
+    case_id: str, *, results: str | Path = "results", report: Callable[[str], None] = print
+) -> bool:
+    """Run one case in this process, and report how every state was reached.
 
+    Args:
+        case_id: identifier of the case, or its first characters.
+        results: folder that holds a folder of results for each workflow, or one of these.
+        report: called with each line of the report.
 
-def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
-    """Run a case, say how every state was reached, and return whether all converged and agree."""
+    Returns:
+        Whether every state converged and agrees with the case file, if there is one.
+
+    Raises:
+        BadInput: if there is no such case, or several.
+    """
+    recorded = find_case(Path(results), case_id)
     case = recorded.case
-    say(f"{recorded.case_id}: {case.label}")
+    report(f"{recorded.case_id}: {case.label}")
     if case.case_id != recorded.case_id:
-        say(f"recorded by another version; its identifier is now {case.case_id}")
-    say(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
-    say(json.dumps(case.record))
+        report(f"recorded by another version; its identifier is now {case.case_id}")
+    report(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
+    report(json.dumps(case.record))
     began = time.perf_counter()
 
-    def report(_: str, states: float) -> None:
+    def report_state(_: str, states: float) -> None:
         if states == int(states):
             seconds = time.perf_counter() - began
-            say(f"state {states:.0f} of {len(case.applied_strain)}, {seconds:.1f} s")
+            report(f"state {states:.0f} of {len(case.applied_strain)}, {seconds:.1f} s")
 
     try:
-        (test,) = tensile_tests([case], report)
+        (test,) = tensile_tests([case], report_state)
     except Exception:  # the report shows whatever it raises
-        say(traceback.format_exc().rstrip())
+        report(traceback.format_exc().rstrip())
         return False
-    results = measured(case, test)
-    say(HEADER)
-    curves = results["poisson_ratio"].values, results["reaction_force"].values
+    again = measured(case, test)
+    report(HEADER)
+    curves = again["poisson_ratio"].values, again["reaction_force"].values
     for strain, state, ratio, force in zip(case.applied_strain, test.states, *curves, strict=False):
-        say(
+        report(
             f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
             f" {float(state.energy.total):14.7g} {ratio:9.5f} {force:10.5g}"
         )
     reason = failure_reason(case, test)
-    say(reason or f"all {len(test.states)} states converged")
+    report(reason or f"all {len(test.states)} states converged")
     path = case_path(recorded.folder, recorded.case_id)
     if not path.is_file():
         return not reason
-    agree, sentence = comparison(results, read_case(recorded.folder, recorded.case_id))
-    say(f"{sentence} {path}")
+    agree, sentence = comparison(again, read_case(recorded.folder, recorded.case_id))
+    report(f"{sentence} {path}")
     return agree and not reason
 
 
@@ -116,10 +125,10 @@ def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
     differ, same = largest_differences(results, kept)
     agree = same and max(differ.values()) <= AGREES
     verdict = "agrees with" if agree else "DOES NOT agree with"
-    listed = [f"{CURVES[name]} by {value:.1e}" for name, value in differ.items()]
-    listed[0] = f"nu differs by at most {differ['poisson_ratio']:.1e}"
+    listed = ", ".join(f"{CURVES[name]} by {value:.1e}" for name, value in differ.items())
+    listed = listed.replace("nu by", "nu differs by at most")
     missing = "" if same else ", and other states are missing"
-    return agree, f"{', '.join(listed)} of the largest{missing}: {verdict}"
+    return agree, f"{listed} of the largest{missing}: {verdict}"
 
 
 def largest_differences(results: xr.Dataset, kept: xr.Dataset) -> tuple[dict[str, float], bool]:

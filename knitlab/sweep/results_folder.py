@@ -6,10 +6,11 @@ Needs no JAX.
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -38,8 +39,7 @@ class CaseState(Enum):
     damaged = "damaged"
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """A design of a cube: its indices, its case, and the fingerprint of the code behind it."""
 
     indices: tuple[int, ...]
@@ -67,31 +67,28 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
 
 
 def survey(
-    designs: Mapping[str, Design], folder: Path, stored: Mapping[Design, Cell], check: bool
+    designs: Mapping[str, Design], folder: Path, cube: xr.Dataset | None, check: bool
 ) -> dict[str, CaseState]:
-    """State of every planned case in a folder; ``check`` compares case files with checksums."""
-    names = {path.name for path in (folder / "cases").glob("*")}
-    states = {}
-    for case_id, design in designs.items():
-        cell = stored.get(design)
-        own = cell if cell and cell.case_id == case_id else None
-        code = None
+    """State of every planned case in a folder and its cube; ``check`` compares with checksums."""
+    names, stored = {path.name for path in (folder / "cases").glob("*")}, cells(cube)
+
+    def state(case_id: str, cell: Cell | None) -> CaseState:
+        in_cube = cell is not None and cell.case_id == case_id
         if case_path(folder, case_id).name not in names:
-            stale = cell is not None and own is None and cell.has_results
-            states[case_id] = CaseState.stale_parameters if stale else CaseState.pending
-            continue
-        if checksum_path(folder, case_id).name in names and (
+            stale = cell is not None and not in_cube and cell.has_results
+            return CaseState.stale_parameters if stale else CaseState.pending
+        sound = checksum_path(folder, case_id).name in names and (
             not check or check_case_file(folder, case_id) is StoredCase.sound
-        ):
-            code = (own and own.code) or read_code(folder, case_id)
-        if code is None:
-            states[case_id] = CaseState.damaged
-        else:
-            states[case_id] = CaseState.done if code == code_fingerprint() else CaseState.stale_code
-    return states
+        )
+        code = (cell.code if cell and in_cube else "") or (sound and read_code(folder, case_id))
+        if not (sound and code):
+            return CaseState.damaged
+        return CaseState.done if code == code_fingerprint() else CaseState.stale_code
+
+    return {case_id: state(case_id, stored.get(design)) for case_id, design in designs.items()}
 
 
-def labelled(dims: Iterable[str], design: Design) -> str:
+def labelled(dims: Iterable[str], design: Iterable[Any]) -> str:
     """A design as text."""
     return "  ".join(f"{name} {label}" for name, label in zip(dims, design, strict=True))
 
@@ -185,15 +182,26 @@ class FolderStatus:
         }
 
 
-def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
-    """Progress of the last plan of a workflow, planned again if an input changed; else BadInput."""
-    folder = results / Path(workflow).stem
+def status(
+    workflow: str | Path, *, results: str | Path = "results", check: bool = False
+) -> FolderStatus:
+    """Status of the cases of the last plan of a workflow, which is renewed if its files changed.
+
+    Args:
+        workflow: name of a shipped workflow, or path of a TOML file.
+        results: folder that holds a folder of results for each workflow.
+        check: whether to compare every case file with its checksum.
+
+    Raises:
+        BadInput: if the workflow was never planned there.
+    """
+    folder = Path(results) / Path(workflow).stem
     record = read_plan(folder)
     designs, changed = planned_designs(record), changed_inputs(record)
     if changed:
         from knitlab.sweep.plan import make_plan  # imports JAX, which only this case needs
 
-        designs = make_plan(workflow, record["overrides"]).designs
+        designs = make_plan(str(workflow), record["overrides"]).designs
     return folder_status(folder, tuple(record["dims"]), designs, check, changed)
 
 
@@ -206,13 +214,12 @@ def folder_status(
 ) -> FolderStatus:
     """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
     cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
-    stored, statuses = cells(cube), {}
+    statuses = {}
     failures = {case_id: entry["reason"] for case_id, entry in earlier_failures(folder).items()}
-    for case_id, state in survey(designs, folder, stored, check).items():
-        cell = stored.get(designs[case_id])
+    in_cube = {cell.case_id: cell.status.name for cell in cells(cube).values()}
+    for case_id, state in survey(designs, folder, cube, check).items():
         if state is CaseState.done:
-            in_cube = cell if cell and cell.case_id == case_id else None
-            statuses[case_id] = in_cube.status.name if in_cube else "done, not yet in the cube"
+            statuses[case_id] = in_cube.get(case_id, "done, not yet in the cube")
         elif state is CaseState.pending and case_id in failures:
             statuses[case_id] = Status.failed.name
         else:
@@ -222,7 +229,7 @@ def folder_status(
 
 def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[str, Any] | None:
     """The record of a plan of which a run would change nothing; None if there is none."""
-    try:
+    with suppress(BadInput, OSError):
         path = workflow_file(workflow)
         folder = results / path.stem
         record = read_plan(folder)
@@ -234,6 +241,4 @@ def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[st
         ):
             status = folder_status(folder, record["dims"], planned_designs(record), check=True)
             return record if set(status.counts) == {Status.ok.name} else None
-    except (BadInput, OSError):
-        pass
     return None

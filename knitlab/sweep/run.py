@@ -2,7 +2,7 @@
 
 import itertools
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,8 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_case
-from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import CUBE, write_cube
+from knitlab.cube.cube_file import CUBE, differences, parameters_of, write_cube
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
@@ -28,7 +27,6 @@ from knitlab.sweep.results_folder import FAILURES, PLAN, CaseState, Failure, ear
 from knitlab.sweep.workers import BatchError, SchedulerLost, Simulate, Task
 
 ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
-Failed = dict[str, BatchError]  # why cases could not be computed, by identifier
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ class RunOptions:
 class Run:
     """The result of a run; cases are named by their identifiers."""
 
-    cube: xr.Dataset  # as written; of a shard, the designs of its part alone
+    cube: xr.Dataset  # as written; of a shard, the designs of its share alone
     simulated: tuple[str, ...]
     states_before: dict[str, CaseState]
     failures: tuple[Failure, ...]
@@ -81,49 +79,38 @@ class Run:
     changed: tuple[str, ...]  # differences to the parameters of the cube before the run
     joined: bool  # whether ``cube.nc`` was written; it is left to other shards that still run
 
-    def in_state(self, *states: CaseState) -> tuple[str, ...]:
-        """The cases that were in one of some states before the run."""
-        return tuple(case_id for case_id, state in self.states_before.items() if state in states)
-
-    def left_in(self, *states: CaseState) -> tuple[str, ...]:
-        """The cases that were in one of some states, and that the run did not simulate."""
-        return tuple(set(self.in_state(*states)) - set(self.simulated))
-
-    @property
-    def reused(self) -> tuple[str, ...]:
-        """Cases whose results were reused, even if other code computed them."""
-        return self.left_in(CaseState.done, CaseState.stale_code)
-
-    @property
-    def stale_parameters(self) -> tuple[str, ...]:
-        """Cases whose results are still of other parameters."""
-        return self.left_in(CaseState.stale_parameters)
+    def left_in(self, *states: CaseState) -> set[str]:
+        """The cases that were in one of some states before the run, which did not simulate them."""
+        before = {case_id for case_id, state in self.states_before.items() if state in states}
+        return before.difference(self.simulated)
 
     @property
     def all_ok(self) -> bool:
         """Whether every case is ok and was computed with the requested parameters."""
-        return not (self.failures or self.stale_parameters or self.stopped)
+        return not (self.failures or self.stopped or self.left_in(CaseState.stale_parameters))
 
     def remarks(self, dims: Sequence[str], folder: Path) -> list[str]:
         """One line for each case that is not ok, then on damaged, stale and unfinished ones."""
         lines = []
         for entry in self.failures:
-            label = "  ".join(f"{name} {entry[name]}" for name in dims)
+            label = results_folder.labelled(dims, [entry[name] for name in dims])
             lines.append(f"{entry['status']}: {label}: {entry['reason']}")
-        for case_id in self.in_state(CaseState.damaged):
-            lines.append(f"damaged: {case_path(folder, case_id)} was not as it had been written")
+        for case_id, state in self.states_before.items():
+            if state is CaseState.damaged:
+                path = case_path(folder, case_id)
+                lines.append(f"damaged: {path} was not as it had been written")
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
             kept = f"stale: {stale} cases were computed by other code and are kept"
             lines.append(f"{kept}; a refresh recomputes them")
-        if stale := len(self.stale_parameters):
+        if stale := len(self.left_in(CaseState.stale_parameters)):
             listed = "; ".join(self.changed) or "of single designs"
             kept = f"stale: {stale} cases are kept as computed with other parameters ({listed})"
             lines.append(f"{kept}; a refresh recomputes them, another results folder keeps both")
         if self.stopped:
             left = len(self.left_in(CaseState.pending, CaseState.damaged))
-            left_over = f"{left} case is left" if left == 1 else f"{left} cases are left"
+            left_over = "1 case is left" if left == 1 else f"{left} cases are left"
             lines.append(f"stopped: finished cases are kept, {left_over}; run again to continue")
         return lines
 
@@ -139,46 +126,49 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     if options.scheduler is not None:
         workers.connected(options.scheduler).close()  # before anything is written
     shard = options.shard
-    part = plan if shard is None else plan.part(shard)
+    share = plan if shard is None else plan.share(shard)
     with held(results, None if shard is None else (shard.number, shard.count)):
         with gate(results):
             old = previous_cube(plan, results / CUBE)
             # Another shard that has its lock may still wait at the gate, without a plan written.
             if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
-                _check_same_plan(plan, results)
+                recorded = results_folder.read_plan(results)
+                other_code = recorded.get("code") != code_fingerprint()
+                if other_code or recorded["cases"].keys() != plan.cases.keys():
+                    problem = "is that of the shards that run in this folder, and has other cases"
+                    problem += " or was made by other code; wait for them, or name another results"
+                    raise fault(str(results / PLAN), f"{problem} folder")
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        states = results_folder.survey(part.designs, results, results_folder.cells(old), check=True)
+        states = results_folder.survey(share.designs, results, old, check=True)
         missing = {
-            case_id: part.cases[case_id]
+            case_id: share.cases[case_id]
             for case_id, state in states.items()
             if state in (CaseState.pending, CaseState.damaged)
             or (state is not CaseState.done and options.refresh)
         }
         with workers.interrupted_by_signals():
-            done = _simulate(part, results, missing, options)
-        simulated = tuple(case_id for case_id in missing if case_id in done.ended)
-        failed = done.failed
+            done = _simulate(share, results, missing, options)
         if joined := shard is None:
-            cube, failures = _join(plan, results, old, states, simulated, failed)
+            cube, failures = _join(plan, results, old, states, done)
         else:
-            shown, after = part, states | dict.fromkeys(simulated, CaseState.pending)
-            if not part.cases:  # with more shards than cases: a cube without results
+            shown, after = share, states | dict.fromkeys(done.ended, CaseState.pending)
+            if not share.cases:  # with more shards than cases: a cube without results
                 shown, after = plan, dict.fromkeys(plan.cases, CaseState.damaged)
-            cube = build_cube(shown, results, None, after, failed)
-            failures = _failures(part, results, cube, simulated, failed)
+            cube = build_cube(shown, results, None, after, done.failed)
+            failures = _failures(share, results, cube, done)
             with gate(results):
                 of_others = earlier_failures(results)
-                others = [entry for name, entry in of_others.items() if name not in part.cases]
+                others = [entry for name, entry in of_others.items() if name not in share.cases]
                 results_folder.write_failures(results, [*others, *failures])
                 if joined := not _others_run(results, shard):
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
-                    stored = results_folder.cells(now)
-                    states_now = results_folder.survey(plan.designs, results, stored, check=True)
-                    _join(plan, results, now, states_now, simulated, failed)
+                    states_now = results_folder.survey(plan.designs, results, now, check=True)
+                    _join(plan, results, now, states_now, done)
     changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
+    simulated = tuple(sorted(done.ended))
     return Run(cube, simulated, states, failures, done.stopped, tuple(changed), joined)
 
 
@@ -186,18 +176,10 @@ def _others_run(results: Path, shard: Shard) -> bool:
     return any(other != (shard.number, shard.count) for other in running_shards(results))
 
 
-def _check_same_plan(plan: Plan, results: Path) -> None:
-    record = results_folder.read_plan(results)
-    if record["cases"].keys() != plan.cases.keys() or record.get("code") != code_fingerprint():
-        problem = "is that of the shards that run in this folder, and has other cases or was made"
-        problem += " by other code; wait for them, or name another results folder"
-        raise fault(str(results / PLAN), problem)
-
-
 @dataclass
 class _Simulated:
     ended: set[str] = field(default_factory=set)
-    failed: Failed = field(default_factory=dict)
+    failed: dict[str, BatchError] = field(default_factory=dict)  # why they have no results
     stopped: bool = False
 
 
@@ -255,7 +237,7 @@ def _simulate(
 
 @contextmanager
 def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
-    """End a part of a run early, but not the run, if it is interrupted or its scheduler is lost."""
+    """End a step of a run early, but not the run, if it is interrupted or its scheduler is lost."""
     try:
         yield
     except KeyboardInterrupt:
@@ -271,32 +253,29 @@ def _join(
     results: Path,
     old: xr.Dataset | None,
     states: dict[str, CaseState],
-    simulated: Collection[str],
-    failed: Failed,
+    done: _Simulated,
 ) -> tuple[xr.Dataset, tuple[Failure, ...]]:
     """Write the cube and the failures of a folder, with the states of its cases before the run."""
-    failed_earlier = results_folder.without_results(earlier_failures(results))
-    after = states | dict.fromkeys(simulated, CaseState.pending)
-    cube = build_cube(plan, results, old, after, failed_earlier | failed.keys())
-    failures = _failures(plan, results, cube, simulated, failed)
+    failed = results_folder.without_results(earlier_failures(results)) | done.failed.keys()
+    after = states | dict.fromkeys(done.ended, CaseState.pending)
+    cube = build_cube(plan, results, old, after, failed)
+    failures = _failures(plan, results, cube, done)
     write_cube(cube, results / CUBE)
     results_folder.write_failures(results, failures)
     return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
 
 
-def _failures(
-    plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
-) -> tuple[Failure, ...]:
+def _failures(plan: Plan, results: Path, cube: xr.Dataset, done: _Simulated) -> tuple[Failure, ...]:
     """For every design of the cube that is not ok the reason, and the record to run it alone."""
     earlier = earlier_failures(results)
     bad = cube["status"].isin([Status.not_converged, Status.failed])
     entries = []
     # A case that failed when it was refreshed keeps its old results in the cube.
-    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
-        if case_id in earlier and case_id not in simulated and case_id not in failed:
+    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *done.failed]):
+        error = done.failed.get(case_id)
+        if case_id in earlier and case_id not in done.ended and not error:
             entries.append(earlier[case_id])
         elif case := plan.cases.get(case_id):
-            error = failed.get(case_id)
             reason = error.reason if error else read_case(results, case_id).attrs["reason"]
             status = Status.failed if error else Status.not_converged
             entry = {"case_id": case_id, **case.design, "status": status.name}

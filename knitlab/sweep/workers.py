@@ -116,15 +116,15 @@ def pool_of(
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
         for batch in batches:
+            error = None
             try:
                 with _alarm(task.limit(batch)):
                     task.simulate(task.results, batch, progress)
             except TimeoutError:
-                yield batch, task.late(batch)
-            except Exception as error:  # whatever a batch raises must not end the sweep
-                yield batch, BatchError.of(error)
-            else:
-                yield batch, None
+                error = task.late(batch)
+            except Exception as raised:  # whatever a batch raises must not end the sweep
+                error = BatchError.of(raised)
+            yield batch, error
 
     yield simulated
 
@@ -192,9 +192,6 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
         # Not through the cluster's settings, which this process's own variables would override.
         os.environ["OMP_NUM_THREADS"] = str(task.threads)
 
-    def progress(*event: str | float) -> None:
-        worker.log_event(PROGRESS_TOPIC, event)
-
     def give_up() -> None:
         task.marker(batch).touch()
         os._exit(1)
@@ -205,7 +202,9 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
     try:
         # On a worker, xarray would request a lock from the scheduler for every variable it writes.
         with dask.config.set(scheduler="synchronous"):
-            task.simulate(task.results, batch, progress)
+            task.simulate(
+                task.results, batch, lambda *event: worker.log_event(PROGRESS_TOPIC, event)
+            )
     finally:
         watch.cancel()
 
@@ -246,7 +245,6 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
-            processes=True,
             host="127.0.0.1",
             # Any free port, so that a second run on this machine causes no warning.
             dashboard_address="127.0.0.1:0",

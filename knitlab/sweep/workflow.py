@@ -25,7 +25,7 @@ from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit
-from knitlab.fabric.stripe import STIFFENING, STRIPE_QUANTITIES, Knit, Stripe
+from knitlab.fabric.stripe import STIFFENING, STRIPE_QUANTITIES, Knit
 from knitlab.io.errors import BadInput, faults_of, unknown
 from knitlab.io.toml import StrictModel
 from knitlab.measure.capacitance.capacitor import Capacitor
@@ -33,15 +33,15 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Method
 from knitlab.sweep.declared_fields import (
     FACTOR,
-    Types,
     declared,
     factors,
     optional,
-    parts,
     unit_of,
     with_fields,
+    with_inner,
 )
 from knitlab.sweep.figure_names import FIGURE_NAMES
+from knitlab.sweep.parameters import KNITS, QUANTITIES
 from knitlab.sweep.patterns import is_pattern_name
 
 Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]  # numbers of stitches
@@ -146,26 +146,21 @@ class ProtocolSection(StrictModel):
 
     @model_validator(mode="after")
     def _is_a_possible_test(self) -> "ProtocolSection":
+        largest, step = self.strain_max, self.strain_step
         for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
                 problem = f"method = {self.method} gives no {name}; take method = equilibrium"
                 raise ValueError(problem)
-        if self.strain_max > LARGEST_STRAIN:
-            fraction = f"strains are fractions, so that {self.strain_max:g} % is"
-            raise ValueError(
-                f"strain_max = {self.strain_max:g} is {self.strain_max:.0%}; {fraction}"
-                f" {self.strain_max / 100:g}"
-            )
-        steps = self.strain_max / self.strain_step
+        if largest > LARGEST_STRAIN:
+            fraction = f"strains are fractions, so that {largest:g} % is {largest / 100:g}"
+            raise ValueError(f"strain_max = {largest:g} is {largest:.0%}; {fraction}")
+        steps = largest / step
         if abs(steps - round(steps)) > 1e-6:
-            raise ValueError(
-                f"strain_max = {self.strain_max:g} is not a whole multiple of strain_step ="
-                f" {self.strain_step:g}; change one"
-            )
+            problem = f"is not a whole multiple of strain_step = {step:g}; change one"
+            raise ValueError(f"strain_max = {largest:g} {problem}")
         if steps > MOST_STEPS:
-            raise ValueError(
-                f"strain_max / strain_step gives {steps:.3g} strains; give at most {MOST_STEPS}"
-            )
+            most = f"strains; give at most {MOST_STEPS}"
+            raise ValueError(f"strain_max / strain_step gives {steps:.3g} {most}")
         return self
 
     @property
@@ -205,26 +200,15 @@ class Protocol(ProtocolSection):
                 raise BadInput(faults_of(error, "Protocol")) from error
 
 
-STRIPE_NUMBERS = {name: declared(Stripe)[name] for name in STRIPE_QUANTITIES}
-SHEET_NUMBERS = declared(Sheet)
 PLAIN_NUMBERS = declared(PlainKnit) | factors(declared(PlainKnit))
-
-
-RIB_NUMBERS = {f"rib_{name}": kind for name, kind in STRIPE_NUMBERS.items()}
-GARTER_NUMBERS = {f"garter_{name}": kind for name, kind in STRIPE_NUMBERS.items()}
-SPRING_LAW_CHANGES: Types = dict.fromkeys(
-    (STIFFENING, f"rib_{STIFFENING}", f"garter_{STIFFENING}"), PositiveFloat
-)
-CHANGES: Types = {
-    **factors(STRIPE_NUMBERS),
-    **RIB_NUMBERS,
-    **factors(RIB_NUMBERS),
-    **GARTER_NUMBERS,
-    **factors(GARTER_NUMBERS),
-    **SHEET_NUMBERS,
-    **factors(SHEET_NUMBERS),
-    **SPRING_LAW_CHANGES,
-}
+SPRING_LAW_CHANGES = (STIFFENING, f"rib_{STIFFENING}", f"garter_{STIFFENING}")
+CHANGES = factors(STRIPE_QUANTITIES)
+for _quantities in (
+    *({f"{knit}_{name}": QUANTITIES[name] for name in STRIPE_QUANTITIES} for knit in KNITS),
+    declared(Sheet),
+):
+    CHANGES |= _quantities | factors(_quantities)
+CHANGES |= dict.fromkeys(SPRING_LAW_CHANGES, PositiveFloat)
 """Parameters of stripes and sheet that may be replaced or multiplied, in the order of the
 fingerprint of stripes in a cube."""
 
@@ -297,7 +281,7 @@ class Workflow(StrictModel):
 SECTIONS: dict[str, type[StrictModel]] = {
     name: kind
     for name, field in Workflow.model_fields.items()
-    for kind in parts(field.annotation)
+    for kind in with_inner(field.annotation)
     if isinstance(kind, type) and issubclass(kind, StrictModel)
 }
 """The tables of a workflow file."""
@@ -330,7 +314,7 @@ class Setting:
     @property
     def takes_list(self) -> bool:
         """Whether its value is a list."""
-        return any(get_origin(kind) is tuple for kind in parts(self.kind))
+        return any(get_origin(kind) is tuple for kind in with_inner(self.kind))
 
     def is_swept_by(self, value: Any) -> bool:
         """Whether a value of a workflow file is a list of several values."""
@@ -339,7 +323,7 @@ class Setting:
         if self.name == SAMPLE_SIZE:
             return all(isinstance(one, list) for one in value)
         if self.name == PATTERN:
-            names = [isinstance(one, str) and is_pattern_name(one) for one in value]
+            names = (isinstance(one, str) and is_pattern_name(one) for one in value)
             return len(value) > 1 and all(names)
         swept = self.section in SWEPT_SECTIONS and self.name not in OF_ALL_CASES
         swept = swept or self.name in LOAD

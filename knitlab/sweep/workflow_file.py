@@ -46,20 +46,19 @@ def read_overrides(
     """Overrides, of ``KEY=VALUE`` texts or Python values, and faults of those without a value."""
     read: list[Override] = []
     faults: list[Fault] = []
-    if isinstance(overrides, Mapping):
-        for key, value in overrides.items():
-            try:
-                read.append(Override(key, _plain(value), f"{source} {key}={_plain(value)}"))
-            except TypeError:
-                problem = f"is {value!r}; give a number, a text, true or false, or a list of them"
-                faults.append(Fault(f"{source} {key}", problem))
-        return read, faults
     for given in overrides:
-        key, _, text = map(str.strip, given.partition("="))
-        if text:
-            read.append(Override(key, read_value(text), f"{source} {given}"))
+        if isinstance(overrides, Mapping):
+            key, value = given, _plain(overrides[given])
+            shown, remedy = f"{given}={value}", "a number, a text, true or false, or a list of them"
+            wrong = f"is {overrides[given]!r}; give {remedy}"
         else:
-            faults.append(Fault(f"{source} {given}", "is not KEY=VALUE; give both"))
+            key, _, text = map(str.strip, given.partition("="))
+            value, shown = read_value(text) if text else None, given
+            wrong = "is not KEY=VALUE; give both"
+        if value is None:
+            faults.append(Fault(f"{source} {given}", wrong))
+        else:
+            read.append(Override(key, value, f"{source} {shown}"))
     return read, faults
 
 
@@ -73,13 +72,11 @@ def read_value(text: str) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A Python value as TOML has it."""
+    """A Python value as TOML has it, or None."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, Path):
-        return str(value)
-    if not isinstance(value, str | int | float):
-        raise TypeError
-    return value
+        items = [_plain(item) for item in value]
+        return None if None in items else items
+    value = str(value) if isinstance(value, Path) else value
+    return value if isinstance(value, str | int | float) else None

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import base_dims, cube_name, swept_dims
+from knitlab.cube.cube_file import base_dims, cube_name, parameters_of, swept_dims
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.validation.claims import Claim
 from knitlab.validation.judgement import Slice, judged_slices
@@ -48,7 +47,7 @@ class RankedOptions:
     @property
     def score(self) -> tuple[int, int, float]:
         """What it is ranked by: claims that hold, near misses, and the sum of clipped margins."""
-        margins = [each.margin for each in self.results.values() if each.margin is not None]
+        margins = [each.margin or 0.0 for each in self.results.values()]
         total = float(np.clip(margins, -CLIPPED, CLIPPED).sum())
         return self.count(Grade.holds), self.count(Grade.near_miss), total
 

@@ -29,7 +29,7 @@ def side_by_side() -> xr.Dataset:
 
 
 def test_changes_are_those_between_the_two():
-    ratio, force, size = contact_effect(side_by_side()).axes
+    ratio, size, force = contact_effect(side_by_side()).axes
     curves = [line for line in ratio.get_lines() if len(line.get_xdata()) == 2][:3]
     for line in curves:
         assert line.get_ydata() == pytest.approx([0.2, 0.2])
@@ -44,7 +44,7 @@ def test_changes_are_those_between_the_two():
 
 
 def test_only_designs_that_pass_through_themselves_are_shaded():
-    (_, _, size) = contact_effect(side_by_side()).axes
+    (_, size, _) = contact_effect(side_by_side()).axes
     (shaded,) = size.patches
     assert shaded.get_y() == pytest.approx(-0.5)
 
@@ -53,7 +53,7 @@ def test_designs_that_fail_in_one_of_both_are_named():
     cube = side_by_side()
     cube["status"][1, 0, 0] = Status.failed
     figure = contact_effect(cube)
-    assert [label.get_text() for label in figure.axes[2].get_yticklabels()] == [
+    assert [label.get_text() for label in figure.axes[1].get_yticklabels()] == [
         "(4, 16)",
         "(4, 32)",
     ]

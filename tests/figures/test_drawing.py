@@ -9,9 +9,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from knitlab.cube.schema import Status
 from knitlab.figures.drawing import FIGURES, draw, draw_figure
+from knitlab.figures.kinds.case_shapes import stretched_samples
 from knitlab.figures.kinds.curves import tension_curves
 from knitlab.figures.kinds.design_map import auxetic_map
-from knitlab.figures.kinds.samples import stretched_samples
 from knitlab.figures.kinds.sensitivity import sensitivity_map
 from knitlab.figures.style import value_colours
 from knitlab.io.errors import BadInput

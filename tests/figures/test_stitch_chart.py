@@ -9,7 +9,7 @@ from knitlab.figures.stitch_chart import (
     BACK,
     ELECTRODES,
     FRONT,
-    drawn_part,
+    drawn_block,
     specification_sheet,
     stitch_chart_figure,
     title_of,
@@ -73,7 +73,7 @@ def test_marks_are_explained_in_knitting_terms():
 
 
 def test_of_a_large_chart_one_repeat_is_drawn_with_its_electrodes():
-    rows, columns = drawn_part(LARGE)
+    rows, columns = drawn_block(LARGE)
     assert (rows.stop - rows.start, columns.stop - columns.start) == LARGE.repeat
     assert (LARGE.plated[rows, columns] > 0).any()
     assert title_of(LARGE).endswith("; one of 22 × 11 repeats is drawn")

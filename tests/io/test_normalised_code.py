@@ -71,7 +71,7 @@ def test_only_layout_comments_docstrings_and_annotations_differ():
 
 
 @pytest.mark.parametrize(
-    ("part", "other"),
+    ("fragment", "other"),
     [
         ("2.5", "2.6"),
         ("1.0", "1"),
@@ -96,9 +96,9 @@ def test_only_layout_comments_docstrings_and_annotations_differ():
         ("import math\n", "from cmath import sqrt\nimport math\n__all__ = ['sqrt']\n"),
     ],
 )
-def test_whatever_is_executed_tells_apart(part, other):
-    assert PLAIN.count(part) == 1
-    assert normalised(PLAIN.replace(part, other)) != normalised(PLAIN)
+def test_whatever_is_executed_tells_apart(fragment, other):
+    assert PLAIN.count(fragment) == 1
+    assert normalised(PLAIN.replace(fragment, other)) != normalised(PLAIN)
 
 
 NAMES = st.sampled_from("abc")
@@ -172,8 +172,8 @@ def test_the_package_without_explanations_is_the_same_code(package):
 class Mutation(ast.NodeTransformer):
     """Changes one number or operator of a module, counted from its beginning."""
 
-    def __init__(self, place):
-        self.left = place
+    def __init__(self, index):
+        self.left = index
 
     def changed(self, node, other):
         self.left -= 1

@@ -82,10 +82,10 @@ def test_a_trigger_synchronises_as_well_as_a_given_offset(tmp_path, cube):
     description["tensile"]["trigger"] = {"column": "trigger"}
     del description["capacitance"]["starts"]
     description["capacitance"]["trigger"] = {"column": "TRIG"}
-    found = import_records("capacitance", laboratory.write(description), tmp_path)
-    assert "-7.25 s" in found.summary[1]
+    imported = import_records("capacitance", laboratory.write(description), tmp_path)
+    assert "-7.25 s" in imported.summary[1]
     # To within one record of either clock, 0.1 s at 1 % strain a second.
-    np.testing.assert_allclose(found.cube["capacitance"], cube["capacitance"], atol=4 * 0.0015)
+    np.testing.assert_allclose(imported.cube["capacitance"], cube["capacitance"], atol=4 * 0.0015)
 
 
 def test_a_noisy_trigger_is_detected_at_the_middle_of_its_range(tmp_path, cube):
@@ -98,8 +98,8 @@ def test_a_noisy_trigger_is_detected_at_the_middle_of_its_range(tmp_path, cube):
     log = laboratory.meter()
     log["TRIG"] += np.random.default_rng(0).uniform(-0.1, 0.1, len(log))
     log.to_csv(tmp_path / "meter.csv", index=False)
-    found = import_records("capacitance", path, tmp_path).cube
-    np.testing.assert_allclose(found["capacitance"], cube["capacitance"], atol=4 * 0.0015)
+    imported = import_records("capacitance", path, tmp_path).cube
+    np.testing.assert_allclose(imported["capacitance"], cube["capacitance"], atol=4 * 0.0015)
 
 
 def test_the_first_cycles_may_be_left_out(tmp_path):
@@ -121,9 +121,9 @@ def test_a_drifting_camera_changes_no_strain(tmp_path, drift, still):
     # A marker that was lost and is written as the corner of the picture.
     tracks[50:55, 3] = 0.0
     np.save(tmp_path / "markers.npy", tracks)
-    found = import_records("markers", path, tmp_path)
-    assert "turned by 0.0°" in found.summary[0]
-    np.testing.assert_allclose(found.cube["poisson_ratio"].squeeze()[1:], NU, atol=1e-3)
+    imported = import_records("markers", path, tmp_path)
+    assert "turned by 0.0°" in imported.summary[0]
+    np.testing.assert_allclose(imported.cube["poisson_ratio"].squeeze()[1:], NU, atol=1e-3)
 
 
 @pytest.mark.slow
@@ -131,16 +131,16 @@ def test_cycles_are_separated_along_a_dimension(tmp_path):
     laboratory = Laboratory(tmp_path, test=replace(TEST, cycles=3))
     path = laboratory.write()
     for kind in KINDS:
-        found = import_records(kind, path, tmp_path)
-    assert "3 cycles of the machine" in found.summary
-    cube = open_cube(found.path)
+        imported = import_records(kind, path, tmp_path)
+    assert "3 cycles of the machine" in imported.summary
+    cube = open_cube(imported.path)
     assert cube["status"].dims == ("n_stripe", "n_subunit", "cycle")
     np.testing.assert_array_equal(cube["cycle"], [1, 2, 3])
     strain = cube["applied_strain"].values
     for name, values in (("mean_strain_yy", strain), ("capacitance", 5 - 4 * strain)):
         np.testing.assert_allclose(cube[name].squeeze(), np.tile(values, (3, 1)), atol=1e-8)
     said = CliRunner().invoke(
-        main, ["query", str(found.path), "--columns", "cycle,source,sensitivity"]
+        main, ["query", str(imported.path), "--columns", "cycle,source,sensitivity"]
     )
     assert [line.split() for line in said.output.splitlines()[1:]] == [
         [str(cycle), "experiment", "4"] for cycle in (1, 2, 3)
@@ -158,8 +158,8 @@ def test_markers_alone_need_no_machine(tmp_path):
     tracks = np.load(tmp_path / "markers.npy")
     pulled = round(PEAK / table["strain_per_frame"]) + 1
     np.save(tmp_path / "markers.npy", tracks[:pulled])
-    found = import_records("markers", path, tmp_path).cube.squeeze()
-    np.testing.assert_allclose(found["mean_strain_yy"], found["applied_strain"], atol=1e-9)
+    imported = import_records("markers", path, tmp_path).cube.squeeze()
+    np.testing.assert_allclose(imported["mean_strain_yy"], imported["applied_strain"], atol=1e-9)
 
 
 def test_synthetic_records_are_marked_in_the_cube(tmp_path):

@@ -140,6 +140,12 @@ def test_deeplabcut_may_track_several_individuals(tmp_path):
     np.testing.assert_array_equal(read.positions, LOST)
 
 
+def test_a_track_of_sleap_twice_in_a_frame_is_refused(tmp_path):
+    rows = sleap(TRACKS)
+    with pytest.raises(BadInput, match="twice in one frame"):
+        read_tracks(write(tmp_path / "tracks.csv", [*rows, rows[-1]]))
+
+
 def test_unsure_positions_are_left_out_and_counted(tmp_path):
     path = write(tmp_path / "tracks.csv", deeplabcut(LOST, confidence=0.3))
     with pytest.raises(BadInput, match="shows no marker in 6 frames"):

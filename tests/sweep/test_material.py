@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import knitlab as kl
 from knitlab.io.errors import BadInput
 from knitlab.sweep.material import SCALED, add_stripe, period_ratio, with_material
+from knitlab.sweep.parameters import StripeTables
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.stripe_tables import StripeTables
 
 PAPER = kl.defaults()
 RIB, GARTER = PAPER.stripes.stripe("rib", 4), PAPER.stripes.stripe("garter", 8)

@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, write_case_file
-from knitlab.cube.cube_file import joined_cubes
 from knitlab.io.errors import BadInput
 from knitlab.sweep.batches import Shard
+from knitlab.sweep.cube import joined_cubes
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.results_folder import folder_status, planned_designs, read_plan

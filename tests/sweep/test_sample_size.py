@@ -14,6 +14,7 @@ from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.fingerprint import provenance
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import CaseState
 from knitlab.sweep.run import RunOptions, run_plan
 from tests.sweep import stand_in
 
@@ -96,7 +97,7 @@ def test_a_sample_size_that_all_designs_share_is_stated(tmp_path):
 def test_a_cube_is_no_larger_than_its_largest_sample(tmp_path):
     ran(tmp_path, "n_subunit=16,24")
     stale = ran(tmp_path, "n_subunit=16", "scale=0.15")
-    assert len(stale.stale_parameters) == 1
+    assert len(stale.left_in(CaseState.stale_parameters)) == 1
     assert unit_cells(stale.cube, 4, 16) == (6, 3)
     cube = ran(tmp_path, "n_subunit=16", "scale=0.15", refresh=True).cube
     assert unit_cells(cube, 4, 16) == (2, 1)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from knitlab.io.errors import BadInput
-from knitlab.sweep.batches import PARTS_OF_SHARE, Shard, seconds, split
+from knitlab.sweep.batches import BATCHES_OF_SHARD, Shard, seconds, split
 from knitlab.sweep.plan import make_plan
 
 PLAN = make_plan("periodic", ("strain_max=0.06", "k_t_factor=0.8,0.9,1,1.1,1.2,1.3"))
@@ -35,7 +35,7 @@ def test_shards_take_about_the_same_estimated_time(count):
     loads = [sum(TIMES[case_id] for case_id in ids) for ids in cases_of_shards(count)]
     share = sum(TIMES.values()) / count
     # A batch is cut by the number of its cases, which are alike, so that a part may be one longer.
-    longest = share / PARTS_OF_SHARE + max(TIMES.values())
+    longest = share / BATCHES_OF_SHARD + max(TIMES.values())
     assert max(loads) - min(loads) <= longest * (1 + 1e-9)
 
 
@@ -46,17 +46,19 @@ def test_the_cases_of_a_batch_share_a_mesh_and_are_kept_together():
     assert sum(map(len, two)) < len(PLAN.cases) / 2
 
 
-def test_a_part_is_a_plan_of_its_own():
-    part = PLAN.part(Shard(2, 7))
-    assert list(part.cases) == [case_id for case_id in PLAN.cases if case_id in part.cases]
-    assert sorted(part.cases) == sorted(cases_of_shards(7)[1])
-    assert PLAN.part(Shard(1, 1)).cases == PLAN.cases
+def test_a_share_is_a_plan_of_its_own():
+    share = PLAN.share(Shard(2, 7))
+    assert list(share.cases) == [case_id for case_id in PLAN.cases if case_id in share.cases]
+    assert sorted(share.cases) == sorted(cases_of_shards(7)[1])
+    assert PLAN.share(Shard(1, 1)).cases == PLAN.cases
 
 
 def test_the_split_does_not_depend_on_the_process():
-    program = "from tests.sweep.test_shard import PLAN, Shard\nprint(*PLAN.part(Shard(2, 7)).cases)"
+    program = (
+        "from tests.sweep.test_shard import PLAN, Shard\nprint(*PLAN.share(Shard(2, 7)).cases)"
+    )
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert said.stdout.split() == list(PLAN.part(Shard(2, 7)).cases), said.stderr
+    assert said.stdout.split() == list(PLAN.share(Shard(2, 7)).cases), said.stderr
 
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1/0"])

@@ -61,7 +61,7 @@ def test_the_first_shard_writes_the_plan_though_another_waits_to_begin(tmp_path,
 def test_shards_one_after_another_give_the_cube_of_one_run(tmp_path, plan, whole):
     for number in range(1, COUNT + 1):
         part = ran(plan, tmp_path, number)
-        assert set(part.simulated) == set(plan.part(Shard(number, COUNT)).cases)
+        assert set(part.simulated) == set(plan.share(Shard(number, COUNT)).cases)
         assert part.joined
         assert int((part.cube["status"] == Status.ok).sum()) == len(part.simulated)
     same(xr.load_dataset(tmp_path / "cube.nc"), whole.cube)

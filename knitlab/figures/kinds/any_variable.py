@@ -5,6 +5,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
@@ -12,18 +13,9 @@ from knitlab.cube.cube_file import base_dims, design_dims, swept_dims
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.cube.strain_window import with_columns
-from knitlab.figures import cells
+from knitlab.figures import cells, style
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import (
-    CATEGORY_COLOURS,
-    MARKERS,
-    TWO_COLUMNS,
-    Look,
-    colour_bar,
-    name_rows,
-    number,
-    value_colours,
-)
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault, unknown
 
 PERIODS = "periods"
@@ -62,7 +54,7 @@ def value_grid(
     height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
-    colours = value_colours(values.values)
+    colours = style.value_colours(values.values)
     large = values.shape[1] <= MOST_COLUMNS and values.shape[0] <= MOST_ROWS
     form, rgba = _same_decimals(values.values), colours.to_rgba(values.values)
     marked, look = set[Status](), Look()
@@ -85,7 +77,7 @@ def value_grid(
         fill(text, 26, break_long_words=False) for text in (_axis_label(cube, y), label)
     )
     axes.set(xlabel=_axis_label(cube, x), ylabel=upright)
-    colour_bar(axes, colours, pad=0.01, label=label)
+    style.colour_bar(axes, colours, pad=0.01, label=label)
     cells.marks_legend(figure, marked, NO_VALUE)
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
@@ -97,17 +89,17 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
     planned = cube["status"] != Status.excluded
     planned = planned.any([dim for dim in planned.dims if dim not in DESIGN_DIMS])
     # P of what no n_stripe has as a design would be an empty column.
-    families = []
-    for n_stripe in cube["n_stripe"].values:
-        family = cube.sel(n_stripe=[n_stripe], n_subunit=planned.sel(n_stripe=n_stripe).values)
-        periods = family["n_subunit"].values / (2 * n_stripe)
-        family = family.assign_coords({PERIODS: ("n_subunit", periods)})
-        families.append(family.swap_dims(n_subunit=PERIODS))
-    wanted = np.unique(np.concatenate([family[PERIODS].values for family in families]))
+    designs = cube.stack(design=DESIGN_DIMS)
+    designs = designs.isel(design=planned.stack(design=DESIGN_DIMS).values)
+    n_stripe, n_subunit = (designs[dim].values for dim in DESIGN_DIMS)
+    labels = [n_stripe, n_subunit / (2 * n_stripe)]
+    index = pd.MultiIndex.from_arrays(labels, names=["n_stripe", PERIODS])
+    coordinates = xr.Coordinates.from_pandas_multiindex(index, "design")
+    designs = designs.drop_vars(["design", *DESIGN_DIMS]).assign_coords(coordinates)
+    designs = designs.assign(n_subunit=("design", n_subunit))
     texts = {"status": Status.excluded, "case_id": "", "code": ""}
     missing = {str(name): texts.get(str(name), np.nan) for name in cube.data_vars}
-    families = [family.reindex({PERIODS: wanted}, fill_value=missing) for family in families]
-    return xr.concat(families, "n_stripe", coords="different", compat="equals")
+    return designs.unstack("design", fill_value=missing)
 
 
 def _with_variable(cube: xr.Dataset, of: str) -> tuple[xr.Dataset, bool]:
@@ -213,7 +205,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         look: Look = {"ms": 4.5, "mfc": "none", "color": CATEGORY_COLOURS[k], "label": label}
         axes.plot(values, np.arange(len(names)), MARKERS[k], **look)
     unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
-    name_rows(axes, names, fontsize=6.5)
+    style.name_rows(axes, names, fontsize=6.5)
     axes.set(xlabel=f"{name or of} [{unit or '1'}]", ylabel=f"({', '.join(designs)})")
     axes.grid(axis="y", color="0.9", lw=0.5)
     axes.set_axisbelow(True)

@@ -42,16 +42,16 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     colours = [colour[n_stripe] for n_stripe, _ in designs]
     size = TWO_COLUMNS, max(3.6, 1.0 + 0.155 * len(designs))
     figure = Figure(figsize=size, layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1))
-    ratio = figure.add_subplot(grid[0, 0])
-    force = figure.add_subplot(grid[1, 0], sharex=ratio)
+    panels = figure.subplot_mosaic([["ratio", "sizes"], ["force", "sizes"]], width_ratios=(1.15, 1))
+    ratio, force = panels["ratio"], panels["force"]
+    ratio.sharex(force)
     _draw_changes(ratio, touching["poisson_ratio"] - without["poisson_ratio"], colours)
     _draw_changes(force, touching["reaction_force"] / without["reaction_force"] - 1, colours)
     ratio.set_ylabel("change of\nPoisson's ratio [1]")
     ratio.tick_params(labelbottom=False)
     force.set(xlabel="applied strain [1]", ylabel="change of\nreaction force")
     force.yaxis.set_major_formatter(PercentFormatter(1.0))
-    _draw_sizes(figure.add_subplot(grid[:, 1]), without, touching, colours)
+    _draw_sizes(panels["sizes"], without, touching, colours)
     handles = [Line2D([], [], color=colour[n], label=f"n_stripe = {n}") for n in stripes]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     if left_out:

@@ -125,15 +125,14 @@ def _draw_design(
     for axes, name in zip(column, rows, strict=True):
         if name not in design:
             continue
-        values = IN_FIGURE.get(name, 1.0) * design[name].values
-        edges: list[xr.DataArray] = []
+        curves = [design[name]]
         if f"{name}_error" in design:
-            edges = [design[name] + factor * design[f"{name}_error"] for factor in (-2, 2)]
+            curves += [design[name] + factor * design[f"{name}_error"] for factor in (-2, 2)]
         elif f"{name}_low" in design:
-            edges = [design[f"{name}_{end}"] for end in ("low", "high")]
-        recorded = np.isfinite(values)
-        curves = [each[recorded] for each in (strains, values, *(edge.values for edge in edges))]
-        strain, value, *band = broken(snapped[recorded], *curves)
+            curves += [design[f"{name}_{end}"] for end in ("low", "high")]
+        recorded = np.isfinite(design[name].values)
+        scaled = [IN_FIGURE.get(name, 1.0) * curve.values[recorded] for curve in curves]
+        strain, value, *band = broken(snapped[recorded], strains[recorded], *scaled)
         axes.plot(strain, value, marker="" if measured else ".", ms=3, **look)
         if band:
             axes.fill_between(strain, band[0], band[1], color=colour, alpha=BAND, lw=0)

@@ -17,21 +17,12 @@ from matplotlib.patches import Rectangle
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import with_columns
-from knitlab.figures import cells
+from knitlab.figures import cells, style
 from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import snapped_before
 from knitlab.figures.nearest_designs import non_dominated
-from knitlab.figures.style import (
-    CATEGORY_COLOURS,
-    MARKERS,
-    TWO_COLUMNS,
-    Look,
-    colour_bar,
-    ink_on,
-    number,
-    value_colours,
-)
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
@@ -70,7 +61,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     axes = figure.add_subplot()
     label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
     label += "\n(negative: auxetic)"
-    marked = _draw_map(axes, cubes, name, label, text, signed=True)
+    marked = draw_map(axes, cubes, name, label, text, signed=True)
     axes.set_xlabel(cells.PERIODS_LABEL)
     said = "lowest ν, and the applied strain there" if lowest else "ν"
     notes = [f"in each cell: (n_stripe, n_subunit), {said}"]
@@ -81,7 +72,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def _draw_map(
+def draw_map(
     axes: Axes,
     cubes: Sequence[xr.Dataset],
     name: str,
@@ -95,7 +86,7 @@ def _draw_map(
     the bottom of its cell. Several experiments on one design are refused.
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
-    colours = value_colours(np.concatenate([np.empty(0), *values]), signed)
+    colours = style.value_colours(np.concatenate([np.empty(0), *values]), signed)
     by_cell = defaultdict[tuple[int, float], list[xr.Dataset]](list)
     for design in chain.from_iterable(map(designs_of, sorted(cubes, key=is_measured))):
         n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
@@ -115,7 +106,7 @@ def _draw_map(
             look: Look = (
                 {"facecolor": colours.to_rgba(np.array(value))} if valid else cells.MARKS[status]
             )
-            ink = ink_on(look["facecolor"])
+            ink = style.ink_on(look["facecolor"])
             if design is designs[0]:
                 at: Look = {"xytext": (3, -3), "textcoords": "offset points", "va": "top"}
                 # Of a mark the name hides the hatching.
@@ -134,7 +125,7 @@ def _draw_map(
                 axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
     cells.name_columns_and_rows(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
     axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
-    colour_bar(axes, colours, pad=0.01, label=label)
+    style.colour_bar(axes, colours, pad=0.01, label=label)
     return marked
 
 
@@ -223,7 +214,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
         label = fill(merit.label, 18)
-        marked |= _draw_map(axes, cubes, merit.name, label, merit.text)
+        marked |= draw_map(axes, cubes, merit.name, label, merit.text)
     maps[1].set_xlabel(cells.PERIODS_LABEL)
     notes = ["in each cell: (n_stripe, n_subunit), value"]
     notes += sorted({note for design in designs for note in _notes(merits[1].name, design)})

@@ -1,14 +1,16 @@
-"""One case: its shape coloured by height, where its electrodes run, its relaxation by dynamics."""
+"""Shapes in case files: by height, with electrodes, while relaxing, and stretched samples."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
@@ -17,11 +19,14 @@ from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import RegularGridInterpolator
 
 from knitlab.cube.case_file import length_unit
-from knitlab.figures import sheets
+from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.figures import sheets, style
+from knitlab.figures.cells import design_name
 from knitlab.figures.kinds import FigureKind
+from knitlab.figures.kinds.tension import PAPER_DESIGNS, SHOWN_STRAIN
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.meshes.fabric import closed_nodes, is_periodic
+from knitlab.meshes.fabric import closed_nodes, is_periodic, on_grid_cells
 
 if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
@@ -52,13 +57,13 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     sample = replace(case_of(parameters), unit_cells=cells).sample
     faces = sheets.faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
-    norm = mpl.colors.Normalize(heights.min(), heights.max())
+    colours = ScalarMappable(Normalize(heights.min(), heights.max()), SEQUENCE_COLOURS)
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
     unit = length_unit(case)
-    sheets.draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)), unit)
+    sheets.draw_faces(axes, faces, colours.to_rgba(heights), unit)
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
     lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=0.6)
     axes.add_collection(lines)
@@ -69,7 +74,6 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     state = "periodic, " if is_periodic(case) else ""
     state += sheets.state_text(float(case["applied_strain"][0]))
     axes.set_title("\n".join([sheets.design_text(case), state, "; ".join(notes)]), fontsize=7)
-    colours = mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS)
     figure.colorbar(colours, ax=axes, label=f"height z [{unit}]", shrink=0.8)
     return figure
 
@@ -201,9 +205,49 @@ def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
     return closed_nodes(case[[*states]].rename(states | {"snapshot": "applied_strain"}))
 
 
+def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
+    """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
+
+    Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
+    of ``applied_strain``.
+    """
+    from knitlab.simulation.case import case_of
+
+    if any("length_x" in case for case in cases):
+        raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
+    strains = cases[0]["applied_strain"]
+    if len(strains) > 2:
+        strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")
+    states = [case.sel(applied_strain=strain) for case in cases for strain in strains.values]
+    values = np.concatenate([state["strain_xx"].values.ravel() for state in states])
+    by_strain = style.value_colours(values, signed=True)
+    spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
+    widths, heights = 1.1 * np.transpose(spans)
+    height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
+    grid = figure.subplots(1, len(states), squeeze=False, sharey=True, width_ratios=widths)[0]
+    for axes, state in zip(grid, states, strict=True):
+        nodes = state["position"].values
+        faces = sheets.faces_of(nodes - [0, nodes[..., 1].min(), 0])
+        case = case_of(json.loads(state.attrs["parameters"]))
+        local = on_grid_cells(case, state["strain_xx"].values).ravel()
+        sheets.draw_faces(axes, faces, sheets.shaded(faces, by_strain.to_rgba(local)))
+        patterned = "pattern" in state.coords
+        design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
+        cells_y, cells_x = state["strain_xx"].shape
+        shown = sheets.state_text(float(state["applied_strain"]))
+        axes.set(title=f"{design}\n{cells_x} × {cells_y} cells\n{shown}", xlabel="", ylabel="")
+    grid[0].set_ylabel(f"y, warp [{length_unit(cases[0])}]")
+    figure.supxlabel(f"x, weft [{length_unit(cases[0])}]", fontsize="medium")
+    label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
+    style.colour_bar(list(grid), by_strain, label=label, shrink=0.8, aspect=30)
+    return figure
+
+
 SLICED = ("applied_strain",)
 FIGURES = {
     "shape": FigureKind(fabric_shape, needs="position", coordinates=SLICED),
     "electrodes": FigureKind(electrodes_figure, None, needs="position", coordinates=SLICED),
+    "samples": FigureKind(stretched_samples, DESIGN_DIMS, "position", PAPER_DESIGNS, SLICED),
     "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
 }

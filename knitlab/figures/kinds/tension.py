@@ -1,6 +1,5 @@
-"""Samples between clamps (paper, Fig. "tension images"): local strain, and how they look."""
+"""Local strain over samples between clamps (paper, Fig. "tension images")."""
 
-import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,15 +9,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from knitlab.cube.case_file import length_unit
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.schema import DESIGN_DIMS, Status
+from knitlab.cube.schema import Status
 from knitlab.figures.cells import design_name, designs_of
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
 from knitlab.figures.style import TWO_COLUMNS, Look, colour_bar, value_colours
 from knitlab.io.errors import fault
-from knitlab.meshes.fabric import on_grid_cells
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
@@ -60,17 +56,17 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
 
 def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     """The samples at the shown strain: the paper's three, then measured ones."""
+    order = {str(design): number for number, design in enumerate(PAPER_DESIGNS)}
     samples = [
         design.sel(applied_strain=SHOWN_STRAIN, method="nearest")
         for cube in cubes
         if "strain_xx" in cube
         for design in designs_of(cube)
         if int(design["status"]) == Status.ok
+        and (is_measured(design) or design_name(design) in order)
     ]
     samples = [sample for sample in samples if int(sample["strain_xx"].notnull().sum()) > 1]
-    order = {str(design): number for number, design in enumerate(PAPER_DESIGNS)}
-    shown = [each for each in samples if is_measured(each) or design_name(each) in order]
-    return sorted(shown, key=lambda each: order.get(design_name(each), len(order)))
+    return sorted(samples, key=lambda each: order.get(design_name(each), len(order)))
 
 
 def _draw_cells(axes: Axes, sample: xr.Dataset, name: str, colours: ScalarMappable) -> None:
@@ -90,47 +86,6 @@ def _draw_cells(axes: Axes, sample: xr.Dataset, name: str, colours: ScalarMappab
     axes.add_patch(Rectangle(corner, *size, **CENTRAL))
 
 
-def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
-    """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
-
-    Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
-    of ``applied_strain``.
-    """
-    from knitlab.simulation.case import case_of
-
-    if any("length_x" in case for case in cases):
-        raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
-    strains = cases[0]["applied_strain"]
-    if len(strains) > 2:
-        strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")
-    states = [case.sel(applied_strain=strain) for case in cases for strain in strains.values]
-    values = np.concatenate([state["strain_xx"].values.ravel() for state in states])
-    by_strain = value_colours(values, signed=True)
-    spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
-    widths, heights = 1.1 * np.transpose(spans)
-    height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    grid = figure.subplots(1, len(states), squeeze=False, sharey=True, width_ratios=widths)[0]
-    for axes, state in zip(grid, states, strict=True):
-        nodes = state["position"].values
-        faces = faces_of(nodes - [0, nodes[..., 1].min(), 0])
-        case = case_of(json.loads(state.attrs["parameters"]))
-        local = on_grid_cells(case, state["strain_xx"].values).ravel()
-        draw_faces(axes, faces, shaded(faces, by_strain.to_rgba(local)))
-        patterned = "pattern" in state.coords
-        design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
-        cells_y, cells_x = state["strain_xx"].shape
-        shown = state_text(float(state["applied_strain"]))
-        axes.set(title=f"{design}\n{cells_x} × {cells_y} cells\n{shown}", xlabel="", ylabel="")
-    grid[0].set_ylabel(f"y, warp [{length_unit(cases[0])}]")
-    figure.supxlabel(f"x, weft [{length_unit(cases[0])}]", fontsize="medium")
-    label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
-    colour_bar(list(grid), by_strain, label=label, shrink=0.8, aspect=30)
-    return figure
-
-
-SLICED = ("applied_strain",)
 FIGURES = {
-    "tension": FigureKind(tension_maps, several="experiments", coordinates=SLICED),
-    "samples": FigureKind(stretched_samples, DESIGN_DIMS, "position", PAPER_DESIGNS, SLICED),
+    "tension": FigureKind(tension_maps, several="experiments", coordinates=("applied_strain",)),
 }

@@ -1,0 +1,200 @@
+"""The plates of the states of a case, and of the designs of a cube, as labelled datasets."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
+from knitlab.cube.cube_file import cube_name, design_dims, model_options
+from knitlab.cube.query import query_cubes
+from knitlab.cube.schema import COORDINATES, STRAIN
+from knitlab.cube.selection import chosen_indices, refuse_others, selected, selections_along
+from knitlab.fabric.fabric import Configuration
+from knitlab.io.errors import BadInput, ErrorCollector, fault
+from knitlab.meshes.chosen_case import chosen_case, has_shape
+from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
+from knitlab.simulation.case import case_of
+
+DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp)
+STATUS = "plate_status"
+OF_PERIODIC = (
+    "is of clamped samples, and a plate is the mean of periodic fabric;"
+    " simulate it with boundary = periodic"
+)
+VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "membrane_stiffness": (("row", "column"), "N/mm", "A, membrane force by strain"),
+    "coupling_stiffness": (("row", "column"), "N", "B, membrane force by curvature"),
+    "bending_stiffness": (("row", "column"), "N mm", "D, moment by curvature"),
+    "membrane_force": (("row",), "N/mm", "membrane force in the state"),
+    "moment": (("row",), "N", "moment over width in the state, which keeps it flat"),
+    "modulus_x": ((), "N/mm", "tangent modulus along the courses, kept flat"),
+    "modulus_y": ((), "N/mm", "tangent modulus along the wales, kept flat"),
+    "shear_modulus": ((), "N/mm", "tangent shear modulus, kept flat"),
+    "poisson_ratio_x": ((), "1", "contraction along y over a small extension along x"),
+    "poisson_ratio_y": ((), "1", "contraction along x over a small extension along y"),
+    "length_x": ((), "mm", "length of the periodic cell along the courses"),
+    "length_y": ((), "mm", "length of the periodic cell along the wales"),
+    "length_shear": ((), "mm", "shift of the upper end of the periodic cell along the courses"),
+    "reference_height": ((), "mm", "height of the reference plane, the mean of all nodes"),
+}
+"""Dimensions beside those of states, unit and meaning of the variables of a plate."""
+SIDES = ("length_x", "length_y", "length_shear")
+
+
+def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
+    """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
+
+    BadInput if it is a clamped sample, has contact, or was not tested at a strain.
+    """
+    case = case_of(json.loads(case_file.attrs["parameters"]))
+    if case.options.boundary != "periodic":
+        raise fault(case.label, OF_PERIODIC)
+    if case.options.contact != "none":
+        problem = "has contact, whose stiffness a plate leaves out"
+        raise fault(case.label, f"{problem}; simulate it with contact = none")
+    along = {STRAIN: case_file[STRAIN].values}
+    strains = chosen_indices(along, selections).get(STRAIN, range(len(along[STRAIN])))
+    _, fabric = case.assemble()
+    solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
+    reached = has_shape(case_file)
+    factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
+    plates = []
+    for index in strains:
+        plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(3, np.nan)
+        if reached[index]:
+            state = configurations(case_file.isel({STRAIN: [index]}))[0]
+            lengths = np.asarray(state.lengths)
+            plate = solver.plate(fabric, Configuration(state.positions / factor, lengths / factor))
+        sides = dict(zip(SIDES, [*lengths, 0.0], strict=False))
+        plates.append(_numbers(plate, factor) | sides)
+    labels = {STRAIN: case_file[STRAIN].values[list(strains)]}
+    values = {name: np.array([each[name] for each in plates]) for name in (STATUS, *VARIABLES)}
+    return _labelled(values, labels).assign_attrs(length_unit=length_unit(case_file))
+
+
+def plates_of_cube(
+    cube: xr.Dataset, folder: Path, selections: Mapping[str, Any] = {}, where: str | None = None
+) -> xr.Dataset:
+    """The plates of the designs of a cube that have a periodic shape in its folder.
+
+    BadInput if no design has, or a selection or condition is at fault.
+    """
+    dims = design_dims(cube)
+    known = (*dims, STRAIN)
+    remedy = f"select along {', '.join(known)}"
+    refuse_others(selections, known, f"is not a coordinate of a plate; {remedy}")
+    if model_options(cube).get("boundary") == "clamped":
+        raise fault(cube_name(cube), OF_PERIODIC)
+    strains = selections_along(selections, [STRAIN])
+    chosen_indices({STRAIN: cube[STRAIN].values}, strains)
+    left = selected(cube, selections_along(selections, dims))
+    rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
+    if rows.empty:
+        raise fault("where" if where else "selections", "leaves no design; choose others")
+    faults, case_files = ErrorCollector(), dict[tuple[Any, ...], xr.Dataset]()
+    for design in rows.itertuples(index=False, name=None):
+        with faults:
+            # Of a cube few designs may have their shapes beside it.
+            case_files[design] = chosen_case(cube, folder, dict(zip(dims, design, strict=True)))
+    plates = {design: plates_of_case(each, strains) for design, each in case_files.items()}
+    if len(rows) == 1 and faults.all:
+        raise BadInput(faults.all)
+    if not plates:
+        problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
+        raise fault(str(folder / "cases"), problem)
+    present = [set(labels) for labels in zip(*plates, strict=True)]
+    labels = {
+        dim: [value for value in cube[dim].values.tolist() if value in own]
+        for dim, own in zip(dims, present, strict=True)
+    }
+    labels[STRAIN] = sorted({s for each in plates.values() for s in each[STRAIN].values.tolist()})
+    units = {each.attrs["length_unit"] for each in plates.values()}
+    shape = [len(each) for each in labels.values()]
+    values = {
+        name: np.full((*shape, *(len(DIRECTIONS) for _ in inner)), np.nan)
+        for name, (inner, *_) in VARIABLES.items()
+    }
+    values[STATUS] = np.full(shape, int(PlateStatus.no_shape))
+    for design, plate in plates.items():
+        at = [labels[dim].index(value) for dim, value in zip(dims, design, strict=True)]
+        places = [labels[STRAIN].index(strain) for strain in plate[STRAIN].values.tolist()]
+        index: tuple[Any, ...] = (*at, places)
+        for name, every in values.items():
+            every[index] = plate[str(name)].values
+    return _labelled(values, labels).assign_attrs(length_unit=" and ".join(sorted(units)))
+
+
+def known_states(plates: xr.Dataset) -> Iterator[xr.Dataset]:
+    """Every state that has a shape, on its own, in the order of the dimensions."""
+    dims = plates[STATUS].dims
+    for index in np.ndindex(plates[STATUS].shape):
+        state = plates.isel(dict(zip(dims, index, strict=True)))
+        if state[STATUS] != PlateStatus.no_shape:
+            yield state
+
+
+def stiffness_of(state: xr.Dataset) -> np.ndarray:
+    """The 6 × 6 matrix [A B; Bᵀ D] of one state, in N and mm."""
+    a, b, d = (state[name].values for name in list(VARIABLES)[:3])
+    return np.block([[a, b], [b.T, d]])
+
+
+def in_plane(membrane: np.ndarray, angle: float | np.ndarray = 0.0) -> tuple[Any, Any]:
+    """Modulus along an angle from x, and the ratio of contraction across it, of a flat plate [rad].
+
+    The first is force over width and strain while all other forces are zero [N/mm].
+    """
+    cosine, sine = np.cos(angle), np.sin(angle)
+    along = np.stack([cosine**2, sine**2, cosine * sine])
+    across = np.stack([sine**2, cosine**2, -cosine * sine])
+    # Strain by force; shear counts once in the strain along a direction, twice in the force.
+    compliance = np.linalg.inv(membrane)
+    strain = np.einsum("ij,j...->i...", compliance, along)
+    own = (along * strain).sum(0)
+    return 1 / own, -(across * strain).sum(0) / own
+
+
+def _numbers(plate: Plate, factor: float) -> dict[str, Any]:
+    """The numbers of a plate in lengths that are so many times those of its network."""
+    a, b, d = plate.stiffness[:3, :3], plate.stiffness[:3, 3:], plate.stiffness[3:, 3:]
+    values = {
+        "membrane_stiffness": a / factor,
+        "coupling_stiffness": b,
+        "bending_stiffness": d * factor,
+        "membrane_force": plate.forces[:3] / factor,
+        "moment": plate.forces[3:],
+        "length_shear": ((), "mm", "shift of the upper end of the periodic cell along the courses"),
+        "reference_height": plate.height * factor,
+        STATUS: int(plate.status),
+    }
+    names = ("modulus_x", "poisson_ratio_x", "modulus_y", "poisson_ratio_y", "shear_modulus")
+    numbers = [np.nan] * len(names)
+    if np.isfinite(a).all() and np.linalg.matrix_rank(a) == len(a):
+        sides = in_plane(a / factor), in_plane(a / factor, np.pi / 2)
+        numbers = [*sides[0], *sides[1], 1 / np.linalg.inv(a / factor)[2, 2]]
+    return values | dict(zip(names, numbers, strict=True))
+
+
+def _labelled(values: Mapping[str, np.ndarray], labels: Mapping[str, Any]) -> xr.Dataset:
+    """A dataset with dimensions, units and meanings."""
+    dataset = xr.Dataset(
+        {STATUS: (tuple(labels), values[STATUS].astype(np.int8))},
+        {**labels, "row": list(DIRECTIONS), "column": list(DIRECTIONS)},
+        {"title": "knitlab plates: x along the courses (weft), y along the wales (warp)"},
+    )
+    for name, (dims, unit, meaning) in VARIABLES.items():
+        about = {"units": unit, "long_name": meaning}
+        dataset[name] = (*labels, *dims), values[name], about
+    dataset[STATUS].attrs |= {
+        "units": "1",
+        "long_name": "whether a state has a stiffness",
+        "flag_values": np.array([*PlateStatus], np.int8),
+        "flag_meanings": " ".join(status.name for status in PlateStatus),
+    }
+    for name in set(labels) & set(COORDINATES):
+        dataset[name].attrs |= COORDINATES[name].attributes
+    return dataset
