@@ -23,6 +23,7 @@ EASY = 4  # iterations up to which the next step is longer
 NUMBER = 6  # of lowest eigenvalues that are computed
 DENSE = 300  # number of unknowns up to which all are
 SOFT = 1e-9  # eigenvalue over the largest stiffness below which a motion is neutral
+NEARLY_ZERO = 0.05  # eigenvalue of a critical point over those on either side of it
 BY_LOAD = 1e-3  # projection of ∂²V/∂u∂t onto the critical mode above which a point is a limit point
 
 
@@ -256,12 +257,17 @@ def _critical_points(
         except (NotFollowed, ValueError):
             return None
 
-    found = [(crossing(lambda point, k=k: point.eigenvalues[k]), k) for k in critical]
+    def eigenvalue(number: int) -> Callable[[PathPoint], float]:
+        return lambda point: float(point.eigenvalues[number])
+
+    found = [(crossing(eigenvalue(number)), number) for number in critical]
     if not critical and before.tangent[-1] * after.tangent[-1] < 0:
         # A branch that ends on another turns there, and goes on as its mirror image.
         found = [(crossing(lambda point: point.tangent[-1]), 0)]
     for point, number in found:
-        if point is None:
+        # An eigenvalue that jumps over zero is of another branch.
+        scale = max(abs(each.eigenvalues[number]) for each in (before, after))
+        if point is None or abs(point.eigenvalues[number]) > NEARLY_ZERO * scale:
             continue
         by_parameter = equations.force_by_parameter(point.unknowns, point.parameter)
         work = abs(point.modes[:, number] @ by_parameter)
