@@ -12,7 +12,6 @@ from .api.knitting import knit as knit
 from .api.knitting import read_chart as read_chart
 from .api.laboratory import calibrate as calibrate
 from .api.laboratory import fit as fit
-from .api.laboratory import import_records as import_records
 from .api.plates import plate_stiffness as plate_stiffness
 from .api.simulation import Design as Design
 from .api.simulation import NotConverged as NotConverged
@@ -21,9 +20,9 @@ from .api.simulation import simulate as simulate
 from .api.sweeps import NotAllOk as NotAllOk
 from .api.sweeps import merge as merge
 from .api.sweeps import plan as plan
-from .api.sweeps import reproduce as reproduce
 from .api.sweeps import run as run
-from .api.sweeps import status as status
+from .api.uncertainty import sample_stripes as sample_stripes
+from .api.uncertainty import uncertainty as uncertainty
 from .cube.cube_file import open_cube as open_cube
 from .dynamics.settings import Dynamics as Dynamics
 from .equilibrium.settings import Solver as Solver
@@ -32,6 +31,7 @@ from .fabric.settings import PlainKnit as PlainKnit
 from .fabric.settings import Sheet as Sheet
 from .fabric.stripe import Stripe as Stripe
 from .io.errors import BadInput as BadInput
+from .laboratory.experiment import import_records as import_records
 from .laboratory.tension_record import read_tension_record as read_tension_record
 from .measure.capacitance.capacitor import Capacitor as Capacitor
 from .measure.knit_size import Gauge as Gauge
@@ -39,6 +39,8 @@ from .sweep.material import Material as Material
 from .sweep.parameters import Model as Model
 from .sweep.parameters import defaults as defaults
 from .sweep.patterns import Pattern as Pattern
+from .sweep.reproduce import reproduce as reproduce
+from .sweep.results_folder import status as status
 from .sweep.workflow import Protocol as Protocol
 
 __version__: str

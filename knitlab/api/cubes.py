@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import xarray as xr
@@ -17,18 +17,13 @@ from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.target import Target, read_target
 from knitlab.io.errors import BadInput, ErrorCollector, fault
+from knitlab.meshes import formats
 from knitlab.meshes.chosen_case import chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.formats import (
-    FOLD,
-    FORMATS,
-    SERIES,
-    TRIANGLES,
-    write_fold,
-    write_mesh,
-    write_series,
-)
 from knitlab.meshes.surface import SurfaceMesh, solid_of
+
+if TYPE_CHECKING:
+    from knitlab.sweep.material import Material
 
 Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
 Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
@@ -46,14 +41,9 @@ def query(
     columns: Sequence[str] | None = None,
     **selections: Any,
 ) -> pd.DataFrame:
-    """The designs of several cubes, simulated and measured, in one table.
+    """The designs of several cubes along the same dimensions, simulated and measured, in one table.
 
-    Args:
-        cubes: cubes of designs along the same dimensions.
-        where: expression over the columns that the rows must meet.
-        sort: column to sort by, or several; a leading minus sorts descending.
-        columns: columns to keep, by default all but the stripe parameters.
-        selections: a value or a list of values for each coordinate.
+    The other arguments are those of ``cube.knitlab.query``.
 
     Raises:
         BadInput: with everything that is wrong in these arguments.
@@ -72,6 +62,7 @@ def find(
     targets: Wanted | Sequence[Wanted],
     subject_to: Wanted | Sequence[Wanted] = (),
     most: int | None = None,
+    material: "str | Path | Material | None" = None,
 ) -> Found:
     """Find the designs that come closest to targets; nothing is simulated.
 
@@ -88,11 +79,14 @@ def find(
             ``applied_strain``, ``value`` and ``tolerance``.
         subject_to: targets that must be met; designs that do not are left out.
         most: largest number of designs to return, all by default.
+        material: material with the covariances of its stripes, to rank by the probability that a
+            design meets all targets and ``subject_to``, of cubes with sensitivities. What has no
+            sensitivities counts as exact; a single value needs a tolerance.
 
     Returns:
-        The designs, the nearest first. For target 1 ``table`` has ``value_1``, ``off_by_1`` in the
-        unit of the variable, and ``in_spread_1``: whether the spread over a design's siblings
-        covers it.
+        The designs, the nearest first, or with a material the most probable. For target 1
+        ``table`` has ``value_1``, ``off_by_1`` in the unit of the variable, and ``in_spread_1``:
+        whether the spread over a design's siblings covers it.
 
     Raises:
         BadInput: with every target that cannot be read or is not of a variable of the cubes.
@@ -105,7 +99,13 @@ def find(
         [4, 16]
     """
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
-    return find_designs([opened(cube, lazily=True) for cube in cubes], wanted, required, most)
+    stripes = None
+    if material is not None:
+        from knitlab.sweep.stripe_covariance import uncertain_stripes  # which imports JAX
+
+        stripes = uncertain_stripes(material)
+    read = [opened(cube, lazily=True) for cube in cubes]
+    return find_designs(read, wanted, required, most, stripes)
 
 
 def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
@@ -165,9 +165,8 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
 
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:
-        from knitlab.figures.claims_page import check_suffix, write_page
+        from knitlab.figures.claims_page import write_page
 
-        check_suffix(Path(output))
         write_page(judgements, Path(output), selections)
     return pd.DataFrame(map(record, judgements))
 
@@ -263,25 +262,25 @@ def export(
         256
     """
     output, selections = Path(output), {**selections, **named}
-    suffix, known = output.suffix.lower(), (*FORMATS, SERIES, FOLD)
+    suffix, several = output.suffix.lower(), (formats.SERIES, formats.FOLD)
+    known = (*formats.FORMATS, *several)
     if suffix not in known:
         raise fault(f"output {output}", f"has no suffix of a mesh; give one of {', '.join(known)}")
     case_file = _case_file(shapes, selections)
-    rows = chosen_strains(case_file, selections, several=suffix in (SERIES, FOLD))
+    rows = chosen_strains(case_file, selections, several=suffix in several)
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
-    if triangles or suffix in TRIANGLES:
+    if triangles or suffix in formats.TRIANGLES:
         meshes = [mesh.triangulated() for mesh in meshes]
-    strains = tuple(case_file[STRAIN].values[rows].tolist())
-    unit = length_unit(case_file)
+    strains, unit = tuple(case_file[STRAIN].values[rows].tolist()), length_unit(case_file)
     files = [output]
-    if suffix == SERIES:
-        files = write_series(meshes, strains, output)
-    elif suffix == FOLD:
-        write_fold(meshes, strains, unit, output)
+    if suffix == formats.SERIES:
+        files = formats.write_series(meshes, strains, output)
+    elif suffix == formats.FOLD:
+        formats.write_fold(meshes, strains, unit, output)
     else:
-        write_mesh(meshes[0], output)
+        formats.write_mesh(meshes[0], output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
 

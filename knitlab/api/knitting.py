@@ -108,13 +108,11 @@ class KnitSample(Specification):
         suffix = path.suffix.lower()
         if suffix in FIGURE_SUFFIXES:
             draw_into(self.chart_figure, path)
-        else:
-            with atomic_write(path) as temporary:
-                if suffix == WORDS:
-                    text = self.instructions(in_the_round=in_the_round)
-                else:
-                    text = self.program if suffix == KNITOUT else self.chart.table()
-                temporary.write_text(text, encoding="utf-8", newline="\n")
+            return path
+        with atomic_write(path) as temporary:
+            words = self.instructions(in_the_round=in_the_round) if suffix == WORDS else None
+            text = words or (self.program if suffix == KNITOUT else self.chart.table())
+            temporary.write_text(text, encoding="utf-8", newline="\n")
         return path
 
     def save_sheet(self, path: str | Path) -> Path:
@@ -254,19 +252,18 @@ def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tup
         problem = f"no stitch is known to make single folds of a rest angle, here {angles}, and"
         differences.append(f"{problem} 1 × 1 rib is narrower than the gauge: knit a swatch first")
     for stripe in dict.fromkeys((case.weft, case.warp)):
+        label = f"{stripe.knit} {stripe.n}"
         needed = {name: getattr(stripe, name) for name in STRIPE_QUANTITIES}
         numbers = ", ".join(f"{name} {value:.4g} {UNITS[name]}" for name, value in needed.items())
-        rows.append((f"{stripe.knit} {stripe.n}", numbers))
+        rows.append((label, numbers))
         if design.material is not None or stripe.n not in tables.sizes(stripe.knit):
             continue
         given = tables.stripe(stripe.knit, stripe.n)
         factors = {name: value / getattr(given, name) for name, value in needed.items()}
         other = [f"{name} × {by:.2f}" for name, by in factors.items() if abs(by - 1) > 0.005]
         if other:
-            needs = f"{stripe.knit} {stripe.n} needs {', '.join(other)} of the paper's yarn"
-            differences.append(
-                f"{needs}: find a yarn or a stitch size that has it, and calibrate it"
-            )
+            remedy = "find a yarn or a stitch size that has it, and calibrate it"
+            differences.append(f"{label} needs {', '.join(other)} of the paper's yarn: {remedy}")
     rows.append(("gauge", f"a stitch of {width:.3g} × {height:.3g} mm before the fabric folds"))
     rows.append(("case", f"{case.case_id}, code {provenance()['git_commit'][:12]}"))
     return tuple(rows), tuple(differences)

@@ -1,4 +1,4 @@
-"""Measurements: stripes from tension curves, laboratory records as cubes, fits to whole fabrics."""
+"""Measurements: stripes from tension curves, and from tests of whole fabrics."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,9 +11,6 @@ from jaxtyping import Float
 from knitlab.api.cubes import Cube, opened
 from knitlab.io.errors import fault
 from knitlab.laboratory.curves import case_for, target_of
-from knitlab.laboratory.description import RecordKind
-from knitlab.laboratory.experiment import Imported
-from knitlab.laboratory.experiment import import_records as import_kind
 from knitlab.laboratory.fit import Fit, Step, fit_stripes
 from knitlab.measure.calibration import Calibration, Law
 from knitlab.measure.calibration import calibrate as fit_zigzag
@@ -65,25 +62,6 @@ def calibrate(
         return fit_zigzag(float(period), *curve, law, per_width=per_width)
     except ValueError as problem:
         raise fault("curve", str(problem)) from problem
-
-
-def import_records(
-    kind: RecordKind, description: str | Path, *, results: str | Path = "results"
-) -> Imported:
-    """Import laboratory records into a cube.
-
-    Args:
-        kind: ``"markers"``, ``"tensile"`` or ``"capacitance"``.
-        description: TOML file that describes the records, their units and the sample.
-        results: folder that holds a folder of results for each experiment.
-
-    Returns:
-        The cube, its path, and a summary of the records in lines of text.
-
-    Raises:
-        BadInput: with every fault of the description and its records.
-    """
-    return import_kind(kind, Path(description), Path(results))
 
 
 def fit(

@@ -5,7 +5,6 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -16,7 +15,7 @@ from pydantic import ValidationError
 from tqdm.auto import tqdm
 
 from knitlab.cube.case_file import configurations
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import with_derived
 from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.adjoint import NoDerivative
@@ -169,15 +168,9 @@ def simulate(
     if not isinstance(design, Design):
         raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
     parameters = defaults() if material is None else with_material(defaults(), material)
-    parameters = parameters.with_tables(
-        model=model,
-        sheet=sheet,
-        plain=plain,
-        solver=solver,
-        dynamics=dynamics,
-        capacitor=capacitor,
-        gauge=gauge,
-    )
+    settings: dict[str, object] = {"model": model, "sheet": sheet, "plain": plain, "solver": solver}
+    settings |= {"dynamics": dynamics, "capacitor": capacitor, "gauge": gauge}
+    parameters = parameters.with_tables(**settings)
     protocol = protocol or Protocol()
     given = protocol.applied_strain if applied_strain is None else applied_strain
     strains = np.asarray(given, dtype=float).tolist()
@@ -213,7 +206,7 @@ def case_of_design(
     if not strains or strains[0] != 0:
         problem = f"begins at 0, the relaxed fabric, but is {list(strains)}"
         faults.append(Fault("applied_strain", problem))
-    elif any(later <= earlier for earlier, later in pairwise(strains)):
+    elif list(strains) != sorted(set(strains)):
         problem = f"ascends, but is {list(strains)}; sort it and keep each once"
         faults.append(Fault("applied_strain", problem))
     pattern = design.pattern
@@ -285,11 +278,9 @@ def evaluate(
         raise fault("test", "has no node positions; give a dataset of knitlab.simulate")
     shapes, strains = configurations(test), test["applied_strain"]
     arrays = {name: given for name, f in measures.items() if (given := jnp.shape(f(shapes[0])))}
+    problem = "returns an array of shape {}; return one number"
     if arrays:
-        raise BadInput(
-            Fault(name, f"returns an array of shape {given}; return one number")
-            for name, given in arrays.items()
-        )
+        raise BadInput(Fault(name, problem.format(given)) for name, given in arrays.items())
     reached = np.flatnonzero(np.isfinite(shapes.positions).all(axis=(1, 2, 3)))
     values = np.full((len(strains), len(measures)), np.nan)
     slopes = np.full((*values.shape, len(STRIPE_PARAMETERS)), np.nan)

@@ -68,10 +68,8 @@ def _of_workflow(
 ) -> SingleDesign:
     plan = make_plan(workflow, overrides)
     designs = list(plan.cases.values())
-    labels = {
-        dim: np.array(list(dict.fromkeys(case.design[dim] for case in designs)))
-        for dim in plan.dims
-    }
+    values = {dim: dict.fromkeys(case.design[dim] for case in designs) for dim in plan.dims}
+    labels = {dim: np.array(list(along)) for dim, along in values.items()}
     for dim, kept in chosen_indices(labels, selections).items():
         designs = [case for case in designs if case.design[dim] in labels[dim][kept]]
     _check_is_one(plan.workflow, [case.label for case in designs])
@@ -117,9 +115,8 @@ def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
             return find_case(folder, case_id).case
     with suppress(BadInput, KeyError):
         return make_plan(workflow).cases[case_id]
-    problem = "is recorded in no plan and no case file beside the cube"
-    remedy = "run its workflow into that folder, or name the workflow instead"
-    raise fault(case_id, f"{problem}; {remedy}")
+    problem = "is recorded in no plan and no case file beside the cube; run its workflow into that"
+    raise fault(case_id, f"{problem} folder, or name the workflow instead")
 
 
 def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:

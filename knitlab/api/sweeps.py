@@ -1,20 +1,15 @@
-"""Sweeps: planning, running and merging workflows, their status, and single cases again."""
+"""Sweeps: planning, running and merging workflows."""
 
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
-from knitlab.cube.cube_file import CUBE
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import CUBE, with_derived
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
-from knitlab.sweep.reproduce import find_case
-from knitlab.sweep.reproduce import reproduce as run_alone
-from knitlab.sweep.results_folder import FolderStatus, workflow_status
 from knitlab.sweep.run import RunOptions, run_plan
 
 RESULTS = Path("results")  # default folder for the results folders of all workflows
@@ -151,38 +146,3 @@ def plan(workflow: str | Path, **settings: Any) -> Plan:
         10
     """
     return make_plan(str(workflow), settings)
-
-
-def status(
-    workflow: str | Path, *, results: str | Path = RESULTS, check: bool = False
-) -> FolderStatus:
-    """Status of the cases of the last plan of a workflow, which is renewed if its files changed.
-
-    Args:
-        workflow: name of a shipped workflow, or path of a TOML file.
-        results: folder that holds a folder of results for each workflow.
-        check: whether to compare every case file with its checksum.
-
-    Raises:
-        BadInput: if the workflow was never planned there.
-    """
-    return workflow_status(str(workflow), Path(results), check)
-
-
-def reproduce(
-    case_id: str, *, results: str | Path = RESULTS, report: Callable[[str], None] = print
-) -> bool:
-    """Run one case in this process, and report how every state was reached.
-
-    Args:
-        case_id: identifier of the case, or its first characters.
-        results: folder that holds a folder of results for each workflow, or one of these.
-        report: called with each line of the report.
-
-    Returns:
-        Whether every state converged and agrees with the case file, if there is one.
-
-    Raises:
-        BadInput: if there is no such case, or several.
-    """
-    return run_alone(find_case(Path(results), case_id), report)

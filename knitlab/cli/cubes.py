@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from knitlab.cli import options
+from knitlab.cli.options import COUNT, PATH, flag, option, repeatable
 from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 
 
@@ -14,11 +15,9 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 @options.cubes
 @options.select
 @options.where
-@options.repeatable("--sort", "Sort by a variable, ascending; -NAME descends.", metavar="NAME")
-@click.option(
-    "--columns", metavar="NAMES", help="Columns to show, separated by commas; all shows every one."
-)
-@click.option("--list", "listed", is_flag=True, help="List the variables, with unit and meaning.")
+@repeatable("--sort NAME", "Sort by a variable, ascending; -NAME descends.")
+@option("--columns NAMES", "Columns to show, separated by commas; all shows every one.")
+@flag("--list listed", "List the variables, with unit and meaning.")
 @options.table_format
 def query(
     cubes: tuple[Path, ...],
@@ -54,26 +53,15 @@ def query(
 
 @click.command()
 @options.cubes
-@options.repeatable(
-    "--target targets",
-    'Target, such as "poisson_ratio = -0.3 @ 0.05:0.25".',
-    required=True,
-    metavar="TARGET",
+@repeatable(
+    "--target targets TARGET", 'Target, such as "poisson_ratio = -0.3 @ 0.05:0.25".', required=True
 )
-@options.repeatable(
-    "--subject-to", 'Target that must be met, such as "knit_cell_x < 20".', metavar="TARGET"
-)
-@click.option("--most", type=options.COUNT, default=10, help="Designs to list.")
+@repeatable("--subject-to TARGET", 'Target that must be met, such as "knit_cell_x < 20".')
+@option("--most", "Designs to list.", COUNT, default=10)
+@options.covariances("Rank by the probability of meeting the targets, by the covariances in FILE.")
 @options.table_format
 @options.output("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
-def find(
-    cubes: tuple[Path, ...],
-    targets: tuple[str, ...],
-    subject_to: tuple[str, ...],
-    most: int,
-    style: str,
-    output: Path | None,
-) -> None:
+def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any) -> None:
     """List the designs of CUBES that come closest to the targets; nothing is simulated.
 
     A target is NAME = VALUE, NAME < VALUE, NAME > VALUE or VALUE < NAME < VALUE. A variable along
@@ -86,7 +74,7 @@ def find(
 
     if output is not None:
         check_figure_suffix(output)
-    nearest = api.find(*cubes, targets=targets, subject_to=subject_to, most=most)
+    nearest = api.find(*cubes, **wanted)
     if style == "table":
         for number, reached in enumerate(nearest.reached, start=1):
             click.echo(f"target {number}: {reached.target.text}")
@@ -102,8 +90,8 @@ def find(
 
 
 @click.command()
-@click.argument("simulation", type=options.PATH)
-@click.argument("experiments", type=options.PATH, nargs=-1, required=True)
+@click.argument("simulation", type=PATH)
+@click.argument("experiments", type=PATH, nargs=-1, required=True)
 @options.select
 @options.table_format
 def compare(
@@ -128,24 +116,23 @@ def compare(
 @click.argument("kind")
 @options.cubes
 @options.output("File to draw; its suffix (.pdf, .svg, .png) sets the format.", required=True)
-@click.option("--x", metavar="DIM", help="Dimension across a grid.")
-@click.option("--y", metavar="DIM", help="Dimension up a grid.")
-@click.option("--of", metavar="NAME", help="Variable whose values grid and swept show.")
-@click.option(
-    "--window", metavar="STRAIN:STRAIN", help="Strains over which sensor shows slope and linearity."
-)
+@option("--x DIM", "Dimension across a grid.")
+@option("--y DIM", "Dimension up a grid.")
+@option("--of NAME", "Variable whose values grid and swept show.")
+@option("--window STRAIN:STRAIN", "Strains over which sensor shows slope and linearity.")
+@options.covariances("Material file with the covariances of stripes, for uncertainty.")
 @options.select
 def draw_map(
     kind: str,
     cubes: tuple[Path, ...],
     output: Path,
     selections: dict[str, Any],
-    **shown: str | None,
+    **shown: str | Path | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
     from knitlab.figures.drawing import draw_figure
 
-    chosen = {name: value for name, value in shown.items() if value is not None}
+    chosen = {name: str(value) for name, value in shown.items() if value is not None}
     click.echo(f"figure  {draw_figure(kind, cubes, output, selections, chosen)}")
 
 
@@ -172,8 +159,7 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
         files, faults = write_page(judgements, output, selections)
         for path in files:
             click.echo(f"{'page' if path == output else 'figure':6}  {path}")
-        for fault in faults:
-            options.echo_problem(fault)
+        options.echo_report([], warnings=faults)
 
 
 @click.command()
@@ -187,9 +173,8 @@ def explore(cubes: tuple[Path, ...], output: Path) -> None:
     """
     from knitlab.api import cubes as api
 
-    page = api.explore(*cubes, output=output)
-    click.echo(f"page    {page}")
-    click.echo(f"{page.stat().st_size / 1e6:.1f} MB", err=True)
+    click.echo(f"page    {api.explore(*cubes, output=output)}")
+    click.echo(f"{output.stat().st_size / 1e6:.1f} MB", err=True)
 
 
 @click.command()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from knitlab.cli import options
+from knitlab.cli.options import COUNT, FILE, PATH, POSITIVE, option
 
 if TYPE_CHECKING:
     from knitlab.laboratory.description import RecordKind
@@ -16,40 +17,30 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
 
 @click.command()
-@click.argument("record", type=options.FILE)
-@click.option("--stripe", "knit", type=click.Choice(["rib", "garter"]), required=True)
-@click.option(
-    "-n", "stitches", type=options.COUNT, required=True, help="Stitches across the stripe."
-)
-@click.option("--period", type=MILLIMETRES, help="Relaxed peak-to-peak distance [mm].")
-@click.option("--gauge-length", type=MILLIMETRES, help="Relaxed length between the clamps [mm].")
-@click.option(
-    "--gauge-stitches",
-    type=options.POSITIVE,
-    help="Stitches along the gauge length; they give the period.",
-)
-@click.option("--width", type=MILLIMETRES, help="Width of the swatch that the force pulls [mm].")
-@click.option(
-    "--thickness", type=MILLIMETRES, help="Thickness of the fabric, for stress over area [mm]."
-)
-@click.option(
-    "--cycle", type=options.COUNT, default=1, help="The cycle whose loading branch is taken."
-)
-@click.option(
+@click.argument("record", type=FILE)
+@option("--stripe knit", kind=["rib", "garter"], required=True)
+@option("-n stitches", "Stitches across the stripe.", COUNT, required=True)
+@option("--period", "Relaxed peak-to-peak distance [mm].", MILLIMETRES)
+@option("--gauge-length", "Relaxed length between the clamps [mm].", MILLIMETRES)
+@option("--gauge-stitches", "Stitches along the gauge length; they give the period.", POSITIVE)
+@option("--width", "Width of the swatch that the force pulls [mm].", MILLIMETRES)
+@option("--thickness", "Thickness of the fabric, for stress over area [mm].", MILLIMETRES)
+@option("--cycle", "The cycle whose loading branch is taken.", COUNT, default=1)
+@option(
     "--cell-size",
-    type=click.Choice(["flat", "relaxed"]),
-    help="Model option to simulate the stripe with. [default: that of params/model.toml]",
+    "Model option to simulate the stripe with. [default: that of params/model.toml]",
+    ["flat", "relaxed"],
 )
-@click.option(
+@option(
     "--law",
-    type=click.Choice(["linear", "stiffening", "tabulated"]),
+    "How the force of a spring grows; others are compared with linear.",
+    ["linear", "stiffening", "tabulated"],
     default="linear",
-    help="How the force of a spring grows; others are compared with linear.",
 )
-@click.option(
+@option(
     "--spring-curve",
-    type=options.FILE,
-    help="Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
+    "Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
+    FILE,
 )
 @options.output(
     "Material file to write, or to add the stripe to, .toml, with figures beside it.",
@@ -62,13 +53,11 @@ def calibrate(
     period: float | None,
     gauge_length: float | None,
     gauge_stitches: float | None,
-    width: float | None,
-    thickness: float | None,
-    cycle: int,
     cell_size: Literal["flat", "relaxed"] | None,
     law: Literal["linear", "stiffening", "tabulated"],
     spring_curve: Path | None,
     output: Path,
+    **swatch: Any,
 ) -> None:
     """Fit k_s, k_t and theta_0 of a stripe to the RECORD of a tensile test of its pure fabric.
 
@@ -85,14 +74,13 @@ def calibrate(
     from knitlab.measure import calibration
     from knitlab.sweep.material import add_stripe
     from knitlab.sweep.parameters import defaults
+    from knitlab.sweep.stripe_covariance import with_period
 
     options.check_toml(output)
     if (law == "tabulated") != (spring_curve is not None):
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
     period = period_of(stitches, period, gauge_length, gauge_stitches)
-    measured = read_tension_record(
-        record, gauge_length=gauge_length, width=width, thickness=thickness, cycle=cycle
-    )
+    measured = read_tension_record(record, gauge_length=gauge_length, **swatch)
     springs: Any = law
     if spring_curve is not None:
         table = read_tension_record(spring_curve)
@@ -100,26 +88,24 @@ def calibrate(
             springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
         except ValueError as error:
             raise fault(str(spring_curve), str(error)) from error
-    curve = (period, measured.strain, measured.force)
+    curve, per_width = (period, measured.strain, measured.force), measured.per_width
     try:
-        fitted = calibration.calibrate(*curve, springs, per_width=measured.per_width)
-        linear = None
-        if law != "linear":
-            linear = calibration.calibrate(*curve, per_width=measured.per_width)
+        fitted = calibration.calibrate(*curve, springs, per_width=per_width)
+        linear = None if law == "linear" else calibration.calibrate(*curve, per_width=per_width)
     except ValueError as error:
         raise fault(str(record), str(error)) from error
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
     compared = calibration.report_comparison(fitted, linear) if linear else []
     read = [f"record   {line}" for line in measured.summary]
-    for line in [title, *read, *calibration.report(fitted), *compared]:
-        click.echo(line)
-    for warning in fitted.warnings:
-        options.echo_problem(warning)
+    options.echo_report([title, *read, *calibration.report(fitted), *compared], fitted.warnings)
     if fitted.usable:
         used_size = cell_size or defaults().model.cell_size
         source = calibration.source_of(fitted, record, used_size)
         stripe = fitted.stripe(knit, stitches, used_size)
-        add_stripe(output, stripe, source, fitted.covariance)
+        covariance = fitted.covariance
+        if used_size == "flat":
+            covariance = with_period(covariance, fitted.values["theta_0"])
+        add_stripe(output, stripe, source, covariance)
         click.echo(f"stripe   {knit} {stitches} in {output}")
     else:
         options.echo_problem("no stripe is written, as this fit cannot be used")
@@ -134,17 +120,14 @@ def import_group() -> None:
 
 
 def _add_import(kind: "RecordKind", records: str) -> None:
-    help = f"Import the {records} described by DESCRIPTION, a TOML file."
-
-    @import_group.command(name=kind, help=help)
-    @click.argument("description", type=options.FILE)
+    @import_group.command(kind, help=f"Import the {records} described by DESCRIPTION, a TOML file.")
+    @click.argument("description", type=FILE)
     @options.results
     def command(description: Path, results: Path) -> None:
-        from knitlab.api import laboratory as api
+        from knitlab.laboratory.experiment import import_records
 
-        imported = api.import_records(kind, description, results=results)
-        for line in imported.summary:
-            click.echo(line)
+        imported = import_records(kind, description, results)
+        options.echo_report(imported.summary)
         click.echo(f"cube    {imported.path}")
 
 
@@ -154,27 +137,27 @@ _add_import("capacitance", "log of an LCR meter")
 
 
 @click.command()
-@click.argument("experiment", type=options.PATH)
+@click.argument("experiment", type=PATH)
 @click.argument("workflow")
 @options.settings
 @options.select
-@click.option(
+@option(
     "--looseness",
-    type=click.FloatRange(min=0, max=2, min_open=True),
+    "Relative standard deviation of the tabulated stripes.",
+    click.FloatRange(0, 2, min_open=True),
     default=0.2,
-    help="Relative standard deviation of the tabulated stripes.",
 )
-@click.option(
+@option(
     "--model-error",
-    type=click.FloatRange(min=0, max=1),
+    "Error of the model, as a fraction of the largest value of a curve.",
+    click.FloatRange(0, 1),
     default=0.01,
-    help="Error of the model, as a fraction of the largest value of a curve.",
 )
-@click.option(
+@option(
     "--starts",
-    type=click.IntRange(min=1, max=64),
+    "Largest number of starts to try until the test is matched.",
+    click.IntRange(1, 64),
     default=4,
-    help="Largest number of starts to try until the test is matched.",
 )
 @options.output("Stripes to write, .toml, with figures beside it.", default=Path("fitted.toml"))
 def fit(
@@ -199,7 +182,6 @@ def fit(
 
     options.check_toml(output)
     cube = selected(open_cube(experiment), selections)
-
     began = time.monotonic()
 
     def report_step(tests: int, chi_squared: float) -> None:
@@ -211,10 +193,7 @@ def fit(
     kept = output.with_suffix(".tests")
     plan = make_plan(workflow, settings)
     fitted = api.fit(cube, plan, step=report_step, kept=kept, **numbers)
-    for line in report(fitted):
-        click.echo(line)
-    for warning in fitted.warnings:
-        options.echo_problem(warning)
+    options.echo_report(report(fitted), fitted.warnings)
     fitted_material(fitted, experiment).write(output)
     shutil.rmtree(kept, ignore_errors=True)
     click.echo(f"stripes  {output}")

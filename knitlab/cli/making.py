@@ -7,16 +7,16 @@ from typing import Any, Literal
 import click
 
 from knitlab.cli import options
+from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
 
 
 @click.command()
-@click.argument("file", metavar="TARGETS.toml", type=options.FILE)
+@click.argument("file", metavar="TARGETS.toml", type=FILE)
 @options.results
-@click.option(
-    "--budget",
+@option(
+    "--budget N|MINUTESmin",
+    "Largest number of simulations of coarse sweep and searches, or a time such as 30min.",
     default="60",
-    metavar="N|MINUTESmin",
-    help="Largest number of simulations of coarse sweep and searches, or a time such as 30min.",
 )
 @options.workers(0)
 @options.table_format
@@ -45,11 +45,11 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     click.echo(formatted(designed.table, style))
     for line in summary(designed):
         click.echo(line, err=style != "table")
-    click.echo(f"cube    {designed.folder / CUBE}", err=True)
-    for path in designed.workflows:
-        click.echo(f"workflow  {path}", err=True)
-    for path in api.draw(designed):
-        click.echo(f"figure  {path}", err=True)
+    files = [f"cube    {designed.folder / CUBE}"]
+    files += [f"workflow  {path}" for path in designed.workflows]
+    files += [f"figure  {path}" for path in api.draw(designed)]
+    for line in files:
+        click.echo(line, err=True)
     options.exit_unless(designed.met)
 
 
@@ -58,43 +58,34 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
 @options.select
 @options.settings
 @options.repeats
-@click.option(
-    "--needles",
-    type=options.COUNT,
-    help="Needles to fill with whole repeats, twice as long as wide.",
-)
-@click.option(
+@option("--needles", "Needles to fill with whole repeats, twice as long as wide.", COUNT)
+@option(
     "--face",
-    type=click.Choice(["front", "back"]),
-    help="Face of the fabric for conductors; by default that to which their ridges point.",
+    "Face of the fabric for conductors; by default that to which their ridges point.",
+    ["front", "back"],
 )
-@options.repeatable(
-    "--machine changes",
+@repeatable(
+    "--machine changes KEY=VALUE",
     "Override a value of params/machine.toml, such as end=drop or model=Kniterate.",
-    metavar="KEY=VALUE",
 )
-@options.repeatable(
+@repeatable(
     "-o --output outputs",
     "File: .k knitout; .svg, .png or .pdf the stitch chart; .csv a table; .txt words for hands.",
-    type=options.FILE,
+    FILE,
 )
-@click.option("--in-the-round", is_flag=True, help="Words for rounds, in place of rows to and fro.")
-@options.repeatable(
-    "--sheet sheets", "File for the specification sheet, .pdf, .svg or .png.", type=options.FILE
-)
-@click.option("--check", is_flag=True, help="Check the knitout, and compare it with the chart.")
+@flag("--in-the-round", "Words for rounds, in place of rows to and fro.")
+@repeatable("--sheet sheets", "File for the specification sheet, .pdf, .svg or .png.", FILE)
+@flag("--check", "Check the knitout, and compare it with the chart.")
 def knit(
     design: str,
     selections: dict[str, Any],
     settings: tuple[str, ...],
-    repeats: tuple[int, int] | None,
-    needles: int | None,
-    face: Any,
     changes: tuple[str, ...],
     outputs: tuple[Path, ...],
     in_the_round: bool,
     sheets: tuple[Path, ...],
     check: bool,
+    **sample_options: Any,
 ) -> None:
     """Chart a design stitch by stitch, and write knitout for a machine.
 
@@ -110,8 +101,8 @@ def knit(
         check_output(path)
     for path in sheets:
         check_figure_suffix(path)
-    single = single_design(design, settings, selections)
-    sample = knitted(single, repeats, needles, face, options.read_machine_values(changes))
+    single, machine = single_design(design, settings, selections), options.machine_values(changes)
+    sample = knitted(single, machine=machine, **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
     for remark in sample.remarks:
@@ -131,18 +122,14 @@ def knit(
 
 
 @click.command("read")
-@click.argument("chart", type=options.FILE)
-@click.option(
+@click.argument("chart", type=FILE)
+@option(
     "--first",
-    type=click.Choice(["bottom", "top"]),
+    "Edge of a text or an image that is knitted first.",
+    ["bottom", "top"],
     default="bottom",
-    help="Edge of a text or an image that is knitted first.",
 )
-@click.option(
-    "--carrier",
-    type=options.COUNT,
-    help="Of knitout, the carrier to read; by default that with most stitches.",
-)
+@option("--carrier", "Of knitout, the carrier to read; by default that with most stitches.", COUNT)
 @options.output("File for the pattern, .toml, for [design] pattern_files.")
 def read(
     chart: Path, first: Literal["bottom", "top"], carrier: int | None, output: Path | None
@@ -157,42 +144,38 @@ def read(
     from knitlab.knitting.patches import pattern_name
     from knitlab.sweep.parameters import defaults
 
-    found = read_chart(chart, first=first, carrier=carrier)
-    for name, value in found.summary(defaults().gauge):
+    chart_read = read_chart(chart, first=first, carrier=carrier)
+    for name, value in chart_read.summary(defaults().gauge):
         click.echo(f"{name:13} {value}")
     if output is not None:
-        click.echo(f"{'pattern':13} {found.save_pattern(output)}")
-        sizes = f"n_stripe={found.n_stripe} --set n_subunit={found.n_subunit}"
+        click.echo(f"{'pattern':13} {chart_read.save_pattern(output)}")
+        sizes = f"n_stripe={chart_read.n_stripe} --set n_subunit={chart_read.n_subunit}"
         pattern = f"pattern_files={output} --set pattern={pattern_name(output)}"
-        start = f" --set garter_start={found.garter_start}" if "G" in found.letters else ""
+        start = (
+            f" --set garter_start={chart_read.garter_start}" if "G" in chart_read.letters else ""
+        )
         run = f"knitlab run periodic --set {pattern} --set {sizes}{start}"
         click.echo(f"{'to run':13} {run}")
-    options.echo_first([f"knitlab: {problem}" for problem in found.problems], err=True)
-    options.exit_unless(not found.problems)
+    options.echo_first([f"knitlab: {problem}" for problem in chart_read.problems], err=True)
+    options.exit_unless(not chart_read.problems)
 
 
 @click.command()
-@click.argument("cube", type=options.PATH)
+@click.argument("cube", type=PATH)
 @options.select
 @options.output(
     "File to write, .vtu, .ply, .obj, .stl or .glb; a series over the strain is .pvd or .fold.",
     required=True,
 )
 @options.repeats
-@click.option("--triangles", is_flag=True, help="Divide every grid cell into two triangles.")
-@click.option(
-    "--thickness",
-    type=float,
-    metavar="MM",
-    help="Thickness of a closed solid, to print; without it the mesh is an open sheet.",
+@flag("--triangles", "Divide every grid cell into two triangles.")
+@option(
+    "--thickness MM",
+    "Thickness of a closed solid, to print; without it the mesh is an open sheet.",
+    float,
 )
 def export(
-    cube: Path,
-    selections: dict[str, Any],
-    output: Path,
-    repeats: tuple[int, int] | None,
-    triangles: bool,
-    thickness: float | None,
+    cube: Path, selections: dict[str, Any], output: Path, repeats: Any, **surface: Any
 ) -> None:
     """Write the shape of one design of CUBE as a mesh for other programs.
 
@@ -201,24 +184,15 @@ def export(
     """
     from knitlab.api import cubes as api
 
-    exported = api.export(
-        cube,
-        output,
-        selections,
-        repeats=repeats or (1, 1),
-        triangles=triangles,
-        thickness=thickness,
-    )
+    exported = api.export(cube, output, selections, repeats=repeats or (1, 1), **surface)
     for strain, mesh, crossing in zip(
         exported.applied_strain, exported.meshes, exported.self_intersections, strict=True
     ):
         corners = {3: "triangles", 4: "quads"}[mesh.faces.shape[1]]
         size = " × ".join(f"{length:.3g}" for length in mesh.size)
-        click.echo(
-            f"applied_strain {strain:g}: {len(mesh.nodes)} nodes, {len(mesh.faces)} {corners},"
-            f" {size} {exported.unit}"
-            + (f", {crossing} pairs of cells pass through each other" if crossing else "")
-        )
+        counts = f"{len(mesh.nodes)} nodes, {len(mesh.faces)} {corners}"
+        crossed = f", {crossing} pairs of cells pass through each other" if crossing else ""
+        click.echo(f"applied_strain {strain:g}: {counts}, {size} {exported.unit}{crossed}")
     click.echo(f"mesh    {exported.files[0]}")
 
 

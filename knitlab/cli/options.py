@@ -3,7 +3,7 @@
 import json
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +16,8 @@ from knitlab.io.errors import BadInput, Fault, fault
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BAD_INPUT = 2
-MATERIAL = "knitlab.material"
-"""Key of the material file in the context of a command."""
-SOME_CASE_NOT_OK = 1
+SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
+MATERIAL = "knitlab.material"  # key of the material file in the context of a command
 MOST_LINES = 20  # largest number of cases that a command lists
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
@@ -49,6 +47,14 @@ class CommandGroup(click.Group):
 def echo_problem(problem: object) -> None:
     """Print a problem on the error stream."""
     click.echo(f"knitlab: {problem}", err=True)
+
+
+def echo_report(lines: Iterable[str], warnings: Iterable[object] = ()) -> None:
+    """Print lines, and warnings on the error stream."""
+    for line in lines:
+        click.echo(line)
+    for warning in warnings:
+        echo_problem(warning)
 
 
 def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool = False) -> None:
@@ -110,7 +116,7 @@ def _two_counts(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def read_machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
+def machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
     """The values of ``--machine`` by key; BadInput with every text that is not ``KEY=VALUE``."""
     from knitlab.sweep.workflow_file import read_overrides
 
@@ -137,43 +143,69 @@ def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:
 
 
 cubes = click.argument("cubes", type=PATH, nargs=-1, required=True)
-results = click.option(
+
+
+def option(names: str, help: str = "", kind: Any = str, **settings: Any) -> Decorator:
+    """An option ``--flag name METAVAR``, of which the last two may lack.
+
+    Its kind is a list of words or a type.
+    """
+    words = names.split()
+    if words[-1][0].isupper():
+        settings["metavar"] = words.pop()
+    kind = click.Choice(kind) if isinstance(kind, list) else kind
+    return click.option(*words, type=kind, help=help, **settings)
+
+
+def flag(names: str, help: str) -> Decorator:
+    """An option without a value."""
+    return click.option(*names.split(), is_flag=True, help=help)
+
+
+def repeatable(names: str, help: str, kind: Any = str, **settings: Any) -> Decorator:
+    """An option that may be given several times."""
+    return option(names, f"{help} Repeatable.", kind, multiple=True, **settings)
+
+
+def output(help: str, **settings: Any) -> Decorator:
+    """The option ``--output`` of a command that writes one file."""
+    return option("-o --output", help, FILE, **settings)
+
+
+def workers(default: int | None, shown: str | bool = True) -> Decorator:
+    """The option ``--workers``, with the default of a command and how to show it."""
+    help = "Worker processes on this machine; 0 runs in this process."
+    return option("--workers", help, COUNT_OR_ZERO, default=default, show_default=shown)
+
+
+results = option(
     "--results",
-    type=FOLDER,
+    "Folder that holds a folder of results for each workflow.",
+    FOLDER,
     default=Path("results"),
-    help="Folder that holds a folder of results for each workflow.",
 )
-repeats = click.option(
-    "--repeats",
-    type=_two_counts,
-    metavar="NxM",
-    help="Repeats of the pattern along the warp and the weft, such as 4x2.",
+repeats = option(
+    "--repeats NxM", "Repeats of the pattern along the warp and the weft, such as 4x2.", _two_counts
 )
-where = click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
-table_format = click.option(
-    "--format", "style", type=click.Choice(["table", "csv", "json"]), default="table"
-)
-
-
-def repeatable(names: str, help: str, **options: Any) -> Decorator:
-    """An option that may be given several times, by its names with spaces between."""
-    return click.option(*names.split(), multiple=True, help=f"{help} Repeatable.", **options)
-
-
-_material = click.option(
+where = option("--where EXPRESSION", "Keep the designs for which this holds.")
+table_format = option("--format style", kind=["table", "csv", "json"], default="table")
+_material = option(
     "--material",
-    type=FILE,
-    help="Material file with the stripes of another yarn, in place of the paper's.",
+    "Material file with the stripes of another yarn, in place of the paper's.",
+    FILE,
     is_eager=True,
     expose_value=False,
     callback=lambda context, _, path: context.meta.update({MATERIAL: path}),
 )
 _settings = repeatable(
-    "--set settings",
+    "--set settings KEY=VALUE",
     "Override a setting of the workflow; a comma makes a list.",
-    metavar="KEY=VALUE",
     callback=lambda context, _, texts: _with_material(context.meta.get(MATERIAL), texts),
 )
+
+
+def _with_material(path: Path | None, texts: tuple[str, ...]) -> tuple[str, ...]:
+    return texts if path is None else (f"material={json.dumps(str(path))}", *texts)
 
 
 def settings(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -181,29 +213,13 @@ def settings(command: Callable[..., Any]) -> Callable[..., Any]:
     return _material(_settings(command))
 
 
-def _with_material(path: Path | None, texts: tuple[str, ...]) -> tuple[str, ...]:
-    return texts if path is None else (f"material={json.dumps(str(path))}", *texts)
-
-
 select = repeatable(
-    "--select selections",
+    "--select selections NAME=VALUE",
     "Keep one value of a coordinate, or several with commas.",
-    metavar="NAME=VALUE",
     callback=lambda _, __, texts: read_selections(texts),
 )
 
 
-def output(help: str, **options: Any) -> Decorator:
-    """The option ``--output`` of a command that writes one file."""
-    return click.option("-o", "--output", type=FILE, help=help, **options)
-
-
-def workers(default: int | None, shown: str | bool = True) -> Decorator:
-    """The option ``--workers``, with the default of a command and how to show it."""
-    return click.option(
-        "--workers",
-        type=COUNT_OR_ZERO,
-        default=default,
-        show_default=shown,
-        help="Worker processes on this machine; 0 runs in this process.",
-    )
+def covariances(help: str) -> Decorator:
+    """The option ``--material`` of a command that takes the covariances of its stripes."""
+    return option("--material FILE", help, FILE)

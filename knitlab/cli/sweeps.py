@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from knitlab.cli import options
+from knitlab.cli.options import COUNT_OR_ZERO, FOLDER, PATH, POSITIVE, flag, option
 
 if TYPE_CHECKING:
     from knitlab.io.errors import Fault
@@ -16,11 +17,11 @@ if TYPE_CHECKING:
 
 def workflow_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the argument and options that name a workflow and its results."""
-    scale_option = click.option(
+    scale_option = option(
         "--scale",
-        type=click.FloatRange(min=0, max=1, min_open=True),
+        "Fraction of the needles that a sample is knitted on; short for --set scale=.",
+        click.FloatRange(0, 1, min_open=True),
         callback=lambda _, __, scale: () if scale is None else (f"scale={scale:g}",),
-        help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
     )
     return click.argument("workflow")(options.settings(scale_option(options.results(command))))
 
@@ -45,10 +46,9 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
             f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
             f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
         )
-        cases = [(case_id, made.cases[case_id]) for case_id in batch.cases]
         lines = [
             f"{case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}"
-            for case_id, case in cases
+            for case_id, case in ((case_id, made.cases[case_id]) for case_id in batch.cases)
         ]
         options.echo_first(lines, indent="  ")
     if len(made.batches) > options.MOST_LINES:
@@ -87,36 +87,27 @@ def _echo_excluded(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str])
 def _echo_files(folder: Path, figures: Iterable[Path]) -> None:
     from knitlab.cube.cube_file import CUBE
 
-    click.echo(f"cube    {folder / CUBE}")
-    for path in figures:
-        click.echo(f"figure  {path}")
+    options.echo_report([f"cube    {folder / CUBE}", *(f"figure  {path}" for path in figures)])
 
 
 @click.command()
 @workflow_options
 @options.workers(None, shown="all cores, for several batches")
-@click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
-@click.option(
-    "--retries",
-    type=options.COUNT_OR_ZERO,
-    default=0,
-    help="How often to repeat a batch that raised an error.",
-)
-@click.option(
+@option("--scheduler ADDRESS", "Use this dask scheduler instead.")
+@option("--retries", "How often to repeat a batch that raised an error.", COUNT_OR_ZERO, default=0)
+@option(
     "--keep-going/--fail-fast",
+    "Whether to continue after a case that is not ok.",
+    bool,
     default=True,
-    help="Whether to continue after a case that is not ok.",
 )
-@click.option(
-    "--case-timeout", type=options.POSITIVE, metavar="SECONDS", help="Longest time for one case."
+@option("--case-timeout SECONDS", "Longest time for one case.", POSITIVE)
+@flag("--refresh", "Recompute stale results.")
+@option(
+    "--shard NUMBER/COUNT",
+    "Run one part of the plan, as 3/40, beside processes that run the others.",
 )
-@click.option("--refresh", is_flag=True, help="Recompute stale results.")
-@click.option(
-    "--shard",
-    metavar="NUMBER/COUNT",
-    help="Run one part of the plan, as 3/40, beside processes that run the others.",
-)
-@click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
+@flag("--dashboard", "Open dask's dashboard on this machine.")
 def run(
     workflow: str,
     results: Path,
@@ -141,11 +132,9 @@ def run(
     own_shard = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, overrides)
     _echo_warnings(made)
-    chosen = RunOptions(
-        fail_fast=not keep_going, shard=own_shard, show_progress=True, **run_options
-    )
+    run_options |= {"fail_fast": not keep_going, "shard": own_shard, "show_progress": True}
     folder = results / made.workflow
-    done = run_plan(made, folder, chosen)
+    done = run_plan(made, folder, RunOptions(**run_options))
     drawn: list[Path] = []
     faults: list[Fault] = []
     if own_shard is None:
@@ -160,8 +149,7 @@ def run(
         _echo_files(folder, drawn)
     else:
         click.echo("other shards still run; the last one to end writes the cube")
-    for fault in faults:
-        options.echo_problem(fault)
+    options.echo_report([], warnings=faults)
     for line in done.remarks(made.dims, folder):
         click.echo(line, err=True)
     options.exit_unless(done.all_ok)
@@ -188,15 +176,14 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=options.PATH)
-@click.option(
-    "-o",
-    "--results",
-    type=options.FOLDER,
+@click.argument("folders", nargs=-1, required=True, type=PATH)
+@option(
+    "-o --results",
+    "Folder that holds a folder of results for each workflow; what is there is kept.",
+    FOLDER,
     default=Path("results"),
-    help="Folder that holds a folder of results for each workflow; what is there is kept.",
 )
-@click.option("--any-code", is_flag=True, help="Join results of different code.")
+@flag("--any-code", "Join results of different code.")
 def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     """Join the results in FOLDERS, as of shards that ran on several machines.
 
@@ -218,16 +205,16 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
 @click.command()
 @click.argument("workflow")
 @options.results
-@click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, for scripts.")
+@flag("--check", "Compare every case file with its checksum.")
+@flag("--json as_json", "Print JSON, for scripts.")
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     """Show the status of the cases of the last plan of WORKFLOW.
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.sweep.results_folder import workflow_status
+    from knitlab.sweep import results_folder
 
-    state = workflow_status(workflow, results, check)
+    state = results_folder.status(workflow, results=results, check=check)
     if as_json:
         click.echo(json.dumps(state.record(), indent=1))
         return
@@ -251,9 +238,9 @@ def reproduce(case_id: str, results: Path) -> None:
     CASE_ID may be the first characters of an identifier. The results are compared with the case
     file, if there is one.
     """
-    from knitlab.api.sweeps import reproduce as reproduce_case
+    from knitlab.sweep import reproduce as case_again
 
-    options.exit_unless(reproduce_case(case_id, results=results, report=click.echo))
+    options.exit_unless(case_again.reproduce(case_id, results=results, report=click.echo))
 
 
 COMMANDS = (plan, run, merge, status, reproduce)

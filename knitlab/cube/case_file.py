@@ -45,22 +45,16 @@ def checksum_path(results: Path, case_id: str) -> Path:
 
 
 def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
-    """Write a case file and its checksum, each atomically; CannotWrite if that fails.
-
-    The format is netCDF's classic one: of some fifty small variables each costs more than its
-    numbers in that of HDF5. The checksum is first, so that a case file without one is damaged.
-    """
-    contents = bytes(
-        dataset.to_netcdf(
-            engine="scipy", format="NETCDF3_64BIT", encoding=encoding(dataset, compressed=False)
-        )
-    )
+    """Write a case file and its checksum, each atomically; CannotWrite if that fails."""
+    # The classic format: in HDF5 each of some fifty small variables costs more than its numbers.
+    stored = encoding(dataset, compressed=False)
+    contents = bytes(dataset.to_netcdf(engine="scipy", format="NETCDF3_64BIT", encoding=stored))
     path = case_path(results, case_id)
-    checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n"
-    with atomic_write(checksum_path(results, case_id)) as temporary:
-        temporary.write_bytes(checksum.encode())
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(contents)
+    checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n".encode()
+    # The checksum is first, so that a case file without one is damaged.
+    for file, written in ((checksum_path(results, case_id), checksum), (path, contents)):
+        with atomic_write(file) as temporary:
+            temporary.write_bytes(written)
 
 
 def check_case_file(results: Path, case_id: str) -> StoredCase:
@@ -115,10 +109,9 @@ def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
     if case.attrs.get(LENGTHS) or not set(names) <= set(design):
         return case
     cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
-    areas = cloth_x * cloth_y / (network_x * network_y)
-    if not 0 < areas < math.inf:
+    factor = math.sqrt(cloth_x * cloth_y / (network_x * network_y))
+    if not 0 < factor < math.inf:
         return case
-    factor = math.sqrt(areas)
     with xr.set_options(keep_attrs=True):
         scaled = {name: factor * case[name] for name in SHAPES if name in case}
     return case.assign(scaled).assign_attrs({LENGTHS: "cloth", LENGTH_FACTOR: factor})

@@ -7,20 +7,15 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import is_measured, source_of, swept_dims
-from knitlab.cube.schema import CYCLE, DESIGN_DIMS, RUN, VARIABLES, Status
+from knitlab.cube.cube_file import is_measured, parameters_of, source_of, swept_dims
+from knitlab.cube.schema import CYCLE, DESIGN_DIMS, RUN, STRAIN, VARIABLES, Status
 from knitlab.cube.selection import choices
 from knitlab.io.errors import fault
 
 COMPARED = (
-    "mean_strain_xx",
-    "mean_strain_yy",
-    "poisson_ratio",
-    "reaction_force",
+    *("mean_strain_xx", "mean_strain_yy", "poisson_ratio", "reaction_force"),
     "capacitance_ratio",
-)
-"""Curves along the applied strain that can be compared."""
+)  # curves along the applied strain
 
 
 class CurveDifference(NamedTuple):
@@ -90,13 +85,12 @@ def _rows(simulation: xr.Dataset, experiment: xr.Dataset) -> Iterator[dict[str, 
         if CYCLE in measured.coords:
             labels[CYCLE] = int(measured[CYCLE])
         for name in (name for name in COMPARED if name in simulated and name in measured):
-            curve = simulated[name].dropna("applied_strain")
+            curve = simulated[name].dropna(STRAIN)
             if name == "reaction_force":
-                cells = simulated["strain_yy"].notnull().any(["applied_strain", "cell_y"])
+                cells = simulated["strain_yy"].notnull().any([STRAIN, "cell_y"])
                 curve = curve * (across / int(cells.sum()))
             at, values, errors = _at_measured_strains(name, curve, measured)
-            differing = difference(at, values, errors)
-            if differing is not None:
+            if (differing := difference(at, values, errors)) is not None:
                 yield {
                     "source": source_of(experiment),
                     **labels,
@@ -111,16 +105,14 @@ def _at_measured_strains(
     name: str, curve: xr.DataArray, measured: xr.Dataset
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Simulated and measured values of a curve, and standard errors; NaN where unknown."""
-    values, strains = measured[name].values, measured["applied_strain"].values
-    errors = at = np.full(values.shape, np.nan)
+    values, unknown = measured[name].values, np.nan * measured[name]
+    at: np.ndarray = unknown.values
     if curve.size:
-        at = np.interp(strains, curve["applied_strain"], curve, left=np.nan, right=np.nan)
-    if name == "capacitance_ratio" and "capacitance_error" in measured:
-        errors = measured["capacitance_error"].values * values
-    elif f"{name}_error" in measured:
-        errors = measured[f"{name}_error"].values
-    both = np.flatnonzero(np.isfinite(at) & np.isfinite(values))
-    if name == "capacitance_ratio" and len(both):
-        first = both[0]
-        at, values, errors = at / at[first], values / values[first], errors / values[first]
-    return at, values, errors
+        at = np.interp(measured[STRAIN].values, curve[STRAIN], curve, left=np.nan, right=np.nan)
+    if name != "capacitance_ratio":
+        return at, values, measured.get(f"{name}_error", unknown).values
+    errors = measured.get("capacitance_error", unknown).values * values
+    first = next(iter(np.flatnonzero(np.isfinite(at) & np.isfinite(values))), None)
+    if first is None:
+        return at, values, errors
+    return at / at[first], values / values[first], errors / values[first]

@@ -19,18 +19,10 @@ from knitlab.cube.strain_window import reduced_columns
 from knitlab.io.errors import fault, unknown
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.And: operator.and_,
-    ast.Or: operator.or_,
+    **{ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge},
+    **{ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.And: operator.and_, ast.Or: operator.or_},
+    **{ast.Add: operator.add, ast.Sub: operator.sub},
+    **{ast.Mult: operator.mul, ast.Div: operator.truediv},
 }
 NOT_A_NUMBER = ("nan", "none", "null")
 ALLOWED = (
@@ -131,11 +123,8 @@ class _Evaluation:
                 truths = [self._compared(ast.Eq, node.left, choice) for choice in choices.elts]
                 return reduce(operator.or_, truths, False)
             case ast.Compare(ops=ops) if all(type(op) in OPERATIONS for op in ops):
-                sides = pairwise([node.left, *node.comparators])
-                truths = [
-                    self._compared(type(op), *two) for op, two in zip(ops, sides, strict=True)
-                ]
-                return reduce(operator.and_, truths)
+                sides = zip(ops, pairwise([node.left, *node.comparators]), strict=True)
+                return reduce(operator.and_, (self._compared(type(op), *two) for op, two in sides))
         problem = f"contains {type(node).__name__}, which is not allowed; use {ALLOWED}"
         raise fault(self.where, problem)
 

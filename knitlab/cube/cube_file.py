@@ -1,19 +1,24 @@
-"""Cube files: opening, writing and joining cubes, and the dimensions of their designs."""
+"""Cube files: opening, writing and joining cubes, their dimensions and common settings."""
 
+import json
+from collections.abc import Collection, Iterable
 from contextlib import suppress
+from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import xarray as xr
 
 from knitlab.cube import schema
-from knitlab.cube.derived import with_derived
-from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES
+from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.lock import is_locked
 
 CUBE = "cube.nc"
+ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
+OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
 
 
@@ -50,6 +55,37 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     return with_derived(read_cube(path, lazily=lazily))
 
 
+def with_derived(cube: xr.Dataset) -> xr.Dataset:
+    """The cube with force, stiffness and energy over a side of the cloth, recovery and validity.
+
+    They are in no file, but for ``force_per_width`` of an experiment, which is that of its records.
+    """
+    derived: dict[str, xr.DataArray] = {}
+    force = cube.get("force_per_width")
+    if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
+        width = cube["knit_cell_x"] * cube["unit_cells_x"]
+        if "load_direction" in cube:
+            length = cube["knit_cell_y"] * cube["unit_cells_y"]
+            angle = np.deg2rad(cube["load_direction"].fillna(90))
+            width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
+        force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)
+        derived["force_per_width"] = force
+    if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:
+        derived["tangent_stiffness"] = force.differentiate(STRAIN)
+        derived["stretch_energy"] = force.cumulative_integrate(STRAIN)
+    back = cube.get("reaction_force_unloading")
+    if back is not None and cube.sizes.get(STRAIN, 0) > 1:
+        stored, returned = (each.integrate(STRAIN) for each in (cube["reaction_force"], back))
+        derived["energy_recovery"] = returned / stored
+    needed = {"self_intersections", "applied_strain_at_min"}
+    if "intersections_at_min" not in cube and needed <= set(cube):
+        at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9
+        derived["intersections_at_min"] = cube["self_intersections"].where(at_min).max(STRAIN)
+    return cube.assign(
+        {name: values.assign_attrs(VARIABLES[name].attributes) for name, values in derived.items()}
+    )
+
+
 def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """The variables in the file of a cube; otherwise as :func:`open_cube`.
 
@@ -70,11 +106,8 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     if "status" in cube:
         cube = _in_order(cube)
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
-        raise fault(
-            str(path),
-            f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)};"
-            " give a cube.nc or a results folder",
-        )
+        problem = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
+        raise fault(str(path), f"{problem}; give a cube.nc or a results folder")
     return cube
 
 
@@ -86,13 +119,9 @@ def _in_order(cube: xr.Dataset) -> xr.Dataset:
     dims = design_dims(cube)
     base = next((base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if {*base} <= {*dims}), ())
     order = dict.fromkeys((*base, *dims, *schema.COORDINATES))
-    unsorted = [
-        dim
-        for dim, labels in cube.indexes.items()
-        if dim in schema.COORDINATES
-        and labels.dtype.kind in "fiu"
-        and not labels.is_monotonic_increasing
-    ]
+    numbers = [dim for dim in schema.COORDINATES if dim in cube.indexes]
+    numbers = [dim for dim in numbers if cube.indexes[dim].dtype.kind in "fiu"]
+    unsorted = [dim for dim in numbers if not cube.indexes[dim].is_monotonic_increasing]
     return cube.sortby(unsorted).transpose(*order, ..., missing_dims="ignore")
 
 
@@ -152,9 +181,10 @@ def is_measured(cube: xr.Dataset) -> bool:
 
 def model_options(cube: xr.Dataset) -> dict[str, Any]:
     """The model options that all designs of a cube share, by name."""
-    stated = {str(name): value for name, value in cube.attrs.items()}
-    names = [name for name in stated if name.startswith(OPTION)]
-    return {name.removeprefix(OPTION): stated[name] for name in names}
+    stated = {
+        str(name): value for name, value in cube.attrs.items() if str(name).startswith(OPTION)
+    }
+    return {name.removeprefix(OPTION): value for name, value in stated.items()}
 
 
 def is_case(dataset: xr.Dataset) -> bool:
@@ -167,3 +197,62 @@ def as_cube(case: xr.Dataset) -> xr.Dataset:
     dims = [str(name) for name, each in case.coords.items() if not each.dims]
     names = [name for name in case.data_vars if VARIABLES[str(name)].in_cube]
     return case[names].expand_dims(dims)
+
+
+class SettingDifference(NamedTuple):
+    """A setting, by its key and those of the tables around it, that has two values."""
+
+    key: tuple[str, ...]
+    before: Any
+    after: Any
+
+    def __str__(self) -> str:
+        name = ".".join(self.key)
+        known = not isinstance(self.before, list)
+        return f"{name} was {self.before}, is {self.after}" if known else name
+
+
+def common_settings(
+    records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
+) -> dict[str, Any]:
+    """Settings that all records share, but for swept ones, with the fingerprint of the stripes."""
+    # Converted to JSON, so that they can be compared with those of a cube.
+    common: dict[str, Any] = reduce(shared, json.loads(json.dumps(list(records))))
+    kept = {
+        key: {name: inner for name, inner in value.items() if name not in swept}
+        if isinstance(value, dict)
+        else value
+        for key, value in common.items()
+        if key not in {*OF_DESIGNS, *swept}
+    }
+    return kept | {"stripes": stripes}
+
+
+def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
+    """The common settings in the attributes of a cube."""
+    stated: dict[str, Any] = json.loads(cube.attrs.get(ATTRIBUTE, "{}"))
+    return stated
+
+
+def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """The common entries of two records, including those of nested tables."""
+    both: dict[str, Any] = {}
+    for key in (key for key in one if key in other):
+        tables = isinstance(one[key], dict) and isinstance(other[key], dict)
+        if tables or one[key] == other[key]:
+            both[key] = shared(one[key], other[key]) if tables else one[key]
+    return both
+
+
+def differences(
+    one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
+) -> tuple[SettingDifference, ...]:
+    """Where records, within tables of some keys, differ under the same key, sorted as sentences."""
+    changed: list[SettingDifference] = []
+    for key in one.keys() & other.keys():
+        before, after = one[key], other[key]
+        if isinstance(before, dict) and isinstance(after, dict):
+            changed += differences(before, after, (*within, key))
+        elif before != after:
+            changed.append(SettingDifference((*within, key), before, after))
+    return tuple(sorted(changed, key=str))

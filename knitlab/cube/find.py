@@ -10,10 +10,19 @@ from jaxtyping import Float
 
 from knitlab.cube.condition import computed
 from knitlab.cube.cube_file import design_dims
+from knitlab.cube.probability import (
+    DEVIATES,
+    check_tolerance,
+    column,
+    is_met,
+    numbers_of,
+    with_deviations,
+)
 from knitlab.cube.query import designs_of_all
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
 from knitlab.cube.target import Target, check_window
+from knitlab.cube.uncertainty import Stripes
 from knitlab.io.errors import fault, unknown
 
 Numbers = Float[np.ndarray, " design"]
@@ -33,6 +42,7 @@ class Reached:
     worst: Numbers  # the same of the worst of a design's siblings, if these are known
     in_spread: np.ndarray  # whether these overlap the target at every strain: yes, no, or unknown
     band: tuple[np.ndarray, ...] = ()  # their lowest and highest values; empty for one number
+    met: Float[np.ndarray, "design sample"] | None = None  # whether samples of stripes meet it
 
     def __repr__(self) -> str:
         return f"<Reached {self.target.text}: {len(self.obtained)} designs, {len(self.at)} strains>"
@@ -48,7 +58,8 @@ class Reached:
 
     def in_order(self, order: np.ndarray) -> "Reached":
         """The candidates in another order, or a subset of them."""
-        names = ("values", "obtained", "off_by", "worst", "in_spread")
+        names = ["values", "obtained", "off_by", "worst", "in_spread"]
+        names += [] if self.met is None else ["met"]
         ordered = {name: getattr(self, name)[order] for name in names}
         return replace(self, **ordered, band=tuple(edge[order] for edge in self.band))
 
@@ -76,18 +87,24 @@ def find_designs(
     targets: Sequence[Target],
     subject_to: Sequence[Target] = (),
     most: int | None = None,
+    stripes: Stripes | None = None,
 ) -> Found:
     """Rank the designs of cubes along the same dimensions by their distance from targets.
 
     The distance is the root mean square of the distances from each target, each over its
     tolerance or, without one, over the scatter of that variable among the designs. At most ``most``
-    are kept, of those that meet the targets of ``subject_to``. BadInput if there is no target or no
-    design that is ok, or if the cubes lack a variable.
+    are kept, of those that meet the targets of ``subject_to``. With uncertain ``stripes`` designs
+    are ranked by the probability that they meet all of both, which no design must. BadInput if
+    there is no target or no design that is ok, or if the cubes lack a variable.
     """
     if not targets:
         raise fault("targets", "none is given; give a target")
     if not cubes:
         raise fault("cubes", "none is given; name a cube or its results folder")
+    if stripes is not None:
+        for target in (*targets, *subject_to):
+            check_tolerance(target)
+        cubes = with_deviations(cubes, stripes)
     expressions = [target for target in (*targets, *subject_to) if not target.name.isidentifier()]
     known = with_columns(cubes, [target.name for target in expressions])
     designs = designs_of_all(known)
@@ -98,25 +115,31 @@ def find_designs(
     for target in expressions:
         values = computed(target.name, designs, f"target {target.text}")
         designs = designs.assign(**{target.name: values})
-    required = [_reached(cubes, designs, target) for target in subject_to]
-    reached = [_reached(cubes, designs, target) for target in targets]
+    sampled = stripes is not None
+    required = [_reached(cubes, designs, target, sampled) for target in subject_to]
+    reached = [_reached(cubes, designs, target, sampled) for target in targets]
     allowed = np.all([constraint.off_by == 0 for constraint in required], axis=0)
     distances = np.stack([each.off_by / each.scale for each in reached])
     distance = np.sqrt(np.mean(distances**2, axis=0))
     known = np.isfinite(distance)
-    order = np.argsort(np.where(allowed & known, distance, np.inf), kind="stable")
-    order = order[: int((allowed & known).sum())][:most]
+    probability = np.zeros(len(designs))
+    if stripes is not None:
+        met = [each.met for each in (*reached, *required) if each.met is not None]
+        probability = np.prod(met, axis=0).mean(axis=1)
+        allowed = np.full(len(designs), True)
+    ranked = np.lexsort((np.where(allowed & known, distance, np.inf), -probability))
+    order = ranked[(allowed & known)[ranked]][:most]
     passed_over = {
         "not ok": int((~ok).sum()),
         "do not meet what they are subject to": int((~allowed).sum()),
         "have no value at the strains of a target": int((allowed & ~known).sum()),
     }
     labels = [*design_dims(cubes[0]), *(name for name in ("cube", "boundary") if name in designs)]
-    table = designs[labels].iloc[order].reset_index(drop=True)
-    table["distance"] = distance[order]
-    if CROSSINGS in designs and (crossings := designs[CROSSINGS].iloc[order]).fillna(0).any():
-        # No real fabric passes through itself.
-        table[CROSSINGS] = crossings.to_numpy()
+    nearest = designs.iloc[order].reset_index(drop=True)
+    ranked_by = {} if stripes is None else {"probability": probability[order]}
+    table = nearest[labels].assign(**ranked_by, distance=distance[order])
+    if CROSSINGS in nearest and nearest[CROSSINGS].fillna(0).any():
+        table[CROSSINGS] = nearest[CROSSINGS]  # no real fabric passes through itself
     ordered = tuple(each.in_order(order) for each in reached)
     for number, each in enumerate(ordered, start=1):
         table[f"value_{number}"] = each.obtained
@@ -127,15 +150,19 @@ def find_designs(
     return Found(table, ordered, {reason: count for reason, count in passed_over.items() if count})
 
 
-def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target) -> Reached:
+def _reached(
+    cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target, sampled: bool
+) -> Reached:
     source = f"target {target.text}"
     check_window(target, _lies_along_strain(cubes, designs, target.name, source), source)
     if target.window is None:
         # NaN where a cube does not have it.
         values, none = designs[target.name].to_numpy(float, na_value=np.nan), np.zeros(0)
-        off_by = target.excess(values, none)
+        off_by = abs(target.departure(values, none))
         in_spread = np.full(len(values), "unknown")
-        return Reached(target, none, values[:, None], values, off_by, off_by, in_spread)
+        changes = numbers_of(designs, target.name)
+        met = is_met(target, none, values[:, None], changes) if sampled else None
+        return Reached(target, none, values[:, None], values, off_by, off_by, in_spread, (), met)
     target.window.check_within(cubes, source)
     at, curves = _curves(cubes, target.name, target.window)
     band = [
@@ -144,15 +171,14 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
         if any(name in cube for cube in cubes)
     ]
     read = [curves, *band]
-    if target.reduction is None:
-        obtained = REDUCTIONS["mean"](at, curves)
-        excess = [target.excess(item, at) for item in read]
-        off_by, worst = (root_mean_square(at, item) for item in (excess[0], np.fmax.reduce(excess)))
-    else:
+    obtained = REDUCTIONS[target.reduction or "mean"](at, curves)
+    if target.reduction is not None:
         read = [REDUCTIONS[target.reduction](at, item)[:, None] for item in read]
-        obtained = read[0][:, 0]
-        excess = [target.excess(item, at)[:, 0] for item in read]
-        off_by, worst = excess[0], np.fmax.reduce(excess)
+    distances = [abs(target.departure(item, at)) for item in read]
+    off_by, worst = (
+        root_mean_square(at, item) if target.reduction is None else item[:, 0]
+        for item in (distances[0], np.fmax.reduce(distances))
+    )
     in_spread = np.full(len(curves), "unknown")
     if band:
         lowest, highest = np.minimum(*read[1:]), np.maximum(*read[1:])
@@ -160,7 +186,15 @@ def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target)
         overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
         known = np.isfinite(lowest).all(axis=1)
         in_spread = np.select([~known, overlaps], ["unknown", "yes"], "no")
-    return Reached(target, at, curves, obtained, off_by, worst, in_spread, tuple(band))
+    met = None
+    if sampled:
+        names = [column(target.name, number) for number in range(DEVIATES)]
+        uncertain = any(names[0] in cube for cube in cubes)
+        read = [
+            _curves(cubes, name, target.window)[1] if uncertain else 0 * curves for name in names
+        ]
+        met = is_met(target, at, curves, np.array(read))
+    return Reached(target, at, curves, obtained, off_by, worst, in_spread, tuple(band), met)
 
 
 def _lies_along_strain(

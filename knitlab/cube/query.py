@@ -10,8 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from knitlab.cube.condition import computed, holds, no_column
-from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path, with_derived
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.strain_window import with_columns
@@ -22,8 +21,7 @@ MAIN_COLUMNS = (
     *("intersections_at_min", "sensitivity", "working_range", "knit_cell_x", "knit_cell_y"),
 )  # that the command line shows unless asked for others, after what tells rows apart
 MOST_MAIN_COLUMNS = 8
-STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
-"""Columns that are shown only on request."""
+ON_REQUEST = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]  # columns
 
 
 @xr.register_dataset_accessor("knitlab")
@@ -181,7 +179,7 @@ def main_columns(table: pd.DataFrame, asked: Sequence[str] = ()) -> list[str]:
 
     Those that were ``asked`` for, as by a condition, are among them.
     """
-    first = list(table.columns[: list(table.columns).index("status") + 1])
+    first = [str(name) for name in table.loc[:, :"status"]]
     varying = [name for name in first if name not in ("cube", SOURCE) or table[name].nunique() > 1]
     wanted = [*varying, *asked, *MAIN_COLUMNS]
     present = dict.fromkeys(name for name in wanted if name in table.columns)
@@ -197,7 +195,7 @@ def queried(
     """The rows for which a condition holds, sorted, with some columns, by default most."""
     names = [key.removeprefix("-") for key in sort]
     asked = [(f"columns {name}", name) for name in columns or ()]
-    asked += [(f"sort {key}", name) for key, name in zip(sort, names, strict=True)]
+    asked += [(f"sort {key}", key.removeprefix("-")) for key in sort]
     for source, name in asked:
         # An expression such as reaction_force / knit_cell_x.
         if name not in table.columns and not name.isidentifier():
@@ -213,7 +211,7 @@ def queried(
         # Rows of several cubes must be told apart.
         cube = ["cube"] if "cube" in table and table["cube"].nunique() > 1 else []
         return table[list(dict.fromkeys([*cube, *columns]))]
-    return table.drop(columns=[name for name in STRIPE_NUMBERS if name in table])
+    return table.drop(columns=ON_REQUEST, errors="ignore")
 
 
 def variables_table(cubes: Sequence[xr.Dataset]) -> pd.DataFrame:

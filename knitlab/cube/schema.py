@@ -62,6 +62,7 @@ DESIGN_DIMS = ("n_stripe", "n_subunit")  # dimensions of a cube of checkerboards
 STRIPE_DIMS = ("knit", "n", "boundary")
 STRAIN = "applied_strain"  # dimension of curves
 CYCLE = "cycle"  # dimension of an experiment with several cycles
+SAMPLE = "sample"  # dimension of settings that a workflow changes together
 SOURCE = "source"  # coordinate that states the source of a cube
 SIMULATION = "simulation"  # source of a simulated cube; that of an experiment is its name
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.schema import INTEGERS, STRAIN
-from knitlab.cube.strain_window import StrainWindow
+from knitlab.cube.strain_window import interpolated
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
@@ -40,26 +40,20 @@ def _with_strains(cube: xr.Dataset, wanted: list[Any]) -> xr.Dataset:
     )
     if not between:
         return cube
+    above = np.searchsorted(strains, between)
     moved = {}
     for name, variable in cube.data_vars.items():
         if STRAIN in variable.dims:
-            dims = [*(dim for dim in variable.dims if dim != STRAIN), STRAIN]
-            values = np.asarray(variable.transpose(*dims).values, float)
-            curves = values.reshape(-1, len(strains))
-            read = np.stack([_read(name, strains, curves, at) for at in between], axis=1)
-            moved[name] = (dims, read.reshape(*values.shape[:-1], len(between)), variable.attrs)
+            curves = variable.astype(float).transpose(..., STRAIN)
+            low, high = curves.values[..., above - 1], curves.values[..., above]
+            read = np.where(low == high, low, np.nan)
+            if name not in INTEGERS:
+                read = interpolated(strains, curves.values, np.array(between))
+            moved[name] = (curves.dims, read, variable.attrs)
     further = cube.drop_vars(moved).isel({STRAIN: [0] * len(between)})
     further = further.assign_coords({STRAIN: (STRAIN, between, cube[STRAIN].attrs)}).assign(moved)
     both = xr.concat([cube, further], STRAIN, data_vars="minimal", coords="minimal")
     return both.sortby(STRAIN).assign_attrs(cube.attrs)
-
-
-def _read(name: Hashable, strains: np.ndarray, curves: np.ndarray, at: float) -> np.ndarray:
-    above = int(np.searchsorted(strains, at))
-    if name in INTEGERS:
-        low, high = curves[:, above - 1], curves[:, above]
-        return np.where(low == high, low, np.nan)
-    return StrainWindow(at, at).read(strains, curves)[1][:, 0]
 
 
 def _number(value: Any) -> float:

@@ -38,7 +38,7 @@ class StrainWindow:
     def of(cls, text: str, source: str) -> "StrainWindow":
         """The window ``STRAIN`` or ``STRAIN:STRAIN`` of a text; BadInput names its source."""
         try:
-            start, *rest = (float(part) for part in text.split(":"))
+            start, *rest = (float(strain) for strain in text.split(":"))
             (stop,) = rest or (start,)
         except ValueError:
             example = "give one strain or two, such as 0.05:0.25"
@@ -58,37 +58,44 @@ class StrainWindow:
     def read(
         self, strains: Float[np.ndarray, " grid"], values: Curves
     ) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, "design point"]]:
-        """Strains of the window, and curves at these, linear between their own ascending strains.
-
-        Curves are NaN where unknown. A variable without a value in the relaxed state, such as
-        Poisson's ratio, takes that of the first strain.
-        """
-        values = without_gap_at_zero(strains, values)
+        """Strains of the window, and curves at these."""
         if self.single:
             at = np.array([self.start])
         else:
             inside = strains[(strains > self.start) & (strains < self.stop)]
             at = np.union1d(np.linspace(self.start, self.stop, PARTS + 1), inside)
-        if len(strains) == 1:
-            return at, np.where(np.isclose(at, strains[0]), values, np.nan)
-        upper = np.clip(np.searchsorted(strains, at), 1, len(strains) - 1)
-        lower = upper - 1
-        along = (at - strains[lower]) / (strains[upper] - strains[lower])
-        # A simulated strain is not interpolated, as its neighbour may be missing.
-        near = np.rint(along)
-        along = np.where(np.isclose(along, near, 0, 1e-9), near, along)
-        below = np.where(along < 1, values[:, lower], 0)
-        above = np.where(along > 0, values[:, upper], 0)
-        read = below * (1 - along) + above * along
-        return at, np.where((along < 0) | (along > 1), np.nan, read)
+        return at, interpolated(strains, values, at)
 
 
-def without_gap_at_zero(strains: Float[np.ndarray, " grid"], values: Curves) -> Curves:
+def interpolated(
+    strains: Float[np.ndarray, " grid"], values: np.ndarray, at: Float[np.ndarray, " point"]
+) -> np.ndarray:
+    """Curves, along the last axis, linear between ascending strains; NaN where unknown.
+
+    A variable without a value in the relaxed state, such as Poisson's ratio, takes that of the
+    first strain.
+    """
+    values = without_gap_at_zero(strains, values)
+    if len(strains) == 1:
+        return np.where(np.isclose(at, strains[0]), values, np.nan)
+    upper = np.clip(np.searchsorted(strains, at), 1, len(strains) - 1)
+    lower = upper - 1
+    along = (at - strains[lower]) / (strains[upper] - strains[lower])
+    # A simulated strain is not interpolated, as its neighbour may be missing.
+    near = np.rint(along)
+    along = np.where(np.isclose(along, near, 0, 1e-9), near, along)
+    below = np.where(along < 1, values[..., lower], 0)
+    above = np.where(along > 0, values[..., upper], 0)
+    read = below * (1 - along) + above * along
+    return np.where((along < 0) | (along > 1), np.nan, read)
+
+
+def without_gap_at_zero(strains: Float[np.ndarray, " grid"], values: np.ndarray) -> np.ndarray:
     """Curves whose missing values at zero strain are those of the next strain."""
-    if len(strains) < 2 or strains[0] != 0:
-        return values
-    first = np.where(np.isnan(values[:, :1]), values[:, 1:2], values[:, :1])
-    return np.concatenate([first, values[:, 1:]], axis=1)
+    values = np.array(values)
+    if len(strains) > 1 and strains[0] == 0:
+        values[..., 0] = np.where(np.isnan(values[..., 0]), values[..., 1], values[..., 0])
+    return values
 
 
 def _mean(at: np.ndarray, curves: Curves) -> Numbers:
@@ -147,13 +154,13 @@ def root_mean_square(at: np.ndarray, curves: Curves) -> Numbers:
 
 
 def reduced_columns(text: str) -> list[str]:
-    """The parts of a condition, or of another text, that name a reduced column."""
+    """The reduced columns that a condition, or another text, names."""
     return list(dict.fromkeys(match[0] for match in _COLUMN.finditer(text)))
 
 
 def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.Dataset]:
     """Cubes with the reduced columns in some texts as variables; BadInput if these cannot be."""
-    curves = {
+    known = {
         str(name)
         for cube in cubes
         for name in cube.data_vars
@@ -164,24 +171,15 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
         column, reduction, name, window = match[0], match[1], match[2], match[3]
         strains = StrainWindow.of(window, column)
         strains.check_within(cubes, column)
-        if name not in curves:
-            raise fault(column, f"reduces a curve along {STRAIN}, and {unknown(name, curves)}")
-        extended = [
-            cube.assign({column: _reduced(cube, reduction, name, strains, column)})
-            if name in cube
-            else cube
-            for cube in extended
-        ]
+        if name not in known:
+            raise fault(column, f"reduces a curve along {STRAIN}, and {unknown(name, known)}")
+        for number, cube in enumerate(extended):
+            if name in cube:
+                curve = cube[name].astype(float).transpose(*design_dims(cube), STRAIN)
+                curves = curve.values.reshape(-1, curve.sizes[STRAIN])
+                at, curves = strains.read(cube[STRAIN].values.astype(float), curves)
+                values = REDUCTIONS[reduction](at, curves).reshape(curve.shape[:-1])
+                unit = "1" if reduction == "linearity" else curve.attrs.get("units", "1")
+                about = {"units": unit, "long_name": column}
+                extended[number] = cube.assign({column: (curve.dims[:-1], values, about)})
     return extended
-
-
-def _reduced(
-    cube: xr.Dataset, reduction: str, name: str, window: StrainWindow, label: str
-) -> xr.DataArray:
-    dims = design_dims(cube)
-    curve = cube[name].transpose(*dims, STRAIN)
-    curves = np.asarray(curve.values, float).reshape(-1, curve.sizes[STRAIN])
-    values = REDUCTIONS[reduction](*window.read(np.asarray(cube[STRAIN].values, float), curves))
-    unit = "1" if reduction == "linearity" else curve.attrs.get("units", "1")
-    described = {"units": unit, "long_name": label}
-    return xr.DataArray(values.reshape(curve.shape[:-1]), dims=dims, attrs=described)

@@ -16,7 +16,8 @@ from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_SUBJECT = r"(?:(?P<reduction>[a-z]+)\s*\(\s*(?P<reduced>\w+)\s*\)|(?P<name>[A-Za-z]\w*))"
+_SUBJECT = r"(?P<subject>[^<>=@]+?)"  # a variable, its reduction, or an expression over columns
+_VARIABLE = re.compile(r"(?:(?P<reduction>[a-z]+)\s*\(\s*(\w+)\s*\)|([A-Za-z]\w*))")
 _TOLERANCE = rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<tolerance>{_NUMBER}))?"
 _WINDOW = r"(?:\s*@\s*(?P<window>.+))?"
 _ONE_SIDED = re.compile(
@@ -25,20 +26,12 @@ _ONE_SIDED = re.compile(
 _TWO_SIDED = re.compile(
     rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_SUBJECT}\s*<=?\s*(?P<high>{_NUMBER}){_WINDOW}\s*"
 )
-_CURVE = re.compile(rf"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<path>.*\.csv){_TOLERANCE}\s*")
-_EXPRESSION = r"(?P<name>[^<>=@]+?)"  # an expression over columns, as in a condition
-_EXPRESSION_ONE_SIDED = re.compile(
-    rf"\s*{_EXPRESSION}\s*(?P<relation><=|>=|=|<|>)\s*(?P<wanted>{_NUMBER}){_TOLERANCE}\s*"
-)
-_EXPRESSION_TWO_SIDED = re.compile(
-    rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_EXPRESSION}\s*<=?\s*(?P<high>{_NUMBER})\s*"
-)
+_CURVE = re.compile(rf"\s*(?P<subject>[A-Za-z]\w*)\s*=\s*(?P<path>.*\.csv){_TOLERANCE}\s*")
 CURVE_EXAMPLE = "write it as in 'strain,poisson_ratio' with numbers below"
 FORMS = (
     "NAME = VALUE @ STRAIN:STRAIN, NAME < VALUE @ STRAIN, VALUE < NAME < VALUE,"
     " mean(NAME) > VALUE @ STRAIN:STRAIN, NAME = CURVE.csv, EXPRESSION > VALUE"
 )
-_PATTERNS = (_CURVE, _ONE_SIDED, _TWO_SIDED, _EXPRESSION_TWO_SIDED, _EXPRESSION_ONE_SIDED)
 Numbers = Annotated[tuple[float, ...], Field(strict=False, min_length=1)]
 
 
@@ -83,13 +76,9 @@ class Target:
         return low - self.allowance, high + self.allowance
 
     def departure(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
-        """Distance of values at strains above (+) or below (−) the wanted range, 0 inside it."""
+        """Distance of values above (+) or below (−) the wanted range: 0 inside, NaN if missing."""
         low, high = self.bounds(strains)
         return np.maximum(values - high, 0) - np.maximum(low - values, 0)
-
-    def excess(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
-        """Distance of values from the wanted range: 0 inside, NaN where missing."""
-        return np.abs(self.departure(values, strains))
 
 
 class CurveTable(StrictModel):
@@ -151,21 +140,23 @@ def read_target(
 
 
 def _target_of_text(text: str, where: str, folder: Path) -> Target:
-    match = next((match for form in _PATTERNS if (match := form.fullmatch(text))), None)
-    if match is None:
+    match = _CURVE.fullmatch(text) or _TWO_SIDED.fullmatch(text) or _ONE_SIDED.fullmatch(text)
+    groups: dict[str, Any] = match.groupdict() if match else {}
+    subject = groups.get("subject", "").strip()
+    variable = _VARIABLE.fullmatch(subject)
+    if match is None or (variable is None and groups["window"] is not None):
         raise fault(where, f"cannot be read; write one of {FORMS}")
-    groups: dict[str, Any] = match.groupdict()
     tolerance = float(groups["tolerance"]) if groups.get("tolerance") else None
     if tolerance is not None and not tolerance > 0:
         raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
     if "path" in groups:
-        target = _curve_of_file(groups["name"], folder / groups["path"])
+        target = _curve_of_file(subject, folder / groups["path"])
         return replace(target, text=text.strip(), tolerance=tolerance)
-    reduction = groups.get("reduction")
+    reduction = variable and variable["reduction"]
     if reduction is not None and reduction not in REDUCTIONS:
         known = ", ".join(REDUCTIONS)
         raise fault(where, f"there is no reduction {reduction!r}; choose from {known}")
-    window = None if groups.get("window") is None else StrainWindow.of(groups["window"], where)
+    window = StrainWindow.of(groups["window"], where) if groups["window"] else None
     if reduction in ("slope", "linearity") and (window is None or window.single):
         raise fault(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
     if "relation" in groups:
@@ -175,7 +166,7 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
         low, high = float(groups["low"]), float(groups["high"])
         if low > high:
             raise fault(where, f"no value is above {low:g} and below {high:g}; exchange them")
-    name = groups.get("reduced") or groups["name"].strip()
+    name = subject if variable is None else variable[2] or variable[3]
     return Target(text, name, low, high, tolerance, window, reduction)
 
 

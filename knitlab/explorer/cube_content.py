@@ -17,8 +17,7 @@ import xarray as xr
 from PIL import Image
 
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_of
+from knitlab.cube.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
 from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.explorer.shapes import shape_of
 from knitlab.sweep.results_folder import PLAN, earlier_failures

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 
 from knitlab.cube import cube_file
 from knitlab.cube.case_file import case_path, in_cloth, read_case
-from knitlab.cube.cube_file import base_dims, is_measured, swept_dims
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import base_dims, is_measured, swept_dims, with_derived
 from knitlab.cube.schema import VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures import figure_files, kinds

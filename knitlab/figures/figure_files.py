@@ -68,6 +68,8 @@ def fingerprint_of_figure(
     """Fingerprint of all that a figure depends on: cubes, their slice, code and matplotlib's."""
     chosen = [f"{name}:{value}" for name, value in options.items()]
     parts = [kind, *as_given(selections), *chosen, package_fingerprint(), version("matplotlib")]
+    files = [Path(value) for name, value in options.items() if name == "material"]
+    parts += [file_digest(file) for file in files if file.is_file()]
     parts += [file_digest(cube_path(path)) for path in cube_paths]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[: 2 * DIGITS]
 

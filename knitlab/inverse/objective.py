@@ -64,8 +64,8 @@ class Objective:
         distances = []
         for target in self.request.wanted:
             at, values, _ = self._read(target, trial, None)
-            excess = target.excess(values, at)
-            distances.append(float(np.sqrt(_weights(at, len(values)) @ excess**2)))
+            departure = target.departure(values, at)
+            distances.append(float(np.sqrt(_weights(at, len(values)) @ departure**2)))
         return distances
 
     def distance(self, off_by: Sequence[Any]) -> Any:

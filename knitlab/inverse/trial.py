@@ -12,7 +12,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from knitlab.cube import case_file
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import with_derived
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.strain_window import without_gap_at_zero
 from knitlab.equilibrium.adjoint import Adjoint, Measure

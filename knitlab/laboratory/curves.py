@@ -10,8 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import is_measured
+from knitlab.cube.cube_file import is_measured, parameters_of
 from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
 from knitlab.equilibrium.loading import loading_of

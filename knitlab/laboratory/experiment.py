@@ -9,8 +9,15 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.common_settings import ATTRIBUTE, parameters_of
-from knitlab.cube.cube_file import CUBE, design_dims, is_measured, read_cube, write_cube
+from knitlab.cube.cube_file import (
+    ATTRIBUTE,
+    CUBE,
+    design_dims,
+    is_measured,
+    parameters_of,
+    read_cube,
+    write_cube,
+)
 from knitlab.cube.schema import CYCLE, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
@@ -35,13 +42,28 @@ class Imported:
         return f"<Imported {self.path}: {len(self.cube)} variables>"
 
 
-def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
-    """Import the records of one kind into the cube of an experiment; BadInput with every fault."""
-    description = read_description(path, kind)
-    cycles, summary = READERS[kind](path.parent, description)
-    cube_file = results / path.stem / CUBE
-    cube = _experiment(description, cycles)
-    table, tensile = getattr(description, kind), description.tensile
+def import_records(
+    kind: RecordKind, description: str | Path, results: str | Path = "results"
+) -> Imported:
+    """Import laboratory records into a cube.
+
+    Args:
+        kind: ``"markers"``, ``"tensile"`` or ``"capacitance"``.
+        description: TOML file that describes the records, their units and the sample.
+        results: folder that holds a folder of results for each experiment.
+
+    Returns:
+        The cube, its path, and a summary of the records in lines of text.
+
+    Raises:
+        BadInput: with every fault of the description and its records.
+    """
+    path = Path(description)
+    described = read_description(path, kind)
+    cycles, summary = READERS[kind](path.parent, described)
+    cube_file = Path(results) / path.stem / CUBE
+    cube = _experiment(described, cycles)
+    table, tensile = getattr(described, kind), described.tensile
     files = [table.file, getattr(table, "places", None)]
     if tensile is not None and getattr(table, "strain_per_frame", None) is None:
         files.append(tensile.file)

@@ -11,8 +11,15 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_values
-from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
-from knitlab.cube.cube_file import OPTION, design_dims, read_cube
+from knitlab.cube.cube_file import (
+    ATTRIBUTE,
+    OPTION,
+    design_dims,
+    differences,
+    parameters_of,
+    read_cube,
+    shared,
+)
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.io.errors import BadInput, fault

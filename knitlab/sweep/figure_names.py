@@ -7,7 +7,7 @@ from knitlab.io.errors import fault
 FIGURE_NAMES = (
     *("auxetic", "capacitors", "contact", "curves", "directions", "electrodes", "force", "grid"),
     *("options", "polar", "relaxation", "samples", "sensitivity", "sensor", "shape", "stripes"),
-    *("swept", "tension", "wavelength"),
+    *("swept", "tension", "uncertainty", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
 COMPARING = ("contact", "directions", "grid", "options", "swept")

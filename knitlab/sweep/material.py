@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ from scipy.interpolate import interp1d
 from scipy.stats import gmean
 
 from knitlab.fabric.settings import PlainKnit, Unit
-from knitlab.fabric.stripe import STRIPE_QUANTITIES, Stripe
+from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.toml import StrictModel, read_checked, read_toml
@@ -33,6 +33,7 @@ SCALED = {
 UNIT_OF = dict.fromkeys(SCALED, "mm") | {"surface_density": "g/mm^2"}
 """Numbers of a yarn beside its stripes, and their units."""
 MATERIAL = "model.material"
+Covariance = Mapping[str, Mapping[str, float]]
 DIGITS = 6
 """Digits of the numbers of a calibrated stripe in a file."""
 
@@ -59,6 +60,9 @@ class Material:
         plain: stiffness of plain knit; a pattern with plain knit is refused without it.
         interpolate: whether stripes between two of these are interpolated.
         source: where the numbers come from.
+        covariances: of the numbers of stripes, by knit and stitches, for
+            :func:`knitlab.uncertainty`: ``{("rib", 4): fitted.covariance}``. They are those of
+            ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact.
 
     Raises:
         BadInput: if a number is out of range, or a stripe is there twice.
@@ -83,6 +87,9 @@ class Material:
     plain: PlainKnit | None = None
     interpolate: bool = False
     source: str = "given in Python"
+    covariances: Mapping[tuple[Knit, int], Covariance] = field(
+        default_factory=dict, hash=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         faults: list[Fault] = []
@@ -129,7 +136,8 @@ class Material:
                 for name, unit in units.items()
             }
         for stripe in sorted(self.stripes, key=lambda each: (each.knit, each.n)):
-            _add_row(table, stripe, self.source)
+            covariance = self.covariances.get((stripe.knit, stripe.n))
+            _add_row(table, stripe, self.source, covariance)
         with atomic_write(Path(path)) as temporary:
             temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
 
@@ -164,12 +172,18 @@ class MaterialFile(StrictModel):
             plain=PlainKnit(**{name: entry.value for name, entry in plain}) if plain else None,
             interpolate=self.interpolate,
             source="; ".join(dict.fromkeys(sources)),
+            covariances={
+                (knit, n): row.covariance
+                for knit in KNITS
+                for n, row in stripes.rows(knit).items()
+                if row.covariance is not None
+            },
             **{number: entry.value for number, entry in entries.items()},
         )
 
 
 def add_stripe(
-    path: Path, stripe: Stripe, source: str, covariance: Mapping[str, Any] | None = None
+    path: Path, stripe: Stripe, source: str, covariance: Covariance | None = None
 ) -> None:
     """Add a stripe to a material file, or replace it there; BadInput has every fault of a file."""
     if path.exists():
@@ -182,7 +196,7 @@ def add_stripe(
 
 
 def _add_row(
-    table: dict[str, Any], stripe: Stripe, source: str, covariance: Mapping[str, Any] | None = None
+    table: dict[str, Any], stripe: Stripe, source: str, covariance: Covariance | None = None
 ) -> None:
     """Add the row of a stripe to the table of a material file."""
     row = StripeRow.of(stripe).model_dump(exclude_none=True)
@@ -192,7 +206,7 @@ def _add_row(
     if stripe.stiffening_strain is not None:
         own["unit"]["stiffening_strain"] = "1"
     if covariance:
-        row["covariance"] = dict(covariance)
+        row["covariance"] = {name: dict(each) for name, each in covariance.items()}
     own["n"][str(stripe.n)] = row
 
 

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from knitlab.cube import case_file, cube_file
-from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import CUBE
+from knitlab.cube.cube_file import CUBE, differences, parameters_of
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault

@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.cube.common_settings import common_settings
-from knitlab.cube.schema import Variable
+from knitlab.cube.cube_file import common_settings
+from knitlab.cube.schema import SAMPLE, Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
 from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
@@ -30,6 +30,7 @@ from knitlab.sweep.cases import (
     unusual_values,
     with_pattern_files,
 )
+from knitlab.sweep.declared_fields import FACTOR
 from knitlab.sweep.material import MATERIAL, with_material_file
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.results_folder import Design
@@ -83,7 +84,8 @@ class Plan:
     @cached_property
     def common(self) -> dict[str, Any]:
         """The settings that all cases share."""
-        swept = {*self.dims, *(SETTINGS[name].factor_on or name for name in self.coordinates)}
+        # A factor on a number changes this number too.
+        swept = {*self.dims, *(each.removesuffix(FACTOR) for each in self.dims)}
         return common_settings([case.record for case in self.cases.values()], swept, self.stripes)
 
     @property
@@ -141,7 +143,7 @@ def make_plan(
         if parameters and read and not faults.all:
             made = {
                 case.case_id: case
-                for labels, chosen in workflow_text.combinations(read, axes)
+                for labels, chosen in workflow_text.combinations(read, axes, text.paired)
                 for case in cases(chosen, labels, designs, parameters, text.source)
             }
             faults.all += _misplaced_electrodes(made, text)
@@ -154,7 +156,9 @@ def make_plan(
         cases=made,
         batches=batched(made),
         excluded={design: reason for design, reason in designs.items() if reason},
-        coordinates={name: workflow_text.coordinate(SETTINGS[name]) for name in axes},
+        coordinates={
+            name: workflow_text.coordinate(name) for name in workflow_text.dims(axes, text.paired)
+        },
         overrides=text.overrides,
         inputs=digests(sorted(inputs)),
         stripes=_stripes_fingerprint(parameters, read, set(axes)),
@@ -207,9 +211,9 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         batches=batched(cases),
         excluded={design: why for design, why in excluded.items() if design not in designs},
         coordinates={
-            name: workflow_text.coordinate(SETTINGS[name])
+            name: workflow_text.coordinate(name)
             for name in first["dims"]
-            if name in SETTINGS and name not in ("n_stripe", "n_subunit")
+            if name in (*SETTINGS, SAMPLE) and name not in ("n_stripe", "n_subunit")
         },
         overrides=dict(first["overrides"]) if alike else {},
         inputs=dict(first["inputs"]) if alike else {},

@@ -67,41 +67,56 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         raise fault(name, f"was recorded by another version of knitlab ({error})") from error
 
 
-def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
-    """Run a case, say how every state was reached, and return whether all converged and agree."""
+def reproduce(
+    case_id: str, *, results: str | Path = "results", report: Callable[[str], None] = print
+) -> bool:
+    """Run one case in this process, and report how every state was reached.
+
+    Args:
+        case_id: identifier of the case, or its first characters.
+        results: folder that holds a folder of results for each workflow, or one of these.
+        report: called with each line of the report.
+
+    Returns:
+        Whether every state converged and agrees with the case file, if there is one.
+
+    Raises:
+        BadInput: if there is no such case, or several.
+    """
+    recorded = find_case(Path(results), case_id)
     case = recorded.case
-    say(f"{recorded.case_id}: {case.label}")
+    report(f"{recorded.case_id}: {case.label}")
     if case.case_id != recorded.case_id:
-        say(f"recorded by another version; its identifier is now {case.case_id}")
-    say(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
-    say(json.dumps(case.record))
+        report(f"recorded by another version; its identifier is now {case.case_id}")
+    report(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
+    report(json.dumps(case.record))
     began = time.perf_counter()
 
-    def report(_: str, states: float) -> None:
+    def report_state(_: str, states: float) -> None:
         if states == int(states):
             seconds = time.perf_counter() - began
-            say(f"state {states:.0f} of {len(case.applied_strain)}, {seconds:.1f} s")
+            report(f"state {states:.0f} of {len(case.applied_strain)}, {seconds:.1f} s")
 
     try:
-        (test,) = tensile_tests([case], report)
+        (test,) = tensile_tests([case], report_state)
     except Exception:  # the report shows whatever it raises
-        say(traceback.format_exc().rstrip())
+        report(traceback.format_exc().rstrip())
         return False
-    results = measured(case, test)
-    say(HEADER)
-    curves = results["poisson_ratio"].values, results["reaction_force"].values
+    again = measured(case, test)
+    report(HEADER)
+    curves = again["poisson_ratio"].values, again["reaction_force"].values
     for strain, state, ratio, force in zip(case.applied_strain, test.states, *curves, strict=False):
-        say(
+        report(
             f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
             f" {float(state.energy.total):14.7g} {ratio:9.5f} {force:10.5g}"
         )
     reason = failure_reason(case, test)
-    say(reason or f"all {len(test.states)} states converged")
+    report(reason or f"all {len(test.states)} states converged")
     path = case_path(recorded.folder, recorded.case_id)
     if not path.is_file():
         return not reason
-    agree, sentence = comparison(results, read_case(recorded.folder, recorded.case_id))
-    say(f"{sentence} {path}")
+    agree, sentence = comparison(again, read_case(recorded.folder, recorded.case_id))
+    report(f"{sentence} {path}")
     return agree and not reason
 
 

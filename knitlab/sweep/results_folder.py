@@ -182,15 +182,26 @@ class FolderStatus:
         }
 
 
-def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
-    """Progress of the last plan of a workflow, planned again if an input changed; else BadInput."""
-    folder = results / Path(workflow).stem
+def status(
+    workflow: str | Path, *, results: str | Path = "results", check: bool = False
+) -> FolderStatus:
+    """Status of the cases of the last plan of a workflow, which is renewed if its files changed.
+
+    Args:
+        workflow: name of a shipped workflow, or path of a TOML file.
+        results: folder that holds a folder of results for each workflow.
+        check: whether to compare every case file with its checksum.
+
+    Raises:
+        BadInput: if the workflow was never planned there.
+    """
+    folder = Path(results) / Path(workflow).stem
     record = read_plan(folder)
     designs, changed = planned_designs(record), changed_inputs(record)
     if changed:
         from knitlab.sweep.plan import make_plan  # imports JAX, which only this case needs
 
-        designs = make_plan(workflow, record["overrides"]).designs
+        designs = make_plan(str(workflow), record["overrides"]).designs
     return folder_status(folder, tuple(record["dims"]), designs, check, changed)
 
 

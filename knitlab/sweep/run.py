@@ -10,8 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_case
-from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import CUBE, write_cube
+from knitlab.cube.cube_file import CUBE, differences, parameters_of, write_cube
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault

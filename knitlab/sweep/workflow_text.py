@@ -1,52 +1,78 @@
 """A workflow's file with its overrides and its lists of values, before and during validation."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.cube.schema import Variable
+from knitlab.cube.schema import SAMPLE, Variable
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.toml import read_toml
 from knitlab.simulation.case import Label
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.workflow import PATTERN, SAMPLE_SIZE, SECTIONS, SETTINGS, Setting, Workflow
+from knitlab.sweep.workflow import (
+    OF_ALL_CASES,
+    PATTERN,
+    SAMPLE_SIZE,
+    SECTIONS,
+    SETTINGS,
+    SWEPT_SECTIONS,
+    Workflow,
+)
 from knitlab.sweep.workflow_file import Overrides, read_overrides
 
 KEYS = dict.fromkeys(Workflow.model_fields, "") | {
     name: setting.section for name, setting in SETTINGS.items()
 }
 """Keys of a workflow, with the table of each."""
+PAIRED = "paired"  # the table of a workflow whose lists change together
 LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
 
 
 Axes = dict[str, tuple[Any, ...]]  # values of settings given as lists: dimensions of the cube
 
 
-def coordinate(setting: Setting) -> Variable:
-    """The cube's coordinate along the values of a setting."""
+def dims(axes: Axes, paired: Collection[str]) -> list[str]:
+    """The dimensions of the cube along axes, of which the paired ones share the last."""
+    return [name for name in axes if name not in paired] + [SAMPLE] * bool(paired)
+
+
+def coordinate(name: str) -> Variable:
+    """The cube's coordinate along the values of a setting, or of paired ones."""
+    if name == SAMPLE:
+        return Variable((SAMPLE,), "1", "number of a set of paired settings")
+    setting = SETTINGS[name]
     long_name = {
         SAMPLE_SIZE: "unit cells of the sample, along y and x",
         PATTERN: "named pattern of patches",
         **{name: f"{name} of the electrodes" for name in LAYOUT_SETTINGS},
-    }.get(setting.name, setting.name)
+    }.get(name, name)
     if quantity := setting.factor_on:
         long_name = f"factor on {quantity}"
-    return Variable((setting.name,), setting.unit, long_name)
+    return Variable((name,), setting.unit, long_name)
 
 
-def combinations(workflow: Workflow, axes: Axes) -> Iterator[tuple[dict[str, Label], Workflow]]:
-    """Every combination of the axes' values: its labels, and the workflow with these values."""
-    for chosen in itertools.product(*axes.values()):
+def combinations(
+    workflow: Workflow, axes: Axes, paired: Collection[str] = ()
+) -> Iterator[tuple[dict[str, Label], Workflow]]:
+    """Every combination of the axes' values: its labels, and the workflow with these values.
+
+    Values of paired axes change together, and are labelled by their number.
+    """
+    single = [name for name in axes if name not in paired]
+    together = [*zip(*(axes[name] for name in paired), strict=True)] or [()]
+    numbered = enumerate(together, start=1)
+    for *chosen, (number, pairs) in itertools.product(*map(axes.__getitem__, single), numbered):
         labels: dict[str, Label] = {}
         changed = workflow
-        for name, value in zip(axes, chosen, strict=True):
+        for name, value in zip([*single, *paired], [*chosen, *pairs], strict=True):
             # A sample of 5 by 3 unit cells is ``5x3``.
-            labels[name] = "x".join(map(str, value)) if isinstance(value, tuple) else value
+            label = "x".join(map(str, value)) if isinstance(value, tuple) else value
+            labels |= {SAMPLE: number} if name in paired else {name: label}
             section = SETTINGS[name].section
             table = getattr(changed, section).model_copy(update={name: value})
             changed = changed.model_copy(update={section: table})
@@ -62,7 +88,8 @@ class WorkflowText:
     axes: Axes
     overrides: dict[str, Any]
     sources: dict[str, str]  # what each overridden ``section.key`` was given by, for messages
-    faults: tuple[Fault, ...]  # overrides that cannot be applied
+    faults: tuple[Fault, ...]  # overrides and pairs that cannot be applied
+    paired: tuple[str, ...] = ()  # axes that change together
 
     def source(self, key: str) -> str:
         """Origin of a ``section.key``: its override, or where it is in the file."""
@@ -86,7 +113,7 @@ class WorkflowText:
                 except ValidationError as error:
                     problems = [entry.problem for entry in faults_of(error, "") if number > 1]
                     faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
-            if len(set(values)) < len(values):
+            if len(set(values)) < len(values) and name not in self.paired:
                 faults.append(Fault(source, "has a value twice; keep one"))
             axes[name] = tuple(values)
         if workflow is None or faults:
@@ -145,7 +172,31 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
         if isinstance(given, dict) and setting.is_swept_by(given.get(name)):
             axes[name] = tuple(given[name])
             given[name] = _listed(setting.section, name, axes[name][0])
-    return WorkflowText(path, table, axes, applied, sources, tuple(faults))
+    pairs = table.pop(PAIRED) if isinstance(table.get(PAIRED), dict) else {}
+    faults += _refused_pairs(path, pairs, table)
+    if not faults:
+        axes |= {name: tuple(values) for name, values in pairs.items()}
+        for name, values in pairs.items():
+            table[SETTINGS[name].section][name] = values[0]
+    paired = tuple(pairs) if not faults else ()
+    return WorkflowText(path, table, axes, applied, sources, tuple(faults), paired)
+
+
+def _refused_pairs(path: Path, pairs: dict[str, Any], table: dict[str, Any]) -> list[Fault]:
+    """What is wrong with the lists of ``[paired]``, beside a table without them."""
+    faults = list[Fault]()
+    able = [name for name, each in SETTINGS.items() if each.section in SWEPT_SECTIONS]
+    able = [name for name in able if name not in OF_ALL_CASES and not SETTINGS[name].takes_list]
+    lengths = {len(each) if isinstance(each, list) else 0 for each in pairs.values()}
+    for name in pairs:
+        where = f"{path}: {PAIRED}.{name}"
+        if name not in able:
+            faults.append(Fault(where, unknown(name, able, "setting that can be paired")))
+        elif len(lengths) > 1 or 0 in lengths:
+            faults.append(Fault(where, "is not a list as long as the others; give one value each"))
+        elif name in table.setdefault(section := SETTINGS[name].section, {}):
+            faults.append(Fault(where, f"has one value in [{section}] too; give it once"))
+    return faults
 
 
 def _listed(section: str, name: str, value: Any) -> Any:

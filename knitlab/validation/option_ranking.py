@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import base_dims, cube_name, swept_dims
+from knitlab.cube.cube_file import base_dims, cube_name, parameters_of, swept_dims
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.validation.claims import Claim
 from knitlab.validation.judgement import Slice, judged_slices

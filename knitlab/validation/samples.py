@@ -10,8 +10,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import base_dims, is_measured, model_options, source_of
+from knitlab.cube.cube_file import base_dims, is_measured, model_options, parameters_of, source_of
 from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.toml import StrictModel
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured

@@ -7,8 +7,7 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.cube.cube_file import open_cube, read_cube, write_cube
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import open_cube, read_cube, with_derived, write_cube
 from knitlab.figures.kinds.design_map import CROSSES, LAST, SNAPS, auxetic_map
 from knitlab.io.shipped import shipped
 

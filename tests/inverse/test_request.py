@@ -71,7 +71,7 @@ def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked)
         inside, values = target.window.read(strains, np.array([curve]))
         if target.reduction:
             inside, values = inside[:1], REDUCTIONS[target.reduction](inside, values)
-        return (target.excess(values, inside) <= target.allowance).all()
+        return (abs(target.departure(values, inside)) <= target.allowance).all()
 
     targets = [
         with_tolerance(read_target(f"{name} {relation} {value} @ {min(one, two)}:{max(one, two)}"))

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import knitlab
 from knitlab.cli import main
-from knitlab.cube.derived import with_derived
+from knitlab.cube.cube_file import with_derived
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y

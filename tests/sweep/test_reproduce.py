@@ -31,7 +31,7 @@ def test_a_kept_case_is_found_by_its_beginning_and_agrees(kept):
     recorded = find_case(results, case_id[:6])
     assert recorded.case_id == recorded.case.case_id == case_id
     said = []
-    assert reproduce(recorded, said.append)
+    assert reproduce(case_id, results=results, report=said.append)
     assert said[-1].endswith(f"agrees with {case_path(recorded.folder, case_id)}")
     table = [line for line in said if "converged" in line and "states" not in line]
     ratios = xr.load_dataset(case_path(recorded.folder, case_id))["poisson_ratio"].values
@@ -57,7 +57,7 @@ def test_what_differs_is_reported(kept, tmp_path):
     other["poisson_ratio"] += 0.01
     write_case_file(tmp_path / "periodic", case_id, other)
     said = []
-    assert not reproduce(find_case(tmp_path, case_id), said.append)
+    assert not reproduce(case_id, results=tmp_path, report=said.append)
     assert "nu differs by at most 1.0e-02" in said[-1]
     assert "DOES NOT agree" in said[-1]
     shorter = case.copy(deep=True)

@@ -61,7 +61,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     axes = figure.add_subplot()
     label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
     label += "\n(negative: auxetic)"
-    marked = _draw_map(axes, cubes, name, label, text, signed=True)
+    marked = draw_map(axes, cubes, name, label, text, signed=True)
     axes.set_xlabel(cells.PERIODS_LABEL)
     said = "lowest ν, and the applied strain there" if lowest else "ν"
     notes = [f"in each cell: (n_stripe, n_subunit), {said}"]
@@ -72,7 +72,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def _draw_map(
+def draw_map(
     axes: Axes,
     cubes: Sequence[xr.Dataset],
     name: str,
@@ -214,7 +214,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
         label = fill(merit.label, 18)
-        marked |= _draw_map(axes, cubes, merit.name, label, merit.text)
+        marked |= draw_map(axes, cubes, merit.name, label, merit.text)
     maps[1].set_xlabel(cells.PERIODS_LABEL)
     notes = ["in each cell: (n_stripe, n_subunit), value"]
     notes += sorted({note for design in designs for note in _notes(merits[1].name, design)})

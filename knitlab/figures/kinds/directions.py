@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
-from knitlab.cube.common_settings import parameters_of
+from knitlab.cube.cube_file import parameters_of
 from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look

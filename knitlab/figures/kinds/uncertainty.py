@@ -1,0 +1,74 @@
+"""The uncertainty map: what that of the stripes makes of each design, and which number leads."""
+
+from math import floor, log10
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from knitlab.cube.schema import STRAIN, VARIABLES
+from knitlab.cube.uncertainty import LOWEST, PARAMETER, QUANTITIES, uncertainty_of
+from knitlab.figures import cells
+from knitlab.figures.kinds import FigureKind
+from knitlab.figures.kinds.design_map import draw_map
+from knitlab.figures.kinds.sensitivity import SYMBOLS
+from knitlab.figures.style import TWO_COLUMNS, number
+from knitlab.io.errors import fault, unknown
+from knitlab.sweep.material import Material
+from knitlab.sweep.stripe_covariance import uncertain_stripes
+
+NOTES = (
+    "in each cell: (n_stripe, n_subunit), value ± standard deviation, and the number to measure",
+    "better, with the part of the variance that would vanish if this number were known exactly",
+)
+MOST_PLACES = 4  # decimal places of a value at most
+
+
+def uncertainty_map(
+    cube: xr.Dataset, material: str | Path | Material | None = None, of: str = "poisson_ratio"
+) -> Figure:
+    """Poisson's ratio of every design ± its standard deviation, and the number to measure better.
+
+    Both follow from the covariance of the stripes of a material, to first order: the lowest ratio,
+    or with one applied strain selected the ratio, or the force, there. The colour is the standard
+    deviation; the number explains most of the variance.
+    """
+    if material is None:
+        raise fault("material", "is not given; give the file with the covariances of its stripes")
+    if of not in QUANTITIES:
+        raise fault(f"of {of}", unknown(of, QUANTITIES, "quantity"))
+    single = cube.sizes[STRAIN] == 1
+    if of != "poisson_ratio" and not single:
+        raise fault(f"of {of}", "varies with the strain; select one applied_strain")
+    name = of if single else LOWEST
+    known = uncertainty_of(cube, uncertain_stripes(material))
+    shown = known.isel({STRAIN: 0}) if single else known
+    designs = cells.designs_of(shown)
+    unit = VARIABLES[of].units
+
+    def text(deviation: float, design: xr.Dataset) -> str:
+        explained = design[f"{name}_explained"]
+        leading = int(np.argmax(explained.values))
+        knit, _, symbol = str(explained[PARAMETER].values[leading]).partition("_")
+        part = f"{knit} {SYMBOLS.get(symbol, symbol)} {float(explained[leading]):.0%}"
+        # Two digits of the deviation, and as many decimal places of the value.
+        digits = 1 - floor(log10(deviation)) if deviation > 0 else MOST_PLACES
+        form = f".{min(max(digits, 0), MOST_PLACES)}f"
+        return f"{number(float(design[name]), form)} ± {deviation:{form}}\n{part}"
+
+    rows = len({int(design["n_stripe"]) for design in designs})
+    height = max(2.4, 1.2 + 0.55 * rows)
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
+    axes = figure.add_subplot()
+    what = VARIABLES[name].long_name + (f"\nat {cube[STRAIN].item():.0%}" if single else "")
+    label = f"standard deviation of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
+    marked = draw_map(axes, [shown], f"{name}_sd", label, text)
+    axes.set_xlabel(cells.PERIODS_LABEL)
+    cells.marks_legend(figure, marked, "no derivative, or no value", NOTES)
+    return figure
+
+
+FIGURES = {
+    "uncertainty": FigureKind(uncertainty_map, coordinates=(STRAIN,), options=("material", "of"))
+}

@@ -1,0 +1,78 @@
+"""Covariances of stripes: those of a material, checked, for uncertainty to first order."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.cube.uncertainty import NUMBERS, Stripes, UncertainStripe
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, STIFFENING, Knit, Stripe
+from knitlab.io.errors import fault
+from knitlab.sweep.material import Covariance, Material
+
+ROUND_OFF = 1e-8  # of a covariance, over its largest entry
+
+
+def uncertain_stripes(material: str | Path | Material) -> Stripes:
+    """Rib and garter of a material or its file by n_stripe; BadInput as of `covariance_of`."""
+    read = material if isinstance(material, Material) else Material.read(material)
+
+    def pair(n: int) -> tuple[UncertainStripe, UncertainStripe]:
+        garter = GARTER_STITCHES_PER_RIB_STITCH * n
+        return uncertain_stripe(read, "rib", n), uncertain_stripe(read, "garter", garter)
+
+    return pair
+
+
+def covariance_of(
+    material: Material, knit: Knit, n: int
+) -> tuple[Stripe, list[str], Float[np.ndarray, "number number"]]:
+    """A stripe, its uncertain numbers, and the covariance of these: of ln p, or of θ0.
+
+    BadInput if the material lacks them, or they are no covariance.
+    """
+    where = f"material {material.name}: {knit} {n}"
+    stripe = next((each for each in material.stripes if (each.knit, each.n) == (knit, n)), None)
+    if stripe is None:
+        raise fault(where, "is no stripe of this material; calibrate it by knitlab calibrate")
+    table = material.covariances.get((knit, n))
+    if table is None:
+        remedy = "calibrate it by knitlab calibrate, or write the covariance into the file"
+        raise fault(where, f"has no covariance; {remedy}")
+    where, names = f"{where}: covariance", list(table)
+    known = [*NUMBERS, *([] if stripe.stiffening_strain is None else [STIFFENING])]
+    if strange := sorted({*names, *(name for row in table.values() for name in row)} - {*known}):
+        raise fault(where, f"is of {', '.join(strange)}; give numbers of {', '.join(known)}")
+    if any({*row} != {*names} for row in table.values()) or not names:
+        raise fault(where, f"has rows that are not each of {', '.join(names)}; complete them")
+    matrix = np.array([[table[one][other] for other in names] for one in names], float)
+    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, 1e-6, 0):
+        raise fault(where, "is not symmetric, or not of numbers; give that of one fit")
+    lowest = float(np.linalg.eigvalsh(matrix).min())
+    if lowest < -ROUND_OFF * float(np.abs(matrix).max()):
+        problem = f"is not positive semidefinite (lowest eigenvalue {lowest:.3g})"
+        raise fault(where, f"{problem}: no numbers vary like this; give that of one fit")
+    return stripe, names, matrix
+
+
+def uncertain_stripe(material: Material, knit: Knit, n: int) -> UncertainStripe:
+    """A stripe with the covariance of relative changes; BadInput as :func:`covariance_of`."""
+    stripe, names, matrix = covariance_of(material, knit, n)
+    if STIFFENING in names:
+        problem = f"is also of {STIFFENING}, for which cubes have no sensitivities"
+        raise fault(f"material {material.name}: {knit} {n}: covariance", f"{problem}; sample it")
+    relative = np.array([1 / stripe.theta_0 if name == "theta_0" else 1.0 for name in names])
+    places = [NUMBERS.index(name) for name in names]
+    full = np.zeros((len(NUMBERS), len(NUMBERS)))
+    full[np.ix_(places, places)] = matrix * np.outer(relative, relative)
+    return UncertainStripe(stripe, full)
+
+
+def with_period(covariance: Covariance, theta_0: float) -> dict[str, dict[str, float]]:
+    """The covariance of a fit, and of the flat period that follows from a relaxed one and θ0."""
+    # The flat period is the relaxed one over sin(θ0/2).
+    slope = -0.5 / math.tan(theta_0 / 2)
+    rows = {name: {**row, "period": slope * row["theta_0"]} for name, row in covariance.items()}
+    of_period = {name: slope * value for name, value in rows["theta_0"].items()}
+    return rows | {"period": of_period}

@@ -1,0 +1,195 @@
+"""Samples of stripes: their covariance, paired settings, and first order against Monte Carlo."""
+
+import re
+
+import numpy as np
+import pytest
+
+import knitlab as kl
+from knitlab.cube.uncertainty import NUMBERS
+from knitlab.io.errors import BadInput
+from knitlab.measure.calibration import FITTED
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.stripe_covariance import with_period
+
+TABLES = kl.defaults().stripes
+ERRORS = {"k_s": 0.05, "k_t": 0.03, "theta_0": 0.01, "period": 0.01}
+
+
+def table(correlation=-0.8):
+    """Covariance of a stripe whose k_s and θ0 are correlated."""
+    matrix = np.diag([ERRORS[name] ** 2 for name in NUMBERS])
+    matrix[0, 2] = matrix[2, 0] = correlation * ERRORS["k_s"] * ERRORS["theta_0"]
+    rows = zip(NUMBERS, matrix.tolist(), strict=True)
+    return {name: dict(zip(NUMBERS, row, strict=True)) for name, row in rows}
+
+
+@pytest.fixture(scope="module")
+def yarn(tmp_path_factory):
+    """The paper's yarn with uncertain stripes, as a file."""
+    path = tmp_path_factory.mktemp("yarn") / "yarn.toml"
+    knits = ("rib", (4, 6)), ("garter", (8, 12))
+    stripes = [TABLES.stripe(knit, n) for knit, sizes in knits for n in sizes]
+    covariances = {(each.knit, each.n): table() for each in stripes}
+    kl.Material(tuple(stripes), name="yarn", covariances=covariances).write(path)
+    assert kl.Material.read(path).covariances == covariances
+    return path
+
+
+def changes_of(sampled, knit, n):
+    """Changes of the uncertain numbers of a stripe in the cases of a plan."""
+    stripe = TABLES.stripe(knit, n)
+    got = [case.weft if knit == "rib" else case.warp for case in sampled.values()]
+    return np.array(
+        [
+            [
+                each.theta_0 - stripe.theta_0
+                if name == "theta_0"
+                else np.log(getattr(each, name) / getattr(stripe, name))
+                for name in NUMBERS
+            ]
+            for each in got
+        ]
+    )
+
+
+def test_samples_have_the_covariance_of_the_material_and_its_lengths(yarn, tmp_path):
+    path = kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, samples=400)
+    plan = kl.plan(path, n_subunit=16)
+    assert plan.dims == ("n_stripe", "n_subunit", "sample")
+    wanted = np.array([[table()[one][other] for other in NUMBERS] for one in NUMBERS])
+    scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+    for knit, n in (("rib", 4), ("garter", 8)):
+        changes = changes_of(plan.cases, knit, n)
+        np.testing.assert_allclose(changes.mean(axis=0) / np.sqrt(np.diag(wanted)), 0, atol=0.02)
+        np.testing.assert_allclose(np.cov(changes.T) / scale, wanted / scale, atol=0.15)
+        assert np.std(changes[:, 1]) == pytest.approx(ERRORS["k_t"], rel=0.02)
+    # All else is that of a run with the material, but for siblings.
+    (case,) = kl.plan(
+        "periodic", n_stripe=4, n_subunit=16, material=yarn, robustness=0
+    ).cases.values()
+    for each in plan.cases.values():
+        assert (each.sheet, each.options, each.robustness) == (case.sheet, case.options, 0)
+
+
+def test_samples_for_sobol_indices_leave_out_correlations(yarn, tmp_path):
+    path = kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, samples=64, sobol=True)
+    plan = kl.plan(path, n_subunit=16)
+    assert len(plan.cases) == 64 * (8 + 2)
+    changes = changes_of(plan.cases, "rib", 4)[: 2 * 64]
+    assert abs(np.corrcoef(changes.T)[0, 2]) < 0.2
+    with pytest.raises(BadInput, match="samples 48: is not a power of 2, for Sobol indices"):
+        kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, samples=48, sobol=True)
+
+
+def test_what_cannot_be_sampled_is_refused(yarn, tmp_path):
+    with pytest.raises(BadInput, match="rib 8: is no stripe of this material"):
+        kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=8)
+    with pytest.raises(BadInput, match="has no suffix"):
+        kl.sample_stripes(yarn, tmp_path / "s", n_stripe=4)
+    with pytest.raises(BadInput, match="has no designs"):
+        kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, workflow="stripes")
+
+
+WORKFLOW = """
+title = "Pairs"
+[design]
+n_stripe = [4]
+n_subunit = [16]
+[model]
+boundary = "periodic"
+"""
+
+
+def paired(tmp_path, lines, **settings):
+    path = tmp_path / "pairs.toml"
+    path.write_text(f"{WORKFLOW}\n[paired]\n{lines}\n")
+    return make_plan(str(path), settings)
+
+
+def test_paired_lists_change_together(tmp_path):
+    lists = "rib_k_s = [1.0, 1.0, 2.0]\nz_max = [3.0, 4.0, 4.0]\nbranch_limit = [0.1, 0.2, 0.3]"
+    cases = paired(tmp_path, lists, k_t_factor=[1.0, 1.2]).cases.values()
+    got = {
+        (case.design["k_t_factor"], case.design["sample"]): (
+            case.weft.k_s,
+            case.sheet.z_max,
+            case.solver.branch_limit,
+        )
+        for case in cases
+    }
+    sets = [(1.0, 3.0, 0.1), (1.0, 4.0, 0.2), (2.0, 4.0, 0.3)]
+    assert got == {
+        (factor, number): values
+        for factor in (1.0, 1.2)
+        for number, values in enumerate(sets, start=1)
+    }
+
+
+@pytest.mark.parametrize(
+    ("lines", "settings", "problem"),
+    [
+        ("rib_k_s = [1.0]\nz_max = [3.0, 4.0]", {}, "is not a list as long as the others"),
+        ("rib_k_s = 1.0", {}, "is not a list as long"),
+        ("rib_k_s = [1.0, -2.0]", {}, "rib_k_s: value 2"),
+        ("rib_k = [1.0, 2.0]", {}, "rib_k"),
+        ("material = ['a', 'b']", {}, "material"),
+        ("boundary = ['periodic', 'clamped']", {}, r"one value in \[model\] too"),
+        ("rib_k_s = [1.0, 2.0]", {"rib_k_s": 1.0}, r"one value in \[model\] too"),
+    ],
+)
+def test_lists_that_cannot_be_paired_are_refused(tmp_path, lines, settings, problem):
+    with pytest.raises(BadInput) as refused:
+        paired(tmp_path, lines, **settings)
+    assert re.search(problem, str(refused.value))
+
+
+def test_a_flat_period_varies_with_the_angle_from_which_it_follows():
+    theta, matrix = 0.9, np.array([[4.0, 1.0, -1.0], [1.0, 2.0, 0.5], [-1.0, 0.5, 1.0]]) * 1e-6
+    fitted = {
+        one: dict(zip(FITTED, row, strict=True))
+        for one, row in zip(FITTED, matrix.tolist(), strict=True)
+    }
+    found = with_period(fitted, theta)
+    names = [*FITTED, "period"]
+    samples = np.random.default_rng(0).multivariate_normal(np.zeros(3), matrix, 100_000)
+    period = -np.log(np.sin((theta + samples[:, 2]) / 2) / np.sin(theta / 2))
+    wanted = np.cov(np.column_stack([samples, period]).T)
+    got = np.array([[found[one][other] for other in names] for one in names])
+    np.testing.assert_allclose(got, wanted, atol=3e-8)
+    assert np.linalg.eigvalsh(got).min() > -1e-15
+
+
+DESIGNS = {4: [16, 24, 32], 6: [24, 36]}
+
+
+@pytest.mark.slow
+def test_first_order_agrees_with_monte_carlo_on_five_designs(yarn, tmp_path):
+    for n_stripe, subunits in DESIGNS.items():
+        settings = {"n_subunit": subunits, "strain_max": 0.09, "results": tmp_path}
+        path = kl.sample_stripes(
+            yarn, tmp_path / f"s{n_stripe}.toml", n_stripe=n_stripe, samples=16
+        )
+        samples = kl.run(path, **settings)
+        exact = {"material": yarn, "sensitivities": True, "robustness": 0, "n_stripe": n_stripe}
+        cube = kl.run("periodic", **exact, **settings | {"results": tmp_path / str(n_stripe)})
+        linear = kl.uncertainty(cube, material=yarn)
+        spread = kl.uncertainty(samples)
+        assert (spread["samples"] == 16).all()
+        changes = {}
+        for name in cube["stripe_parameter"].values:
+            relative = samples[name] / cube[name]
+            changes[name] = relative - 1 if name.endswith("theta_0") else np.log(relative)
+        for quantity in ("poisson_ratio", "reaction_force"):
+            # The same samples by the linear function.
+            slope = cube[f"{quantity}_sensitivity"]
+            predicted = sum(
+                slope.sel(stripe_parameter=name) * each for name, each in changes.items()
+            )
+            at = {"applied_strain": slice(0.03, None)}
+            by_samples = spread[f"{quantity}_sd"].sel(at)
+            by_same = predicted.std("sample", ddof=1).sel(at)
+            by_covariance = linear[f"{quantity}_sd"].sel(at)
+            np.testing.assert_allclose(by_samples, by_same, rtol=0.15)
+            # Sixteen samples know a deviation to about a fifth.
+            np.testing.assert_allclose(by_samples, by_covariance, rtol=0.4)
