@@ -192,7 +192,7 @@ def on_grid(configuration: Configuration) -> Shape:
 
 def configuration_of(shape: Shape, case: int) -> Configuration:
     """The configuration of one fabric of a batch."""
-    positions = np.stack([np.asarray(part[case]) for part in shape.positions], axis=-1)
+    positions = np.stack([np.asarray(each[case]) for each in shape.positions], axis=-1)
     return Configuration(positions, np.asarray(shape.lengths[case]))
 
 

@@ -11,6 +11,7 @@ Vectors are three arrays, whose operations XLA fuses into one loop over the grid
 components along an axis of one array it would write every intermediate vector to memory.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import equinox as eqx
@@ -198,8 +199,8 @@ class GridFabric(eqx.Module):
             for own, vectors in zip(self.hinges, _hinged(*edges), strict=True)
         )
         if self.periodic:
-            by_warp = jax.tree.map(lambda part: part.at[:, -1].set(0.0), by_warp)
-            by_weft = jax.tree.map(lambda part: part.at[-1].set(0.0), by_weft)
+            by_warp = jax.tree.map(lambda component: component.at[:, -1].set(0.0), by_warp)
+            by_weft = jax.tree.map(lambda component: component.at[-1].set(0.0), by_weft)
         # A cell is before the hinges on its far lines, and after those on its near lines.
         by_normal = add(
             _at(wale_before, INNER, AFTER),
@@ -207,7 +208,7 @@ class GridFabric(eqx.Module):
             _at(course_before, AFTER, INNER),
             _at(course_after, BEFORE, INNER),
         )
-        by_normal = jax.tree.map(lambda part: jnp.pad(part, 1), by_normal)
+        by_normal = jax.tree.map(lambda component: jnp.pad(component, 1), by_normal)
         weft, warp, up, down = (
             own.gradient(along) for own, along in zip(self.springs, edges, strict=True)
         )
@@ -221,7 +222,9 @@ class GridFabric(eqx.Module):
         lengths = jnp.zeros(2)
         if self.periodic:
             lengths = jnp.stack([x[:, -1].sum(), y[-1].sum()])
-            x, y, z = map(_images_added, (x, y, z))
+            # At the nodes of periodic fabric, that of their images is added.
+            x, y, z = (part[:-1].at[0].add(part[-1]) for part in (x, y, z))
+            x, y, z = (part[:, :-1].at[:, 0].add(part[:, -1]) for part in (x, y, z))
         if walls:
             z = z + self.k_wall * self._beyond(shape.positions[2])
         return Shape((x, y, z), lengths)
@@ -292,12 +295,6 @@ def _gathered(weft: Lines, warp: Lines, rising: Lines, falling: Lines) -> Lines:
     )
 
 
-def _images_added(part: Lines) -> Lines:
-    """One component of the gradient at the nodes of periodic fabric: that of images added."""
-    part = part[:-1].at[0].add(part[-1])
-    return part[:, :-1].at[:, 0].add(part[:, -1])
-
-
 def add(*vectors: Vector) -> Vector:
     """Sum of vectors."""
     return jax.tree.map(lambda *parts: sum(parts[1:], parts[0]), *vectors)
@@ -344,16 +341,12 @@ def arctan2(y: Component, x: Component) -> Component:
         steep, smaller + larger, larger
     )
     square = tangent * tangent
-    above, below = (_polynomial(each, square) for each in (NUMERATOR, DENOMINATOR))
+    # By Horner's rule, with numbers and no array, for speed.
+    above, below = (
+        reduce(lambda value, coefficient: value * square + coefficient, polynomial)
+        for polynomial in (NUMERATOR, DENOMINATOR)
+    )
     angle = tangent + tangent * square * above / below + jnp.where(steep, np.pi / 4, 0.0)
     angle = jnp.where(size_y > size_x, np.pi / 2 - angle, angle)
     angle = jnp.where(x < 0, np.pi - angle, angle)
     return jnp.where(y < 0, -angle, angle)
-
-
-def _polynomial(coefficients: tuple[float, ...], of: Component) -> Component:
-    """A polynomial by Horner's rule, highest power first; numbers and no array, for speed."""
-    value = coefficients[0] * of + coefficients[1]
-    for coefficient in coefficients[2:]:
-        value = value * of + coefficient
-    return value

@@ -129,22 +129,22 @@ def highest_frequency(
     """Square of the highest frequency without walls, and its mode, from one near it [1/ms²]."""
     # By power iteration on M^(−1/2) K M^(−1/2), which is symmetric, so that Rayleigh quotients are
     # sharp.
-    weighted = partial(jax.tree.map, lambda part, inverse: jnp.sqrt(inverse) * part)
+    weighted = partial(jax.tree.map, lambda vector, inverse: jnp.sqrt(inverse) * vector)
 
     def norm(vector: Shape) -> Float[Array, ""]:
         return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(vector)))
 
-    def gradient_at(direction: Shape, part: Float[Array, ""]) -> Shape:
-        shape = jax.tree.map(lambda at, by: at + part * by, motion.shape, direction)
+    def gradient_at(direction: Shape, length: Float[Array, ""]) -> Shape:
+        shape = jax.tree.map(lambda at, by: at + length * by, motion.shape, direction)
         return body.fabric.gradient(shape, walls=False)
 
     def again(_: Any, last: tuple[Array, Shape]) -> tuple[Array, Shape]:
         direction = weighted(last[1], body.inverse)
         # A forward derivative of the gradient takes six times as long as two gradients.
         size = jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(direction)])
-        part = 1e-6 / jnp.max(size)  # a central difference over as many mm
-        ahead, behind = gradient_at(direction, part), gradient_at(direction, -part)
-        image = jax.tree.map(lambda one, two: (one - two) / (2 * part), ahead, behind)
+        length = 1e-6 / jnp.max(size)  # a central difference over as many mm
+        ahead, behind = gradient_at(direction, length), gradient_at(direction, -length)
+        image = jax.tree.map(lambda one, two: (one - two) / (2 * length), ahead, behind)
         image = weighted(image, body.inverse)
         size = norm(image)
         return size, jax.tree.map(lambda leaf: leaf / size, image)
@@ -176,7 +176,7 @@ def leapfrog(
             *(body.inverse, half),
         )
         velocity = jax.tree.map(
-            lambda part, old, by, acting: part * old - by * acting,
+            lambda kept, old, by, acting: kept * old - by * acting,
             *(kept, motion.velocity, push, force),
         )
         (x, y, z), (_, _, by) = velocity.positions, push.positions
@@ -302,6 +302,11 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
             moving = _by_runge_kutta(moving, left, settings)
         else:
             moving, fraction = _by_leapfrog(moving, left, fraction, settings.step_safety)
+        moving = replace(
+            moving,
+            kinetic_peak=np.maximum(moving.kinetic_peak, np.asarray(moving.seen.kinetic)),
+            largest=np.maximum(moving.largest, _mechanical_energy(moving.seen)),
+        )
 
 
 def largest_step(moving: Moving) -> OfCases:
@@ -326,11 +331,11 @@ def _by_leapfrog(
     seen = _observe(moving.body, motion)
     supplied = np.asarray(motion.supplied - moving.motion.supplied)
     before, after = _mechanical_energy(moving.seen), _mechanical_energy(seen)
-    # A step was unstable if the energy grew by more than this part of the largest.
+    # A step was unstable if the energy grew by more than this fraction of the largest.
     stable = after - supplied <= before + 0.02 * np.maximum(moving.largest, np.abs(supplied))
     count = np.where(stable, count, 0)
     fraction = np.where(stable, np.minimum(2 * fraction, safety), fraction / 2)
-    moved = replace(
+    moving = replace(
         moving,
         motion=_chosen(stable, motion, moving.motion),
         seen=_chosen(stable, seen, moving.seen),
@@ -339,7 +344,7 @@ def _by_leapfrog(
         steps=moving.steps + count,
         diverged=moving.diverged | (fraction < safety * 0.5**HALVINGS),
     )
-    return _with_peaks(moved), fraction
+    return moving, fraction
 
 
 def _by_runge_kutta(moving: Moving, left: OfCases, settings: Dynamics) -> Moving:
@@ -349,7 +354,7 @@ def _by_runge_kutta(moving: Moving, left: OfCases, settings: Dynamics) -> Moving
     motion, steps, reached = _runge_kutta(moving.body, moving.motion, taken, tolerances)
     ok = np.asarray(reached) | (left == 0)
     motion = _chosen(ok, motion, moving.motion)
-    moved = replace(
+    return replace(
         moving,
         motion=motion,
         seen=_observe(moving.body, motion),
@@ -357,19 +362,10 @@ def _by_runge_kutta(moving: Moving, left: OfCases, settings: Dynamics) -> Moving
         steps=moving.steps + np.where(left > 0, np.asarray(steps), 0),
         diverged=moving.diverged | ~ok,
     )
-    return _with_peaks(moved)
 
 
 def _mechanical_energy(seen: Observed) -> OfCases:
     return np.asarray(seen.kinetic) + np.asarray(seen.energy.total)
-
-
-def _with_peaks(moving: Moving) -> Moving:
-    return replace(
-        moving,
-        kinetic_peak=np.maximum(moving.kinetic_peak, np.asarray(moving.seen.kinetic)),
-        largest=np.maximum(moving.largest, _mechanical_energy(moving.seen)),
-    )
 
 
 def _chosen(which: Bool[np.ndarray, " case"], new: Any, old: Any) -> Any:

@@ -35,6 +35,7 @@ from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
 
 Unknowns = Float[Array, " unknown"]  # A configuration, flattened [mm]
+Free = Float[np.ndarray, " free"]
 Rows = Float[Array, "quantity unknown"]
 Moved = Float[np.ndarray, "row unknown"]  # forces on all unknowns, or displacements
 Measure = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
@@ -85,13 +86,13 @@ class LinearResponse:
         forces[:, :size] = displacements[:, :size] @ self._stiffness
         return forces
 
-    def rigid_part(self, rows: Moved) -> Moved:
+    def rigid_motion(self, rows: Moved) -> Moved:
         """Projection of rows onto the rigid motions that cost no energy."""
-        part, free = np.zeros_like(rows), self.free.dofs
-        part[:, free] = rows[:, free] @ self._rigid @ self._rigid.T
-        return part
+        rigid, free = np.zeros_like(rows), self.free.dofs
+        rigid[:, free] = rows[:, free] @ self._rigid @ self._rigid.T
+        return rigid
 
-    def _solved(self, force: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+    def _solved(self, force: Free) -> Free:
         """The solution by iterative refinement, to a small relative residual."""
         solution, residual, largest = np.zeros_like(force), force, np.abs(force).max()
         for _ in range(20):
@@ -101,9 +102,7 @@ class LinearResponse:
             residual = self._without_rigid_motion(force - self._within @ solution)
         raise NoDerivative("the stiffness is singular, or nearly so")
 
-    def _without_rigid_motion(
-        self, vector: Float[np.ndarray, " free"]
-    ) -> Float[np.ndarray, " free"]:
+    def _without_rigid_motion(self, vector: Free) -> Free:
         return vector - self._rigid @ (self._rigid.T @ vector)
 
 
@@ -127,8 +126,12 @@ class Adjoint:
 
     def __init__(self, layout: FabricLayout, stripes: StripePair, relaxed: Configuration) -> None:
         shape = self._shape = layout.net.shape
-        self._relaxed, self._stripes = np.asarray(relaxed.flattened()), stripes
-        self._fabric, self._slope = layout.fabric(stripes), _slope(layout, stripes)
+        self._relaxed = np.asarray(relaxed.flattened())
+        self._fabric = layout.fabric(stripes)
+        numbers, self._pair = ravel_pytree(stripes)
+        # Derivatives of all parameters of the fabric with respect to those of its stripes.
+        by_numbers = jax.jacfwd(lambda x: ravel_pytree(layout.fabric(self._pair(x)))[0])(numbers)
+        self._slope = np.asarray(by_numbers)
         self._under_tension = LinearResponse(shape, free_under(shape))
         self._at_rest = LinearResponse(shape, all_free(shape)).at(self._fabric, self._relaxed)
 
@@ -167,35 +170,15 @@ class Adjoint:
     ) -> StripePair:
         """Derivatives by stripe parameters, from those by relaxed shape and by the fabric."""
         # Rigid motions, which cost no energy, are determined by the rigid alignment.
-        rigid = self._at_rest.rigid_part(by_relaxed)
-        by_fabric, aligned_part = _through_alignment(
-            self._shape, self._fabric, self._relaxed, rigid, by_fabric
-        )
-        multipliers = self._at_rest.to(by_relaxed - rigid + np.asarray(aligned_part))
-        by_fabric = _through_forces(
-            self._shape, self._fabric, self._relaxed, multipliers, by_fabric
-        )
+        rigid = self._at_rest.rigid_motion(by_relaxed)
+        at = self._shape, self._fabric, self._relaxed
+        by_fabric, by_aligned = _through_alignment(*at, rigid, by_fabric)
+        multipliers = self._at_rest.to(by_relaxed - rigid + np.asarray(by_aligned))
+        by_fabric = _through_forces(*at, multipliers, by_fabric)
         rows = [np.reshape(leaf, (len(by_relaxed), -1)) for leaf in jax.tree.leaves(by_fabric)]
         by_number = np.concatenate(rows, axis=1) @ self._slope
-        numbers, structure = jax.tree.flatten(self._stripes)
-        ends = np.cumsum([np.size(number) for number in numbers])
-        parts = np.split(by_number.T, ends[:-1])
-        derivatives: StripePair = jax.tree.unflatten(
-            structure,
-            [
-                part.reshape(*np.shape(number), -1)
-                for part, number in zip(parts, numbers, strict=True)
-            ],
-        )
+        derivatives: StripePair = jax.vmap(self._pair, out_axes=-1)(jnp.asarray(by_number))
         return derivatives
-
-
-def _slope(
-    layout: FabricLayout, stripes: StripePair
-) -> Float[np.ndarray, "fabric_number stripe_number"]:
-    """Derivatives of all parameters of a fabric with respect to those of its stripes."""
-    numbers, pair = ravel_pytree(stripes)
-    return np.asarray(jax.jacfwd(lambda x: ravel_pytree(layout.fabric(pair(x)))[0])(numbers))
 
 
 @partial(jax.jit, static_argnums=(0, 1))

@@ -34,6 +34,7 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.threads import ONE_THREAD
 
+Coupled = Bool[np.ndarray, "subdomain subdomain"]
 SentSubdomain = tuple[MeshShape, Int[np.ndarray, " free"], Fabric]
 """Mesh shape of a subdomain, indices of its free unknowns, and its springs, folds and walls."""
 
@@ -55,9 +56,7 @@ class SubdomainSolver:
         self._fabric, self._threads = system.fabric, system.threads
         self._kept: KeptFactors = {}
         self._numbers = count()
-        self._decompositions: dict[
-            FreeStiffness, tuple[list[_LocalProblem], Bool[np.ndarray, "subdomain subdomain"]]
-        ] = {}
+        self._decompositions: dict[FreeStiffness, tuple[list[_LocalProblem], Coupled]] = {}
 
     def solve(
         self,
@@ -104,9 +103,7 @@ class SubdomainSolver:
         system.factorised()
         return Point(unknowns, at.stage), cost
 
-    def _decomposition(
-        self, free: FreeStiffness
-    ) -> tuple[Sequence[_LocalProblem], Bool[np.ndarray, "subdomain subdomain"]]:
+    def _decomposition(self, free: FreeStiffness) -> tuple[Sequence[_LocalProblem], Coupled]:
         if free not in self._decompositions:
             subdomains = list(subdomains_of(free))
             problems = []

@@ -1,4 +1,4 @@
-"""Subdomains: overlapping parts of a large sample, each a sheet with its boundary held."""
+"""Subdomains: overlapping rectangles of a large sample, each with its boundary held."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ FEWEST = 6  # number of subdomains from which domain decomposition pays off
 
 @dataclass(frozen=True, eq=False)
 class Subdomain:
-    """A part of a sample."""
+    """A rectangle of a sample."""
 
     dofs: Int[np.ndarray, " unknown"]  # its unknowns among those of the sample, with L_x and L_y
     free: FreeStiffness
@@ -32,15 +32,15 @@ class Subdomain:
     hinges: Int[np.ndarray, " hinge"]
 
     def fabric(self, whole: Fabric) -> Fabric:
-        """The part of the sample's fabric in the subdomain."""
+        """The sample's fabric in the subdomain."""
 
-        def parts(chosen: Int[np.ndarray, " element"], *names: str) -> dict[str, Any]:
+        def of_elements(chosen: Int[np.ndarray, " element"], *names: str) -> dict[str, Any]:
             # NumPy indexes without compiling, which JAX does for every size.
             whole_values = {name: getattr(whole, name) for name in names}
             return jax.tree.map(lambda values: np.asarray(values)[chosen], whole_values)
 
-        springs = parts(self.springs, "rest_length", "stretch_stiffness", "spring_law")
-        return replace(whole, **springs, **parts(self.hinges, "rest_fold", "fold_stiffness"))
+        springs = of_elements(self.springs, "rest_length", "stretch_stiffness", "spring_law")
+        return replace(whole, **springs, **of_elements(self.hinges, "rest_fold", "fold_stiffness"))
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
         """Largest force on its free unknowns [N]."""
@@ -65,7 +65,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             )
             row, column = np.mgrid[bottom : top + 1, left : right + 1].reshape(2, -1)
             nodes = row * shape.nodes_x + column
-            part = MeshShape(top - bottom, right - left, periodic=False)
+            own_shape = MeshShape(top - bottom, right - left, periodic=False)
             dofs = np.append(
                 (3 * nodes[:, None] + np.arange(3)).ravel(), shape.unknowns - np.array([2, 1])
             )
@@ -76,7 +76,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             within[nodes] = True
             yield Subdomain(
                 dofs,
-                free_stiffness(part, np.flatnonzero(movable_here)),
+                free_stiffness(own_shape, np.flatnonzero(movable_here)),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
                     for elements in (net.springs, net.hinges)

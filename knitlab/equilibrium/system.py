@@ -88,8 +88,7 @@ class System:
         With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing,
         but not with active ``contact``, whose Hessian [N/mm] may couple any two unknowns: the long
         steps that convexity allows would end at the next collision. With contact, or if ``exact``,
-        it is in double precision. Single precision takes half the time and memory, and is enough
-        for a search, whose forces are those of the exact energy.
+        it is in double precision; single takes half the time and memory, enough for a search.
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")

@@ -45,25 +45,21 @@ def stretch(
 ) -> TensileTest:
     """Relax a fabric and strain it, by default in the paper's tensile test.
 
-    The path to a strain is followed in steps of ``settings.path_step``, or up to four times as long
-    where that takes few iterations. Each step starts from the linear extrapolation of the two
+    The path to a strain is followed in steps. Each starts from the linear extrapolation of the two
     previous states, or, after few iterations, the quadratic one of three; for a sample of many
     subdomains, from the point of lowest energy on the way there. If the previous step took many
     iterations, the path is rough: the extrapolation is poor, and hard walls would obstruct the
     search for the equilibrium. The search then begins with soft walls and a convexified stiffness.
 
-    Along a branch of equilibria the energy grows by the work of the reaction force. If the
-    difference exceeds ``settings.branch_limit`` times that work, or times the work of a step of
-    ``settings.path_step`` if that is less, the fabric has left its branch. A step that does so, or
-    fails, is repeated over half the strain, down to ``settings.smallest_step`` of a full one. If it
-    leaves the branch even then, the fabric has snapped, and the state it snapped to is accepted and
-    marked. The iterations of all attempts are counted in the state that they lead to. The test ends
-    at the first strain that cannot be reached.
+    Along a branch of equilibria the energy grows by the work of the reaction force. A step that
+    leaves it by ``settings.branch_limit``, or fails, is repeated over half the strain, down to
+    ``settings.smallest_step``. If it leaves the branch even then, the fabric has snapped, and the
+    state it snapped to is accepted and marked. A state counts the iterations of all attempts. The
+    test ends at the first strain that cannot be reached.
 
     ``progress`` is called with the number of finished states, ``factorised`` after every
     factorisation. The relaxation begins with the flat sheet, with ``start`` or, without a detour,
-    with ``folded``, which is nearly in equilibrium. With ``unload`` a fabric that reached the last
-    strain is unloaded through all.
+    with ``folded``, nearly in equilibrium. With ``unload`` all strains are passed back too.
     """
     system.factorised = factorised
     if folded is None:
@@ -105,10 +101,9 @@ def relax(
 ) -> State:
     """The relaxed shape of a fabric (paper, Sec. "Relaxation of a pattern").
 
-    It begins with the flat sheet, if no start is given. The rest fold angles are raised in
-    ``settings.ramp_steps`` equal steps between walls that are soft at first: hard walls would stop
-    every step at the first node that touches them. Each stage but the last is only solved to
-    ``settings.waypoint_force``. A sample for clamping relaxes with all edges free, is then rigidly
+    It begins with the flat sheet, if no start is given. The rest fold angles are raised in equal
+    steps between walls that are soft at first: hard walls would stop every step at the first node
+    that touches them. A sample for clamping relaxes with all edges free, is then rigidly
     aligned, as far as the walls allow, and solved again. Periodic fabric is solved with a
     convexified stiffness, which is faster; if that collapses a cell, where fold angles are
     undefined, it is solved again by raising μ.
@@ -156,7 +151,7 @@ def relax_near(
 
 
 def intermediate_settings(settings: Solver, fabric: Fabric) -> Solver:
-    """Settings for an intermediate state, which need not be in exact equilibrium."""
+    """Settings for an intermediate state, solved to ``settings.waypoint_force`` only."""
     moments = np.asarray(fabric.fold_stiffness) * np.abs(fabric.rest_fold)
     near = settings.waypoint_force * float(moments.max() / fabric.cell_sides.min())
     return replace(settings, tolerance=max(settings.tolerance, near))
@@ -327,9 +322,9 @@ class _Path:
         if len(self.last) == 1:
             return -math.inf
         distance = (strain - before_strain) * self.loading.length
-        force = self.loading.reaction_force(before.gradient)
+        force = float(self.loading.reaction_force(before.gradient))
         earlier_strain, earlier = self.last[-2]
-        growth = force - self.loading.reaction_force(earlier.gradient)
+        growth = force - float(self.loading.reaction_force(earlier.gradient))
         slope = growth / (before_strain - earlier_strain)
         work = (force + slope * (strain - before_strain) / 2) * distance
         return float(before.energy.total) + work - self._allowed(work, strain)
@@ -348,7 +343,7 @@ class _Path:
             return state.converged
         before_strain, before = self.last[-1]
         distance = (strain - before_strain) * self.loading.length
-        forces = [self.loading.reaction_force(each.gradient) for each in (before, state)]
-        work = sum(forces) / 2 * distance
+        forces = self.loading.reaction_force(before.gradient + state.gradient)
+        work = float(forces) / 2 * distance
         gained = float(state.energy.total) - float(before.energy.total)
         return abs(gained - work) <= self._allowed(work, strain)

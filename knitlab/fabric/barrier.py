@@ -32,7 +32,7 @@ NEAR_RANGE = 0.1
 """Distance over which the barrier acts between parts that are near on the grid, in thicknesses: it
 keeps them from passing through each other, and leaves the calibrated folds alone."""
 WIDE, NARROW = 0.3, 0.06  # margins before a new search, over the shortest side of a cell
-KEPT_PART = 0.5  # fraction of a collision-free step that is taken: the barrier is finite after it
+KEPT_FRACTION = 0.5  # of a collision-free step, that is taken: the barrier is finite after it
 LEAST_FREE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
 
 Unknowns = Float[np.ndarray, " unknown"]
@@ -75,6 +75,7 @@ class PairSearch:
         self._parts = mesh.parts(near)
         self._reached = least + reach
         self._wide, self._narrow = (2 * margin * cell for margin in (WIDE, NARROW))
+        # Complete nowhere, so that the first call searches.
         self._all = self._close = self._of_whole(np.full((len(mesh.grid), 3), np.nan), 0.0)
 
     def close(self, vertices: Vertices) -> Pairs:
@@ -84,7 +85,7 @@ class PairSearch:
         return self._close
 
     def free_fraction(self, before: Vertices, after: Vertices) -> float:
-        """Part of a straight step that brings no parts as near as they may be."""
+        """Fraction of a straight step that brings no parts as near as they may be."""
         pairs = self.close(before)
         if not pairs.complete_within(after) > self.least:
             pairs = self._search(before)
@@ -195,10 +196,10 @@ class Barrier:
         return sp.csc_array(sum(terms[1:], terms[0])) if terms else None
 
     def free_fraction(self, unknowns: Unknowns, step: Unknowns) -> float:
-        """Part of a step, at most 1, after which all parts still keep their distance."""
+        """Fraction of a step, at most 1, after which all parts still keep their distance."""
         before, after = self._vertices(unknowns, unknowns + step)
-        part = min(search.free_fraction(before, after) for search in self._searches)
-        return part if part == 1 else KEPT_PART * part
+        fraction = min(search.free_fraction(before, after) for search in self._searches)
+        return fraction if fraction == 1 else KEPT_FRACTION * fraction
 
     def holds(self, unknowns: Unknowns) -> bool:
         """Whether all parts keep their distance, and nothing passes through anything."""

@@ -3,6 +3,7 @@
 The chart counts grid cells: x along the weft from the left edge, y along the warp from the bottom.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations, pairwise, product
 from typing import Annotated, Literal
@@ -60,6 +61,10 @@ class Strip:
         """Its area [grid cells]."""
         return (self.right - self.left) * (self.top - self.bottom)
 
+    def moved(self, x: float, y: float) -> "Strip":
+        """The strip, so far to the right and up [grid cells]."""
+        return Strip(self.left + x, self.right + x, self.bottom + y, self.top + y)
+
     def shared(self, other: "Strip") -> "Strip | None":
         """The intersection with another strip, possibly an edge or a corner; ``None`` if empty."""
         (left, right), (bottom, top) = (
@@ -70,7 +75,7 @@ class Strip:
 
 
 def split_by_cells(strip: Strip) -> list[Strip]:
-    """Parts of a strip, one for each grid cell that it covers."""
+    """The pieces of a strip, one for each grid cell that it covers."""
     x, y = (
         pairwise([low, *np.arange(np.floor(low) + 1, np.ceil(high)).tolist(), high])
         for low, high in strip.extents
@@ -92,46 +97,36 @@ class Electrodes:
 
     def faults(self, shape: MeshShape) -> list[str]:
         """All faults of the electrodes on a mesh, each with its position."""
-        faults = []
+        faults, size = [], (shape.cells_x, shape.cells_y)
+        period = size[self.axis] if shape.periodic else 0
+        x, y = (period, 0) if self.axis == 0 else (0, period)
+
+        def common(pairs: Iterable[tuple[Strip, Strip]]) -> list[Strip]:
+            """What strips share, also with images before and after them along the electrodes."""
+            turns = (-1, 0, 1) if period else (0,)
+            images = ((one, other.moved(k * x, k * y)) for one, other in pairs for k in turns)
+            return [strip for one, image in images if (strip := one.shared(image))]
+
+        def leaves(strip: Strip) -> bool:
+            """Whether a strip extends beyond the fabric; across periodic electrodes it may wrap."""
+            return not all(
+                (low >= 0 and high <= cells)
+                or (period and axis != self.axis and high - low < cells)
+                for axis, (cells, (low, high)) in enumerate(zip(size, strip.extents, strict=True))
+            )
+
         for name, strips in zip(NAMES, self.strips, strict=True):
             faults += [
-                f"electrode {name} extends beyond the fabric: {strip} of"
-                f" {shape.cells_x} × {shape.cells_y}"
-                for strip in strips
-                if self._leaves(strip, shape)
+                f"electrode {name} extends beyond the fabric: {strip} of {size[0]} × {size[1]}"
+                for strip in filter(leaves, strips)
             ]
             faults += [
-                f"electrode {name} overlaps itself: {common}"
-                for one, other in combinations(strips, 2)
-                for image in self._images(other, shape)
-                if (common := one.shared(image)) and common.area > 0
+                f"electrode {name} overlaps itself: {shared}"
+                for shared in common(combinations(strips, 2))
+                if shared.area > 0
             ]
-        faults += [
-            f"the electrodes touch, a short circuit: {common}"
-            for one, other in product(*self.strips)
-            for image in self._images(other, shape)
-            if (common := one.shared(image))
-        ]
-        return faults
-
-    def _images(self, strip: Strip, shape: MeshShape) -> list[Strip]:
-        """A strip and, on periodic fabric, its images before and after it along the electrodes."""
-        if not shape.periodic:
-            return [strip]
-        x, y = (shape.cells_x, 0) if self.axis == 0 else (0, shape.cells_y)
-        (left, right), (bottom, top) = strip.extents
-        return [
-            Strip(left + turn * x, right + turn * x, bottom + turn * y, top + turn * y)
-            for turn in (-1, 0, 1)
-        ]
-
-    def _leaves(self, strip: Strip, shape: MeshShape) -> bool:
-        for axis, cells in enumerate((shape.cells_x, shape.cells_y)):
-            low, high = strip.extents[axis]
-            around = shape.periodic and axis != self.axis and high - low < cells
-            if not (around or (low >= 0 and high <= cells)):
-                return True
-        return False
+        touching = common(product(*self.strips))
+        return faults + [f"the electrodes touch, a short circuit: {each}" for each in touching]
 
 
 class BadLayout(ValueError):
@@ -232,36 +227,30 @@ def _along_ridges(
     wale = layout.along == "wale"
     across, length = stitches[wale], pattern.grid[not wale]
     start, end = (fraction * length for fraction in layout.span)
-    strips: list[tuple[Strip, ...]] = []
-    for line in (lines[number - 1] for number in layout.ridges):
+
+    def strip(line: int) -> Strip:
         stripe = pattern.cells_per_period / 2
         width = stripe if layout.width == "stripe" else layout.width / across[line]
         low, high = line - width / 2, line + width / 2
-        strips.append((Strip(low, high, start, end) if wale else Strip(start, end, low, high),))
-    return strips
+        return Strip(low, high, start, end) if wale else Strip(start, end, low, high)
+
+    return [(strip(lines[number - 1]),) for number in layout.ridges]
 
 
 def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> list[tuple[Strip, ...]]:
     drawing = np.array([list(row.upper()) for row in layout.mask[::-1]])
     if drawing.shape != (shape.cells_y, shape.cells_x):
-        raise BadLayout(
-            [
-                f"the mask has {len(layout.mask)} rows of {len(layout.mask[0])} letters, the fabric"
-                f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter per cell"
-            ]
+        problem = (
+            f"the mask has {len(layout.mask)} rows of {len(layout.mask[0])} letters, the fabric"
+            f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter per cell"
         )
-    problems = [
+        raise BadLayout([problem])
+    if problems := [
         problem for name in NAMES for problem in _broken(name, drawing == name, layout.along, shape)
-    ]
-    if problems:
+    ]:
         raise BadLayout(problems)
-    return [
-        tuple(
-            Strip(column, column + 1.0, row, row + 1.0)
-            for row, column in np.argwhere(drawing == name).astype(float).tolist()
-        )
-        for name in NAMES
-    ]
+    plated = (np.argwhere(drawing == name).astype(float).tolist() for name in NAMES)
+    return [tuple(Strip(x, x + 1, y, y + 1) for y, x in cells) for cells in plated]
 
 
 def _broken(

@@ -1,9 +1,9 @@
-"""Fold lines: which hinges of a patch fold, by which part of a fold, and how stiff they are.
+"""Fold lines: which hinges of a patch fold, by which share of a fold, and how stiff they are.
 
 With four grid cells per period, the paper's grid, a fold is one hinge. On a finer grid it is
 distributed over the hinges of a rounded ridge, which covers ``ridge_fraction`` of the stripe and
-has constant curvature at rest. Each of its hinges has the part of the fold angle that lies within
-half a cell of it, and the same part of the fold's compliance. The hinges of a flank share the
+has constant curvature at rest. Each of its hinges has the share of the fold angle that lies within
+half a cell of it, and the same share of the fold's compliance. The hinges of a flank share the
 compliance of the hinge between two folds of the paper's grid.
 """
 
@@ -22,7 +22,7 @@ SENSE_BY_LINE = {
     "stripe_border": np.array([-1.0, 0.0, 1.0, 0.0]),
     "stripe_centre": np.array([0.0, 1.0, 0.0, -1.0]),
 }
-"""Sense of the fold at a line of the paper's grid, by its place in the period of four cells."""
+"""Sense of the fold at a line of the paper's grid, by its position in the period of four cells."""
 
 Like = Bool[np.ndarray, "line cell"]  # which cells are of one knit; axis 1 runs across its folds
 ByEdge = Float[np.ndarray, "line cell"]  # at k of axis 1: edge between cells k − 1 and k
@@ -31,14 +31,14 @@ ByEdge = Float[np.ndarray, "line cell"]  # at k of axis 1: edge between cells k 
 class Ridge:
     """Distribution of a fold over the hinges of a fine grid; the ridge is a fraction of a stripe.
 
-    ``refinement`` is the number of grid cells along one cell of the paper's grid, ``fold_parts``
-    the part of the fold of each hinge up to that many cells from the middle of the ridge.
+    ``refinement`` is the number of grid cells along one cell of the paper's grid, ``fold_shares``
+    the share of the fold of each hinge up to that many cells from the middle of the ridge.
     """
 
     def __init__(self, cells_per_period: int, fraction: float) -> None:
         self.refinement = cells_per_period // CELLS_PER_PERIOD
-        self.fold_parts = _parts(self.refinement, fraction)
-        self._flank_parts = _parts(self.refinement, 1 - fraction)
+        self.fold_shares = _shares(self.refinement, fraction)
+        self._flank_shares = _shares(self.refinement, 1 - fraction)
 
     def stiffness_by_position(self, fold_phase: FoldPhase) -> Float[np.ndarray, " cell"]:
         """Factor on k_t of a hinge, by its position in the period; all 1 on the paper's grid.
@@ -48,9 +48,9 @@ class Ridge:
         """
         shares = np.zeros(CELLS_PER_PERIOD * self.refinement)
         for line, sense in enumerate(SENSE_BY_LINE[fold_phase]):
-            parts = self.fold_parts if sense else self._flank_parts
-            for offset, part in enumerate(parts, -self.refinement):
-                shares[(line * self.refinement + offset) % len(shares)] += part
+            around = self.fold_shares if sense else self._flank_shares
+            for offset, share in enumerate(around, -self.refinement):
+                shares[(line * self.refinement + offset) % len(shares)] += share
         return 1 / (self.refinement * shares)
 
     def rest_fold(
@@ -66,8 +66,8 @@ class Ridge:
             return sharp
         middle = self.refinement
         # Tilt of the cells from the middle of the ridge to that of the flank, over the fold angle.
-        tilts = self.fold_parts[middle] / 2 + np.concatenate(
-            [[0.0], np.cumsum(self.fold_parts[middle + 1 : 2 * middle])]
+        tilts = self.fold_shares[middle] / 2 + np.concatenate(
+            [[0.0], np.cumsum(self.fold_shares[middle + 1 : 2 * middle])]
         )
 
         def excess(fold: Array, contraction: Array) -> Array:
@@ -84,8 +84,8 @@ class Ridge:
         return array_library(theta_0).asarray(solution.value)
 
 
-def _parts(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
-    """Parts of an arc over a fraction of a stripe that lie within half a cell of each line."""
+def _shares(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
+    """Shares of an arc over a fraction of a stripe that lie within half a cell of each line."""
     offsets = np.arange(-refinement, refinement + 1)
     half = fraction * refinement
     if refinement == 1 or half <= 0.5:
@@ -126,7 +126,7 @@ def _number_in_run(like: Like, periodic: bool) -> Int[np.ndarray, "line cell"]:
 def fold_senses(
     like: Like, fold_phase: FoldPhase, periodic: bool, ridge: Ridge = PAPER_RIDGE
 ) -> ByEdge:
-    """Part of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
+    """Share of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
 
     Lines are counted from the start of each run of like cells: neighbouring patches of one knit
     fold together, and no fold lies on the border between two knits.
@@ -135,16 +135,16 @@ def fold_senses(
     line, between = np.divmod(_number_in_run(like, periodic), ridge.refinement)
     middles = SENSE_BY_LINE[fold_phase][line % CELLS_PER_PERIOD]
     middles = np.where(inside & (between == 0), middles, 0.0)
-    parts = sum(
-        part * np.roll(middles, offset, axis=1)
-        for offset, part in enumerate(ridge.fold_parts, -ridge.refinement)
-        if part
+    shares = sum(
+        share * np.roll(middles, offset, axis=1)
+        for offset, share in enumerate(ridge.fold_shares, -ridge.refinement)
+        if share
     )
-    return np.where(inside, parts, 0.0)
+    return np.where(inside, shares, 0.0)
 
 
 def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
-    """Parts of the folds of rib, left of grid cells, and of garter, below; > 0 in mountains."""
+    """Shares of the folds of rib, left of grid cells, and of garter, below; > 0 in mountains."""
     periodic, ridge = options.boundary == "periodic", ridge_of(options)
     rib, garter = (
         fold_senses(like, options.fold_phase, periodic, ridge)
@@ -157,12 +157,9 @@ def fold_stiffness_factors(pattern: PatchGrid, options: ModelOptions) -> tuple[B
     """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere."""
     periodic = options.boundary == "periodic"
     by_position = ridge_of(options).stiffness_by_position(options.fold_phase)
-    rib, garter = (
-        np.where(
-            inside_runs(like, periodic),
-            by_position[_number_in_run(like, periodic) % len(by_position)],
-            1.0,
-        )
-        for like in (pattern.cells_of("rib"), pattern.cells_of("garter").T)
-    )
-    return rib, garter.T
+
+    def factors(like: Like) -> ByEdge:
+        position = _number_in_run(like, periodic) % len(by_position)
+        return np.where(inside_runs(like, periodic), by_position[position], 1.0)
+
+    return factors(pattern.cells_of("rib")), factors(pattern.cells_of("garter").T).T

@@ -1,4 +1,4 @@
-"""The layout of a fabric: place and kind of every spring, hinge and fold, without parameters."""
+"""The layout of a fabric: position and kind of every spring, hinge and fold, without parameters."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -179,10 +179,8 @@ def _single_folds(pattern: PatchGrid, net: Network) -> Float[np.ndarray, " hinge
     rest = np.full(len(net.wale), np.nan)
     (row, column), (rows, columns) = net.hinge_cells.T, pattern.grid
     for fold, line, start, end in pattern.grid_folds():
-        across, along, count = (
-            (column, row, columns) if fold.along == "wale" else (row, column, rows)
-        )
+        wale = fold.along == "wale"
+        across, along, count = (column, row, columns) if wale else (row, column, rows)
         on_line = across == (line % count if net.shape.periodic else line)
-        of_kind = net.wale if fold.along == "wale" else ~net.wale
-        rest[of_kind & on_line & (start <= along) & (along < end)] = fold.rest_fold
+        rest[(net.wale == wale) & on_line & (start <= along) & (along < end)] = fold.rest_fold
     return rest

@@ -127,46 +127,39 @@ class PatchGrid:
 
     def grid_folds(self) -> list[tuple[SingleFold, int, int, int]]:
         """Single folds with their grid line, start and end; :class:`BadPattern` has all faults."""
-        problems: list[str] = []
-        on_grid = []
+        problems, on_grid = list[str](), []
         for number, fold in enumerate(self.folds, 1):
             across, length = self.column_borders, self.row_borders
             if fold.along == "course":
                 across, length = length, across
             end = len(length) - 1 if fold.end is None else fold.end
             lines = []
-            for name, at, borders in (
-                ("at", fold.at, across),
-                ("start", fold.start, length),
-                ("end", end, length),
-            ):
-                line = _grid_line(at, borders)
-                if isinstance(line, str):
-                    problems.append(f"fold {number}: {name} = {at:g} {line}")
-                else:
-                    lines.append(line)
+            for name, at in (("at", fold.at), ("start", fold.start), ("end", end)):
+                try:
+                    lines.append(_grid_line(at, across if name == "at" else length))
+                except ValueError as error:
+                    problems.append(f"fold {number}: {name} = {at:g} {error}")
             if len(lines) == 3:
-                line, start, last = lines
-                if start >= last:
+                if lines[1] >= lines[2]:
                     problem = f"start = {fold.start:g} is not below end = {end:g}"
                     problems.append(f"fold {number}: {problem}")
-                on_grid.append((fold, line, start, last))
+                on_grid.append((fold, lines[0], lines[1], lines[2]))
         if problems:
             raise BadPattern(problems)
         return on_grid
 
 
-def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int | str:
-    """Grid line at a position in patches, or the fault of this position."""
+def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int:
+    """Grid line at a position in patches; or ValueError with the fault of this position."""
     if not 0 <= at <= len(borders) - 1:
-        return f"lies outside the pattern, which has {len(borders) - 1} patches there"
+        raise ValueError(f"lies outside the pattern, which has {len(borders) - 1} patches there")
     patch = min(int(at), len(borders) - 2)
     cells = int(borders[patch + 1] - borders[patch])
     line = (at - patch) * cells
     if abs(line - round(line)) > 1e-6:
         near = sorted({int(line), int(line) + 1})
         lines = " or ".join(f"{patch + k / cells:g}" for k in near)
-        return f"lies between grid lines; use {lines}"
+        raise ValueError(f"lies between grid lines; use {lines}")
     return int(borders[patch]) + round(line)
 
 

@@ -93,12 +93,9 @@ class StripeNumbers(eqx.Module):
             values = [getattr(stripe, name) or np.inf for stripe in stripes]
             return np.array(values if len(stripes) > 1 else values[0], float)
 
-        strain = numbers("stiffening_strain")
+        strain = numbers(STIFFENING)
         return cls(
-            k_s=numbers("k_s"),
-            k_t=numbers("k_t"),
-            theta_0=numbers("theta_0"),
-            period=numbers("period"),
+            **{name: numbers(name) for name in STRIPE_QUANTITIES},
             stiffening_strain=strain if np.isfinite(strain).any() else None,
             spring_curves=tuple(stripe.spring_curve for stripe in stripes),
         )

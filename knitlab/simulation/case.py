@@ -147,15 +147,13 @@ class Case:
 
     def _per_central_cell(self, of_rows: Any, of_columns: Any) -> tuple[float, float]:
         """Mean over the central unit cells of sums over their rows, and over their columns."""
-        grid = self.cell_grid
-        means = []
-        for lines, count, values in zip(
-            (grid.rows, grid.columns), grid.count, (of_rows, of_columns), strict=True
-        ):
-            cells = central(count)
+
+        def mean(lines: tuple[int, ...], values: Any) -> float:
+            cells = central(len(lines) - 1)
             total = float(values[lines[cells.start] : lines[cells.stop]].sum())
-            means.append(total / (cells.stop - cells.start))
-        return means[0], means[1]
+            return total / (cells.stop - cells.start)
+
+        return mean(self.cell_grid.rows, of_rows), mean(self.cell_grid.columns, of_columns)
 
     @property
     def flat_cell(self) -> tuple[float, float]:

@@ -311,16 +311,13 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
     }
     variables: dict[str, Any] = {}
     for name, variable in variables_of(case).items():
-        given = values.get(name)
         if not variable.dims:
-            variables[name] = ((), np.nan if given is None else given)
-            continue
-        if given is None and not variable.in_cube:
-            continue
-        padded = np.full([sizes[dim] for dim in variable.dims], np.nan)
-        if given is not None:
-            padded[: len(given)] = given
-        variables[name] = (variable.dims, padded)
+            variables[name] = ((), values.get(name, np.nan))
+        elif name in values or variable.in_cube:
+            padded = np.full([sizes[dim] for dim in variable.dims], np.nan)
+            if name in values:
+                padded[: len(values[name])] = values[name]
+            variables[name] = (variable.dims, padded)
     coordinates: dict[str, Any] = {
         **case.design,
         "applied_strain": list(case.applied_strain),

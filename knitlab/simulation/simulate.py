@@ -10,21 +10,21 @@ from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import write_case_file
+from knitlab.dynamics.damped_test import (
+    MovingFabrics,
+    Relaxed,
+    relax_by_dynamics,
+    stretch_by_dynamics,
+)
 from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.state import Outcome, TensileTest
-from knitlab.equilibrium.tensile_test import (
-    imperfect_sheet,
-    relax,
-    relax_near,
-    stretch,
-    tiled,
-)
+from knitlab.equilibrium.tensile_test import imperfect_sheet, relax, relax_near, stretch, tiled
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.zigzag import zigzag
 from knitlab.io.errors import fault
@@ -35,7 +35,6 @@ from knitlab.simulation.measurement import measured
 from knitlab.simulation.siblings import SiblingTest, sibling
 
 if TYPE_CHECKING:
-    from knitlab.dynamics.damped_test import MovingFabrics, Relaxed
     from knitlab.fabric.barrier import Barrier
 
 Progress = Callable[[str, float], None]
@@ -76,16 +75,12 @@ def _simulated(cases: Sequence[Case], progress: Progress) -> Iterator[tuple[Case
 
     first = [those[0] for those in sharing.values()]
     tests, siblings = tensile_tests(first, report), sibling_tests(first, report)
-    chains = [
-        pull_chain(zigzag(case.weft, case.options), case.periods, case.applied_strain)
-        if case.pure
-        else []
-        for case in first
-    ]
     wall_seconds = time.perf_counter() - began
-    for those, test, chain, of_siblings in zip(
-        sharing.values(), tests, chains, siblings, strict=True
-    ):
+    for those, test, of_siblings in zip(sharing.values(), tests, siblings, strict=True):
+        case, chain = those[0], []
+        if case.pure:
+            stripe = zigzag(case.weft, case.options)
+            chain = pull_chain(stripe, case.periods, case.applied_strain)
         for case in those:
             dataset = measured(case, test, chain, of_siblings)
             dataset.attrs |= provenance() | {
@@ -123,15 +118,11 @@ def tensile_tests(
         progress(cases[number].case_id, states)
 
     if cases[0].method == "dynamics" and imperfection is None:
-        from knitlab.dynamics.damped_test import stretch_by_dynamics
-
         strains = [case.applied_strain for case in cases]
         return stretch_by_dynamics(moving_fabrics(cases), strains, report)
     sheets = starts(cases, imperfection)
     moved: list[Relaxed | None] = [None] * len(cases)
     if cases[0].relaxes_by_dynamics:
-        from knitlab.dynamics.damped_test import relax_by_dynamics
-
         loads = [case.load for case in cases]
         moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets, loads)]
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
@@ -158,7 +149,7 @@ def tensile_tests(
     ]
 
 
-def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
+def _after_motion(test: TensileTest, relaxed: Relaxed) -> TensileTest:
     """A test by equilibria of a fabric that relaxed by dynamics, with the history of that."""
     first, *others = test.states
     peak = float(relaxed.history.kinetic.max())
@@ -234,10 +225,8 @@ def contact_of(case: Case) -> "Barrier | None":
     return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
 
 
-def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
+def moving_fabrics(cases: Sequence[Case]) -> MovingFabrics:
     """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
-    from knitlab.dynamics.damped_test import MovingFabrics
-
     fabrics, inertias = [case.assemble()[1] for case in cases], [case.inertia() for case in cases]
     return MovingFabrics(cases[0].mesh_shape, fabrics, inertias, cases[0].motion)
 
@@ -248,20 +237,16 @@ def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[Siblin
     for number in range(1, max(case.robustness for case in cases) + 1):
         originals = [case for case in cases if case.robustness >= number]
         siblings = [sibling(case, number) for case in originals]
-        names = {varied.case_id: case for varied, case in zip(siblings, originals, strict=True)}
-        report = partial(_report_of_sibling, progress, number, names)
+        by_id = {varied.case_id: case for varied, case in zip(siblings, originals, strict=True)}
+
+        def report(name: str, states: float, by_id: Any = by_id, before: int = number) -> None:
+            progress(by_id[name].case_id, before * len(by_id[name].applied_strain) + states)
+
         tested = tensile_tests(siblings, report, imperfection=number)
         energies = _branch_energies(originals, tested)
         for case, varied, test, energy in zip(originals, siblings, tested, energies, strict=True):
             tests[case.case_id].append(SiblingTest(varied, test, energy))
     return [tests[case.case_id] for case in cases]
-
-
-def _report_of_sibling(
-    progress: Progress, number: int, cases: dict[str, Case], sibling_id: str, states: float
-) -> None:
-    case = cases[sibling_id]
-    progress(case.case_id, number * len(case.applied_strain) + states)
 
 
 def _branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list[float]:

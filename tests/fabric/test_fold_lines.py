@@ -21,7 +21,7 @@ PHASES = st.sampled_from(["stripe_border", "stripe_centre"])
 def test_on_the_papers_grid_a_fold_is_one_hinge_whatever_the_ridge():
     for fraction in (0.1, 0.5, 1.0):
         ridge = Ridge(4, fraction)
-        assert ridge.fold_parts.tolist() == [0, 1, 0]
+        assert ridge.fold_shares.tolist() == [0, 1, 0]
         assert (ridge.stiffness_by_position("stripe_border") == 1).all()
         assert float(ridge.rest_fold(jnp.array(0.77))) == np.pi - 0.77
 
@@ -33,7 +33,7 @@ def test_a_stripe_has_the_same_compliance_and_the_same_folds_on_any_grid(cells, 
     # On a refined grid there are more, but shorter edges.
     compliance = (1 / (refinement * ridge.stiffness_by_position(phase))).sum()
     assert compliance == pytest.approx(4)
-    assert ridge.fold_parts.sum() == pytest.approx(1)
+    assert ridge.fold_shares.sum() == pytest.approx(1)
     parts = fold_senses(np.ones((1, 2 * cells), bool), phase, periodic=True, ridge=ridge)[0]
     assert parts.sum() == pytest.approx(0, abs=1e-12)
     # Adjacent ridges cancel on the line between them.

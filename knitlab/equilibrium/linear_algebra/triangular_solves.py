@@ -89,7 +89,14 @@ def groupable(front: Front) -> bool:
     return front.inverted and len(front.boundary) > 0
 
 
-Solves = FrontSolves | GroupSolves
+def _reduce(solves: list[FrontSolves | GroupSolves]) -> None:
+    for each in solves:
+        each.reduce()
+
+
+def _substitute_back(solves: list[FrontSolves | GroupSolves]) -> None:
+    for each in reversed(solves):
+        each.substitute_back()
 
 
 class TriangularSolves:
@@ -129,8 +136,8 @@ class TriangularSolves:
         self._reduce_one(last)
         if self._update is not None:
             rows, columns, weights = self._update
-            part = self._solution[rows]
-            self._solution[rows] = part - columns @ (weights @ (columns.T @ part))
+            reduced = self._solution[rows]
+            self._solution[rows] = reduced - columns @ (weights @ (columns.T @ reduced))
         self._solves_of_one(last).substitute_back()
         self._copy[:] = self._shared
         self._threads.each(_substitute_back, self._halves)
@@ -192,7 +199,7 @@ class TriangularSolves:
             self._shared += self._copy
         self._solves_of_one(number).reduce()
 
-    def _of_half(self, numbers: range) -> Iterator[Solves]:
+    def _of_half(self, numbers: range) -> Iterator[FrontSolves | GroupSolves]:
         """Solves of the fronts of a half, in groups if possible, lower levels first."""
         in_memory = sorted(numbers, key=lambda number: self._fronts[number].stored)
         for _, group in groupby(in_memory, key=lambda number: self._fronts[number].kind):
@@ -209,13 +216,3 @@ class TriangularSolves:
             front, boundary = self._fronts[number], self._boundaries[number]
             self._single[number] = FrontSolves(front, boundary, self._stored, self._vector)
         return self._single[number]
-
-
-def _reduce(solves: list[Solves]) -> None:
-    for each in solves:
-        each.reduce()
-
-
-def _substitute_back(solves: list[Solves]) -> None:
-    for each in reversed(solves):
-        each.substitute_back()
