@@ -65,6 +65,8 @@ def plate_stiffness(
         raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
     if is_case(cube):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+        if "position" not in cube:
+            raise fault("shapes", "has no node positions; give a dataset of knitlab.simulate")
         if where is not None:
             raise fault("where", "is a condition on designs, and a test is one; leave it out")
         plates = plates_of_case(in_cloth(cube, cube), selections)

@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from knitlab.equilibrium.adjoint import LinearResponse, NoDerivative
+from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.energy import hinge_energy, spring_energy, wall_energy
 from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import UPRIGHT, Elements, MeshShape, network
@@ -82,9 +83,10 @@ class PlateSolver:
         if not unbalanced < UNBALANCED:
             return Plate.unknown(PlateStatus.not_converged, height)
         try:
-            response = self._response.at(fabric, np.asarray(state.flattened()))
-            held = len(state.lengths)
-            relaxing = response.to(np.pad(mixed, ((0, 0), (0, held))))[:, :-held]
+            with one_thread_of_blas():
+                response = self._response.at(fabric, np.asarray(state.flattened()))
+                held = len(state.lengths)
+                relaxing = response.to(np.pad(mixed, ((0, 0), (0, held))))[:, :-held]
         except NoDerivative:
             return Plate.unknown(PlateStatus.unstable, height)
         condensed = (stiffness - mixed @ relaxing.T) / area

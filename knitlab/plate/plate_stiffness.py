@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
-from knitlab.cube.cube_file import cube_name, design_dims, model_options
+from knitlab.cube.cube_file import cube_name, design_dims, is_measured, model_options, source_of
 from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import COORDINATES, STRAIN
 from knitlab.cube.selection import chosen_indices, refuse_others, selected, selections_along
@@ -87,6 +87,8 @@ def plates_of_cube(
     known = (*dims, STRAIN)
     remedy = f"select along {', '.join(known)}"
     refuse_others(selections, known, f"is not a coordinate of a plate; {remedy}")
+    if is_measured(cube):
+        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
     if model_options(cube).get("boundary") == "clamped":
         raise fault(cube_name(cube), OF_PERIODIC)
     strains = selections_along(selections, [STRAIN])

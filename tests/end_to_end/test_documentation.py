@@ -28,12 +28,12 @@ PAGES = [
     "CONTRIBUTING.md",
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
-READING_COMMANDS = ("query", "find", "knit", "claims", "export")
+READING_COMMANDS = ("query", "find", "knit", "claims", "export", "plate")
 """Commands that only read a cube, whose output can be compared without a simulation."""
 JUDGED = ("paper", "stripes", "relaxation", "sensor_stripes", "sensor")
 """Kept cubes that the page of claims judges."""
 LEFT_OUT = "…"
-FILES = ("page ", "figure ", "mesh ", "knitout ", "chart ", "sheet ")
+FILES = ("page ", "figure ", "mesh ", "knitout ", "chart ", "sheet ", "card ")
 """What begins a line that names a file."""
 
 

@@ -204,20 +204,12 @@ def test_a_design_with_its_axes_exchanged_has_its_stiffness_exchanged():
 
 def test_turned_over_only_the_coupling_and_moments_change_sign():
     net, fabric, _, state, _ = checkered_states()
-    turned = replace_z(state, -1.0)
-    over = replace_fabric(fabric, rest_fold=-fabric.rest_fold)
+    turned = Configuration(state.positions * np.array([1, 1, -1]), state.lengths)
+    over = replace(fabric, rest_fold=-fabric.rest_fold)
     plate, back = plate_of(net, fabric, state), plate_of(net, over, turned)
     sign = np.repeat([1, -1], 3)
     np.testing.assert_allclose(back.stiffness, sign[:, None] * plate.stiffness * sign, atol=1e-9)
     np.testing.assert_allclose(back.forces, sign * plate.forces, atol=1e-9)
-
-
-def replace_z(state: Configuration, factor: float) -> Configuration:
-    return Configuration(state.positions * np.array([1, 1, factor]), state.lengths)
-
-
-def replace_fabric(fabric, **changed):
-    return replace(fabric, **changed)
 
 
 def test_two_unit_cells_have_the_plate_of_one():

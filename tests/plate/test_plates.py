@@ -171,6 +171,13 @@ def test_clamped_samples_are_refused(tmp_path):
         plates_of_case(kept_file().assign_attrs(parameters=record))
 
 
+def test_a_test_without_shapes_or_with_a_condition_is_refused():
+    with pytest.raises(BadInput, match="has no node positions"):
+        kl.plate_stiffness(kept_file().drop_vars("position"))
+    with pytest.raises(BadInput, match="is a condition on designs, and a test is one"):
+        kl.plate_stiffness(kept_file(), where="n_stripe == 4")
+
+
 def test_a_strain_that_was_not_reached_is_reported():
     case = kept_file().copy(deep=True)
     case["position"][-1] = np.nan

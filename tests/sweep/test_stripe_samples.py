@@ -13,7 +13,8 @@ from knitlab.sweep.plan import make_plan
 from knitlab.sweep.stripe_covariance import with_period
 
 TABLES = kl.defaults().stripes
-ERRORS = {"k_s": 0.05, "k_t": 0.03, "theta_0": 0.01, "period": 0.01}
+# Within errors of 5 % the ratio of (6, 24) at 3 % strain bends: first order is then off by a fifth.
+ERRORS = {"k_s": 0.02, "k_t": 0.012, "theta_0": 0.004, "period": 0.004}
 
 
 def table(correlation=-0.8):
@@ -168,14 +169,14 @@ def test_first_order_agrees_with_monte_carlo_on_five_designs(yarn, tmp_path):
     for n_stripe, subunits in DESIGNS.items():
         settings = {"n_subunit": subunits, "strain_max": 0.09, "results": tmp_path}
         path = kl.sample_stripes(
-            yarn, tmp_path / f"s{n_stripe}.toml", n_stripe=n_stripe, samples=16
+            yarn, tmp_path / f"s{n_stripe}.toml", n_stripe=n_stripe, samples=12
         )
         samples = kl.run(path, **settings)
         exact = {"material": yarn, "sensitivities": True, "robustness": 0, "n_stripe": n_stripe}
         cube = kl.run("periodic", **exact, **settings | {"results": tmp_path / str(n_stripe)})
         linear = kl.uncertainty(cube, material=yarn)
         spread = kl.uncertainty(samples)
-        assert (spread["samples"] == 16).all()
+        assert (spread["samples"] == 12).all()
         changes = {}
         for name in cube["stripe_parameter"].values:
             relative = samples[name] / cube[name]
@@ -190,6 +191,6 @@ def test_first_order_agrees_with_monte_carlo_on_five_designs(yarn, tmp_path):
             by_samples = spread[f"{quantity}_sd"].sel(at)
             by_same = predicted.std("sample", ddof=1).sel(at)
             by_covariance = linear[f"{quantity}_sd"].sel(at)
-            np.testing.assert_allclose(by_samples, by_same, rtol=0.15)
-            # Sixteen samples know a deviation to about a fifth.
+            np.testing.assert_allclose(by_samples, by_same, rtol=0.12)
+            # Twelve samples know a deviation to about a fifth.
             np.testing.assert_allclose(by_samples, by_covariance, rtol=0.4)

@@ -60,7 +60,7 @@ def _frame(axes: PolarAxes, title: str) -> None:
         axes.plot(ANGLES, 0 * ANGLES, color="black", lw=0.8)
     axes.set_rlim(low, high + 0.05 * (high - low))
     axes.set_title(title, pad=12)
-    axes.set_thetagrids(range(0, 360, 45), ["x, course", "", "y, wale", *[""] * 5])
+    axes.set_thetagrids(range(0, 360, 45), ["         x, course", "", "y, wale", *[""] * 5])
     axes.set_rlabel_position(22)
     axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.tick_params(axis="y", labelsize=6)
