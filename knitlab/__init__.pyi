@@ -17,6 +17,8 @@ from .api.simulation import Design as Design
 from .api.simulation import NotConverged as NotConverged
 from .api.simulation import evaluate as evaluate
 from .api.simulation import simulate as simulate
+from .api.stability import branches as branches
+from .api.stability import shapes as shapes
 from .api.sweeps import NotAllOk as NotAllOk
 from .api.sweeps import merge as merge
 from .api.sweeps import plan as plan

@@ -21,6 +21,7 @@ LAYERS = (
     "laboratory",
     "meshes",
     "plate",
+    "stability",
     "inverse",
     "validation",
     "figures",

@@ -1,0 +1,213 @@
+"""Stability of one design: branches of its equilibria, and the shapes that it may relax to."""
+
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.equilibrium.loading import loading_of
+from knitlab.equilibrium.system import System, one_thread_of_blas
+from knitlab.equilibrium.tensile_test import relax
+from knitlab.figures.figure_files import draw_into
+from knitlab.figures.stability import branches_figure, shapes_figure
+from knitlab.io.errors import fault
+from knitlab.simulation.case import Case
+from knitlab.stability.continuation import Kind, PathPoint, Steps, equilibrium, follow, switched
+from knitlab.stability.equations import FabricEquations
+from knitlab.stability.shapes import barriers, relaxed_shapes
+from knitlab.sweep.figure_names import check_figure_suffix
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.workflow_text import Overrides
+
+MOST_BRANCHES = 6
+ONTO_BRANCH = 0.01  # distance from a branch point at which the other branch begins
+MIRRORED = 1e-6  # difference of energies of two sides of a branch that are mirror images
+SAME_STRAIN = 1e-4  # of points that are mirror images
+BELOW_REST = 0.02  # compression to which branches are followed
+MOST_SHAPES = 6  # shapes between which energies are computed
+
+
+def branches(
+    workflow: str | Path = "periodic",
+    overrides: Sequence[str] = (),
+    *,
+    output: str | Path | None = None,
+    **settings: Any,
+) -> xr.Dataset:
+    """Branches of equilibria of one design under a load, stable and unstable.
+
+    The branch of the relaxed fabric is followed by arc-length continuation up to the largest strain
+    of the protocol, through limit points, where a test snaps, and onto the branches that cross it
+    at branch points; of two sides that are mirror images one is followed.
+
+    Args:
+        workflow: name or path of the workflow that all settings are taken from.
+        overrides: settings to replace as text, ``"n_stripe=4"``, in place of ``settings``.
+        output: figure to write: force and lowest eigenvalue against the strain.
+        settings: settings of the workflow to replace, which leave one design: ``n_stripe=4``,
+            ``n_subunit=16``.
+
+    Returns:
+        Along ``point``, in the order of each branch: its number ``branch``, ``applied_strain`` [1],
+        ``energy`` [N mm], ``reaction_force`` [N], ``lowest_eigenvalue`` of the stiffness [N/mm],
+        ``unstable`` (the number of negative ones) and ``kind``: regular, limit or branch.
+
+    Raises:
+        BadInput: if the settings give no single design in equilibrium, or are at fault.
+
+    Example:
+        >>> path = kl.branches("periodic", n_stripe=4, n_subunit=16, strain_max=0.03)
+        >>> bool((path["lowest_eigenvalue"] > 0).all())
+        True
+    """
+    case = _single(workflow, overrides or settings, output)
+    net, fabric = case.assemble()
+    steps = Steps()
+    with one_thread_of_blas():
+        system = System(net.shape, fabric)
+        relaxed = relax(system, case.equilibrium_solver, load=case.load)
+        if not relaxed.converged:
+            raise fault(case.label, "does not relax; raise max_iterations")
+        equations = FabricEquations(system, loading_of(net.shape, relaxed.configuration, case.load))
+        until = -BELOW_REST, case.applied_strain[-1]
+        waiting = deque([equilibrium(equations, equations.start, 0.0, steps)])
+        followed: list[list[PathPoint]] = []
+        while waiting and len(followed) < MOST_BRANCHES:
+            points = follow(equations, waiting.popleft(), until, steps)
+            followed.append(points)
+            for point in points:
+                if point.kind is Kind.branch and len(followed) + len(waiting) < MOST_BRANCHES:
+                    waiting += _new(switched(equations, point, ONTO_BRANCH, steps), followed)
+    table = _table(equations, followed)
+    table.attrs["design"] = case.label
+    if output is not None:
+        draw_into(partial(branches_figure, table), Path(output))
+    return table
+
+
+def _single(workflow: str | Path, overrides: Overrides, output: str | Path | None) -> Case:
+    """The one case of a workflow."""
+    if output is not None:
+        check_figure_suffix(Path(output))
+    cases = list(make_plan(str(workflow), overrides).cases.values())
+    if len(cases) != 1:
+        raise fault("settings", f"give {len(cases)} designs; choose one, by n_stripe and n_subunit")
+    if cases[0].options.contact != "none" or cases[0].solver is None or cases[0].solver.drag:
+        raise fault("settings", "are not of equilibria without contact and drag; leave these out")
+    return cases[0]
+
+
+def _new(sides: list[PathPoint], followed: list[list[PathPoint]]) -> list[PathPoint]:
+    """The sides of a branch that no branch has passed and that are no mirror image of another."""
+    kept: list[PathPoint] = []
+    for side in sides:
+        known = [*(point for points in followed for point in points), *kept]
+        if not any(
+            abs(point.parameter - side.parameter) < SAME_STRAIN
+            and abs(point.energy - side.energy) < MIRRORED * abs(side.energy)
+            for point in known
+        ):
+            kept.append(side)
+    return kept
+
+
+def _table(equations: FabricEquations, followed: list[list[PathPoint]]) -> xr.Dataset:
+    points = [(number, point) for number, those in enumerate(followed) for point in those]
+
+    def column(of: Any, units: str, name: str) -> tuple[str, np.ndarray, dict[str, str]]:
+        values = np.array([of(point) for _, point in points])
+        return "point", values, {"units": units, "long_name": name}
+
+    def force(point: PathPoint) -> float:
+        gradient = equations.gradient(point.unknowns, point.parameter)
+        return equations.loading.reaction_force(gradient)
+
+    return xr.Dataset(
+        {
+            "branch": ("point", [number for number, _ in points], {"long_name": "branch"}),
+            "applied_strain": column(lambda point: point.parameter, "1", "applied strain"),
+            "energy": column(lambda point: point.energy, "N mm", "elastic energy"),
+            "reaction_force": column(force, "N", "reaction force"),
+            "lowest_eigenvalue": column(
+                lambda point: point.eigenvalues[0], "N/mm", "lowest eigenvalue of the stiffness"
+            ),
+            "unstable": column(lambda point: point.unstable, "1", "unstable motions"),
+            "kind": column(lambda point: point.kind.name, "1", "kind of point"),
+        }
+    )
+
+
+def shapes(
+    workflow: str | Path = "periodic",
+    overrides: Sequence[str] = (),
+    *,
+    starts: int = 30,
+    output: str | Path | None = None,
+    **settings: Any,
+) -> xr.Dataset:
+    """The shapes that one design may relax to, and the energy to go from one to another.
+
+    Each start is a sheet with other noise. Shapes that differ by a symmetry of the fabric are one.
+    Energies between shapes are those of a path, upper bounds of barriers, between the six lowest.
+
+    Args:
+        workflow: name or path of the workflow that all settings are taken from.
+        overrides: settings to replace as text, ``"n_stripe=4"``, in place of ``settings``.
+        starts: number of sheets.
+        output: figure to write: heights of the shapes, and energies between them.
+        settings: settings of the workflow to replace, which leave one design.
+
+    Returns:
+        Along ``shape``, the lowest energy first: ``energy`` [N mm], ``starts`` that led to it,
+        ``length_x`` and ``length_y`` [mm] if periodic, ``height`` above the mean (shape, node_y,
+        node_x) [mm], and ``barrier`` (shape, to) [N mm], missing beyond the six lowest.
+        ``attrs["not_converged"]`` counts other starts.
+
+    Raises:
+        BadInput: if the settings give no single design in equilibrium, or are at fault.
+
+    Example:
+        >>> found = kl.shapes("periodic", starts=3, n_stripe=4, n_subunit=8)
+        >>> int(found["starts"].sum()) + found.attrs["not_converged"]
+        3
+    """
+    if starts < 1:
+        raise fault("starts", f"is {starts}; give 1 or more")
+    case = _single(workflow, overrides or settings, output)
+    net, fabric = case.assemble()
+    known, failed = relaxed_shapes(net, fabric, case.equilibrium_solver, starts)
+    if not known:
+        raise fault(case.label, "does not relax from any start; raise max_iterations")
+    count = len(known)
+    barrier = np.full((count, count), np.nan)
+    with one_thread_of_blas():
+        few = known[:MOST_SHAPES]
+        barrier[: len(few), : len(few)] = barriers(System(net.shape, fabric), few)
+    states = [each.state.configuration for each in known]
+    heights = [np.asarray(state.positions)[..., 2] for state in states]
+    numbers = np.arange(1, count + 1)
+    table = xr.Dataset(
+        {
+            "energy": ("shape", [each.energy for each in known], {"units": "N mm"}),
+            "starts": ("shape", [each.starts for each in known], {"units": "1"}),
+            "height": (
+                ("shape", "node_y", "node_x"),
+                np.stack([height - height.mean() for height in heights]),
+                {"units": "mm"},
+            ),
+            "barrier": (("shape", "to"), barrier, {"units": "N mm"}),
+        },
+        {"shape": numbers, "to": numbers},
+        {"design": case.label, "not_converged": failed},
+    )
+    if net.shape.periodic:
+        for axis, name in enumerate(("length_x", "length_y")):
+            lengths = [float(state.lengths[axis]) for state in states]
+            table[name] = ("shape", lengths, {"units": "mm"})
+    if output is not None:
+        draw_into(partial(shapes_figure, table), Path(output))
+    return table

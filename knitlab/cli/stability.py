@@ -1,0 +1,66 @@
+"""Commands on the stability of one design: ``branches``, ``shapes``."""
+
+from pathlib import Path
+
+import click
+
+from knitlab.cli import options
+from knitlab.cli.options import COUNT, option
+
+FIGURE = "Figure to draw: .pdf, .svg or .png."
+
+
+@click.command()
+@click.argument("workflow", default="periodic")
+@options.settings
+@options.table_format
+@options.output(FIGURE)
+def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path | None) -> None:
+    """Follow the equilibria of one design of WORKFLOW through the points at which it snaps.
+
+    --set n_stripe=4 --set n_subunit=16 choose the design, --set strain_max the largest strain.
+    A row for each branch, limit point and branch point; csv and json have all points.
+    """
+    from knitlab.api.stability import branches as follow
+    from knitlab.cube.query import formatted
+
+    points = follow(workflow, settings, output=output).to_dataframe()
+    if style == "table":
+        last = ~points["branch"].duplicated(keep="last") | ~points["branch"].duplicated()
+        points = points[last | (points["kind"] != "regular")]
+    click.echo(formatted(points, style))
+    if output is not None:
+        click.echo(f"figure  {output}", err=True)
+
+
+@click.command()
+@click.argument("workflow", default="periodic")
+@options.settings
+@option("--starts", "Number of sheets to relax, each with other noise.", COUNT, default=30)
+@options.table_format
+@options.output(FIGURE)
+def shapes(
+    workflow: str, settings: tuple[str, ...], starts: int, style: str, output: Path | None
+) -> None:
+    """List the shapes that one design of WORKFLOW may relax to, and the energies between them.
+
+    Exit code 1 if a start did not converge.
+    """
+    from knitlab.api.stability import shapes as relax_all
+    from knitlab.cube.query import formatted
+
+    atlas = relax_all(workflow, settings, starts=starts, output=output)
+    table = atlas.drop_vars(["height", "barrier", "to"]).to_dataframe().reset_index()
+    for other in atlas["to"].values:
+        if atlas["barrier"].sel(to=other).notnull().any():
+            table[f"energy_to_{other}"] = atlas["barrier"].sel(to=other).values
+    click.echo(formatted(table, style))
+    failed = atlas.attrs["not_converged"]
+    if failed:
+        options.echo_problem(f"{failed} of {starts} starts did not converge and are left out")
+    if output is not None:
+        click.echo(f"figure  {output}", err=True)
+    options.exit_unless(not failed)
+
+
+COMMANDS = (branches, shapes)

@@ -1,0 +1,77 @@
+"""Branches of equilibria and relaxed shapes of one design."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look, number, print_style
+
+MARKS = {"limit": ("^", "limit point: it snaps"), "branch": ("o", "branch point")}
+SHOWN = 6  # shapes
+MICROJOULES = 1e3  # in N mm
+
+
+@print_style()
+def branches_figure(points: xr.Dataset) -> Figure:
+    """Force and lowest eigenvalue along branches, solid where stable, against the strain."""
+    figure = Figure(figsize=(TWO_COLUMNS, 3.2), layout="constrained")
+    force, eigenvalue = figure.subplots(1, 2)
+    strain = points["applied_strain"].values
+    for axes, name in ((force, "reaction_force"), (eigenvalue, "lowest_eigenvalue")):
+        values = points[name].values
+        for branch in np.unique(points["branch"]):
+            own = points["branch"].values == branch
+            colour = CATEGORY_COLOURS[int(branch) % len(CATEGORY_COLOURS)]
+            unstable = points["unstable"].values[own] > 0
+            axes.plot(strain[own], values[own], ":", color=colour, lw=0.9)
+            solid = np.where(unstable, np.nan, values[own])
+            axes.plot(strain[own], solid, color=colour, lw=1.3, label=f"branch {branch + 1}")
+        for kind, (marker, label) in MARKS.items():
+            at = points["kind"].values == kind
+            if at.any():
+                axes.plot(strain[at], values[at], marker, color="black", ms=4, label=label)
+        axes.axhline(0, color="0.7", lw=0.6, zorder=0)
+        axes.set(xlabel="applied strain [1]", ylabel=f"{points[name].attrs['long_name']}")
+    force.set_ylabel("reaction force [N]")
+    eigenvalue.set_ylabel("lowest eigenvalue [N/mm]")
+    handles, labels = force.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.suptitle(f"{points.attrs['design']}; dotted: unstable", fontsize="small")
+    return figure
+
+
+@print_style()
+def shapes_figure(shapes: xr.Dataset) -> Figure:
+    """Heights of the relaxed shapes of a design, and the energies to go between them."""
+    few = shapes.isel(shape=slice(SHOWN), to=slice(SHOWN))
+    count = few.sizes["shape"]
+    figure = Figure(figsize=(TWO_COLUMNS, 4.6), layout="constrained")
+    grid = figure.add_gridspec(2, count, height_ratios=(1.1, 1))
+    largest = float(abs(few["height"]).max())
+    panels = [figure.add_subplot(grid[0, k]) for k in range(count)]
+    heights: Look = {"origin": "lower", "cmap": "RdBu", "vmin": -largest, "vmax": largest}
+    for k, panel in enumerate(panels):
+        one = few.isel(shape=k)
+        image = panel.imshow(one["height"], **heights)
+        panel.set(xticks=[], yticks=[])
+        more = MICROJOULES * float(one["energy"] - shapes["energy"][0])
+        panel.set_title(
+            f"shape {int(one['shape'])}\n+{more:.3g} µJ, {int(one['starts'])} starts", fontsize=7
+        )
+    figure.colorbar(image, ax=panels, label="height [mm]", shrink=0.8)
+    axes = figure.add_subplot(grid[1, :])
+    values = MICROJOULES * few["barrier"].values
+    off_diagonal = np.where(np.eye(count, dtype=bool), np.nan, values)
+    # Light enough for black text.
+    axes.imshow(off_diagonal, cmap="Blues", vmin=0, vmax=2 * np.nanmax([*off_diagonal.flat, 1e-9]))
+    for row, column in np.ndindex(count, count):
+        text = "" if row == column else number(float(values[row, column]), ".3g")
+        axes.text(column, row, text, ha="center", va="center", fontsize=7)
+    names = [f"shape {k}" for k in few["shape"].values]
+    axes.set_xticks(range(count), names)
+    axes.set_yticks(range(count), names)
+    axes.set(xlabel="to", ylabel="from", title="energy to go from one to another, at most [µJ]")
+    others = shapes.sizes["shape"] - count
+    left = f"; {others} more" if others else ""
+    figure.suptitle(f"relaxed shapes of {shapes.attrs['design']}{left}", fontsize="small")
+    return figure

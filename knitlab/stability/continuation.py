@@ -1,0 +1,275 @@
+"""Arc-length continuation: branches of equilibria through limit and branch points.
+
+A point (u, t) of a branch is followed by a predictor along its tangent and Newton's method at a
+constant distance along it, so that a branch is followed where it turns back (Riks, Int. J. Solids
+Struct. 15, 1979; Keller, 1977). Between two points that differ in the number of negative
+eigenvalues of the stiffness lies a limit point, at which t turns, or a branch point.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from scipy.optimize import brentq
+from scipy.sparse.linalg import eigsh, splu
+
+from knitlab.stability.equations import Equations, Vector
+
+MOST_ITERATIONS = 12  # of Newton's method at a point
+EASY = 4  # iterations up to which the next step is longer
+NUMBER = 6  # of lowest eigenvalues that are computed
+DENSE = 300  # number of unknowns up to which all are
+SOFT = 1e-9  # eigenvalue over the largest stiffness below which a motion is neutral
+NEARLY_ZERO = 0.05  # eigenvalue of a critical point over those on either side of it
+BY_LOAD = 1e-3  # projection of ∂²V/∂u∂t onto the critical mode above which a point is a limit point
+
+
+class Kind(IntEnum):
+    """What a point of a branch is."""
+
+    regular = 0
+    limit = 1
+    branch = 2
+
+
+class NotFollowed(ArithmeticError):
+    """Newton's method reached no equilibrium."""
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """An equilibrium on a branch, stable if no eigenvalue of its stiffness is negative."""
+
+    unknowns: Vector
+    parameter: float
+    energy: float
+    eigenvalues: Float[np.ndarray, " lowest"]  # the lowest, ascending, without neutral motions
+    modes: Float[np.ndarray, "free lowest"]
+    tangent: Float[np.ndarray, " free+1"]  # direction of the branch, by (u / size, t)
+    kind: Kind = Kind.regular
+
+    @property
+    def unstable(self) -> int:
+        """Number of independent motions that lower the energy."""
+        return int((self.eigenvalues < 0).sum())
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps along a branch, in strain and in u over its size."""
+
+    first: float = 0.005
+    longest: float = 0.02
+    smallest: float = 1e-5
+    tolerance: float = 1e-9  # of the largest force [N]
+    most: int = 400  # points
+
+
+def equilibrium(equations: Equations, u: Vector, t: float, steps: Steps = Steps()) -> PathPoint:
+    """The equilibrium near u at a parameter, with the tangent towards larger ones."""
+    held = np.append(np.zeros(len(u)), 1.0)
+    u, t = _corrected(equations, u, t, held, steps)[:2]
+    return _point(equations, u, t, held)
+
+
+def follow(
+    equations: Equations,
+    start: PathPoint,
+    until: tuple[float, float],
+    steps: Steps = Steps(),
+    direction: float = 1.0,
+) -> list[PathPoint]:
+    """Points of a branch from one of it, in a direction of its tangent, and its critical points.
+
+    It ends where the parameter leaves a range, after ``steps.most`` points, or where no smaller
+    step succeeds. NotFollowed is never raised: what was reached is returned.
+    """
+    points, length = [replace(start, tangent=direction * start.tangent)], steps.first
+    while len(points) < steps.most and until[0] <= points[-1].parameter <= until[1]:
+        last = points[-1]
+        try:
+            u, t, iterations = _stepped(equations, last, length, steps)
+            point = _point(equations, u, t, last.tangent)
+        except NotFollowed:
+            length /= 2
+            if length < steps.smallest:
+                break
+            continue
+        if point.tangent @ last.tangent < 0.5 and length > 16 * steps.smallest:
+            length /= 4  # a sharp turn: it may have jumped to another branch
+            continue
+        points += [*_critical_points(equations, last, point, length, steps), point]
+        length = min(1.5 * length, steps.longest) if iterations <= EASY else length / 1.5
+    return points
+
+
+def switched(
+    equations: Equations, at: PathPoint, amplitude: float, steps: Steps = Steps()
+) -> list[PathPoint]:
+    """Points on either side of the other branch that crosses the one of a branch point.
+
+    ``amplitude`` is the distance to them, in u over its size and in t.
+    """
+    mode = at.modes[:, _critical(at)]
+    directions = [np.append(mode, 0.0), _across_mode(equations, at, mode)]
+    # Both branches lie in the plane of these directions, and mostly at right angles.
+    apart = [each - at.tangent * (each @ at.tangent) for each in directions]
+    other = max(apart, key=np.linalg.norm)
+    other /= np.linalg.norm(other)
+    points = []
+    for sign in (1.0, -1.0):
+        u = at.unknowns + sign * amplitude * equations.size * other[:-1]
+        try:
+            u, t, _ = _corrected(
+                equations, u, at.parameter + sign * amplitude * other[-1], other, steps
+            )
+            points.append(_point(equations, u, t, sign * other))
+        except NotFollowed:
+            continue
+    return points
+
+
+def _across_mode(equations: Equations, at: PathPoint, mode: Vector) -> Float[np.ndarray, " free+1"]:
+    """The direction (u / size, t) in which the force stays zero and the critical mode is still."""
+    stiffness = equations.stiffness(at.unknowns, at.parameter)
+    by_parameter = equations.force_by_parameter(at.unknowns, at.parameter)
+    held = [mode, *equations.neutral.T]
+    border = sp.csc_array(np.stack(held, axis=1))
+    whole = sp.block_array([[stiffness, border], [border.T, None]], format="csc")
+    moved = splu(whole).solve(np.append(-by_parameter, np.zeros(len(held))))[: len(mode)]
+    direction = np.append(moved / equations.size, 1.0)
+    return direction / np.linalg.norm(direction)
+
+
+def _stepped(
+    equations: Equations, last: PathPoint, length: float, steps: Steps
+) -> tuple[Vector, float, int]:
+    u = last.unknowns + length * equations.size * last.tangent[:-1]
+    t = last.parameter + length * last.tangent[-1]
+    return _corrected(equations, u, t, last.tangent, steps)
+
+
+def _corrected(
+    equations: Equations,
+    u: Vector,
+    t: float,
+    normal: Float[np.ndarray, " free+1"],
+    steps: Steps,
+) -> tuple[Vector, float, int]:
+    """Newton's method in the plane through (u, t) across a direction; NotFollowed if it fails."""
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        force = equations.force(u, t)
+        if not np.isfinite(force).all():
+            raise NotFollowed("the energy is not defined there")
+        if np.abs(force).max() <= steps.tolerance:
+            return u, t, iteration
+        moved = _bordered(equations, u, t, normal, -force, 0.0)
+        u, t = u + equations.size * moved[:-1], t + moved[-1]
+    raise NotFollowed(f"{np.abs(equations.force(u, t)).max():.1e} N are left")
+
+
+def _bordered(
+    equations: Equations,
+    u: Vector,
+    t: float,
+    normal: Float[np.ndarray, " free+1"],
+    right: Vector,
+    along: float,
+) -> Float[np.ndarray, " free+1"]:
+    """Solution (du / size, dt) of the stiffness, bordered by the parameter and the normal."""
+    stiffness, size = equations.stiffness(u, t), equations.size
+    # Neutral motions take no part: a small stiffness makes them definite.
+    soft = SOFT * abs(stiffness.diagonal()).max() if equations.neutral.size else 0.0
+    scaled = size * (stiffness + soft * sp.eye_array(len(u), format="csc"))
+    by_parameter = equations.force_by_parameter(u, t)[:, None]
+    whole = sp.block_array(
+        [[scaled, sp.csc_array(by_parameter)], [normal[None, :-1], normal[None, -1:]]], format="csc"
+    )
+    try:
+        solution = splu(whole).solve(np.append(right, along))
+    except RuntimeError as error:
+        raise NotFollowed("the stiffness is singular") from error
+    if not np.isfinite(solution).all():
+        raise NotFollowed("the stiffness is singular")
+    own = solution[:-1]
+    solution[:-1] = own - equations.neutral @ (equations.neutral.T @ own)
+    return solution
+
+
+def _point(
+    equations: Equations, u: Vector, t: float, before: Float[np.ndarray, " free+1"]
+) -> PathPoint:
+    try:
+        tangent = _bordered(equations, u, t, before, np.zeros(len(u)), 1.0)
+    except NotFollowed:  # exactly at a branch point, where there are two
+        tangent = before
+    values, modes = lowest_eigenvalues(equations, u, t)
+    energy = equations.energy(u, t)
+    return PathPoint(u, t, energy, values, modes, tangent / np.linalg.norm(tangent))
+
+
+def lowest_eigenvalues(
+    equations: Equations, u: Vector, t: float, number: int = NUMBER
+) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
+    """The lowest eigenvalues of the stiffness, ascending, and their modes, but neutral motions."""
+    stiffness, neutral = equations.stiffness(u, t), equations.neutral
+    largest = float(abs(stiffness.diagonal()).max())
+    if len(u) <= DENSE:
+        values, modes = np.linalg.eigh(stiffness.toarray())
+    else:
+        wanted = number + neutral.shape[1]
+        shift = -1e-4 * largest  # below the few negative eigenvalues that a branch has
+        values, modes = eigsh(stiffness, k=wanted, sigma=shift, which="LM", v0=np.ones(len(u)))
+        order = np.argsort(values)
+        values, modes = values[order], modes[:, order]
+    free = np.linalg.norm(neutral.T @ modes, axis=0) < 0.5
+    return values[free][:number], modes[:, free][:, :number]
+
+
+def _critical(point: PathPoint) -> int:
+    return int(np.argmin(np.abs(point.eigenvalues)))
+
+
+def _critical_points(
+    equations: Equations, before: PathPoint, after: PathPoint, length: float, steps: Steps
+) -> Iterator[PathPoint]:
+    """The points between two at which an eigenvalue is zero, by root finding along the branch."""
+    few, many = sorted((before.unstable, after.unstable))
+    critical: Sequence[int] = range(few, min(many, len(before.eigenvalues)))
+
+    def at(distance: float) -> PathPoint:
+        u, t, _ = _stepped(equations, before, distance, steps)
+        return _point(equations, u, t, before.tangent)
+
+    def crossing(value: Callable[[PathPoint], float]) -> PathPoint | None:
+        """The point at which a value changes its sign."""
+        try:
+            distance = brentq(
+                lambda distance: value(at(distance) if distance else before),
+                0.0,
+                length,
+                xtol=min(1e-6, steps.smallest),
+            )
+            return at(float(distance))
+        except (NotFollowed, ValueError):
+            return None
+
+    def eigenvalue(number: int) -> Callable[[PathPoint], float]:
+        return lambda point: float(point.eigenvalues[number])
+
+    found = [(crossing(eigenvalue(number)), number) for number in critical]
+    if not critical and before.tangent[-1] * after.tangent[-1] < 0:
+        # A branch that ends on another turns there, and goes on as its mirror image.
+        found = [(crossing(lambda point: point.tangent[-1]), 0)]
+    for point, number in found:
+        # An eigenvalue that jumps over zero is of another branch.
+        scale = max(abs(each.eigenvalues[number]) for each in (before, after))
+        if point is None or abs(point.eigenvalues[number]) > NEARLY_ZERO * scale:
+            continue
+        by_parameter = equations.force_by_parameter(point.unknowns, point.parameter)
+        work = abs(point.modes[:, number] @ by_parameter)
+        is_limit = work > BY_LOAD * np.linalg.norm(by_parameter)
+        yield replace(point, kind=Kind.limit if is_limit else Kind.branch)

@@ -1,0 +1,156 @@
+"""Shapes that a fabric may relax to: from many sheets, without copies, and energies between them.
+
+Shapes that a symmetry of the fabric maps to each other have the same energy, lengths and fold
+angles, in another order: by these they are recognised. The energy on a path between two shapes is
+an upper bound of the barrier between them (string method: E, Ren, Vanden-Eijnden, Phys. Rev. B 66,
+052301, 2002).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
+from scipy.sparse.linalg import splu
+
+from knitlab.equilibrium.equilibrium import run_each
+from knitlab.equilibrium.loading import all_free
+from knitlab.equilibrium.settings import Solver
+from knitlab.equilibrium.state import State
+from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_test import relax, relax_near
+from knitlab.fabric.element_chunks import ChunkedFabric
+from knitlab.fabric.energy import COMPLETE, Point
+from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
+from knitlab.fabric.network import Network
+from knitlab.measure.folds import fold_angles
+
+SAME_ENERGY = 1e-6  # difference of two energies of one shape, over the energy
+SAME_ANGLE = 1e-3  # root mean square difference of the sorted fold angles of one shape [rad]
+IMAGES, SWEEPS = 15, 300  # of a path between two shapes
+STIFFER, DAMPING = 0.02, 0.05  # stiffness added, over the median, and share of a step taken
+
+Unknowns = Float[np.ndarray, " unknown"]
+
+
+@dataclass(frozen=True)
+class RelaxedShape:
+    """A shape in equilibrium, and the starts that led to it or to a mirror image of it."""
+
+    state: State
+    angles: Float[np.ndarray, " hinge"]  # absolute fold angles, ascending [rad]
+    starts: int
+
+    @property
+    def energy(self) -> float:
+        """Elastic energy [N mm]."""
+        return float(self.state.energy.total)
+
+
+def relaxed_shapes(
+    net: Network, fabric: Fabric, settings: Solver, starts: int
+) -> tuple[list[RelaxedShape], int]:
+    """The shapes that sheets relax to, the lowest energy first, and starts that did not converge.
+
+    The first start is the flat sheet, others are rough: noise of up to half a grid cell, smooth
+    over 1 to 8 cells, reproducible by their number.
+    """
+    sheets = [None if k == 0 else _rough_sheet(net, fabric, k) for k in range(starts)]
+    searches = [partial(_relaxed_from, settings=settings, start=sheet) for sheet in sheets]
+    states = run_each(net.shape, [fabric] * starts, searches)
+    shapes: list[RelaxedShape] = []
+    for state in states:
+        if not state.converged:
+            continue
+        found = _angles(net, fabric, state)
+        for k, known in enumerate(shapes):
+            if _same(known, state, found):
+                shapes[k] = RelaxedShape(known.state, known.angles, known.starts + 1)
+                break
+        else:
+            shapes.append(RelaxedShape(state, found, 1))
+    failed = sum(not state.converged for state in states)
+    return sorted(shapes, key=lambda shape: shape.energy), failed
+
+
+def _relaxed_from(system: System, settings: Solver, start: Configuration | None) -> State:
+    state = relax(system, settings, start)
+    # Without stages of the walls: a shape between them may be a rest point only of those.
+    again = relax_near(system, settings, state.configuration) if state.converged else state
+    return again if again.converged else state
+
+
+def _rough_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
+    flat, random = flat_sheet(net, fabric), np.random.default_rng(seed)
+    side = float(np.asarray(fabric.cell_sides).min())
+    positions = np.asarray(flat.positions)
+    noise = random.normal(size=positions.shape)
+    waves = np.fft.fftfreq(positions.shape[0])[:, None], np.fft.fftfreq(positions.shape[1])[None]
+    smooth = np.exp(-((waves[0] ** 2 + waves[1] ** 2) * random.uniform(1, 8) ** 2) * np.pi**2)
+    noise = np.fft.ifft2(np.fft.fft2(noise, axes=(0, 1)) * smooth[..., None], axes=(0, 1)).real
+    noise *= random.uniform(0.05, 0.5) * side / noise.std()
+    return Configuration(positions + noise, np.asarray(flat.lengths))
+
+
+def _angles(net: Network, fabric: Fabric, state: State) -> Float[np.ndarray, " hinge"]:
+    stiff = np.asarray(fabric.fold_stiffness) > 0
+    return np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
+
+
+def _same(known: RelaxedShape, state: State, angles: Float[np.ndarray, " hinge"]) -> bool:
+    energy = float(state.energy.total)
+    return bool(
+        abs(energy - known.energy) <= SAME_ENERGY * abs(known.energy)
+        and np.sqrt(np.mean((angles - known.angles) ** 2)) <= SAME_ANGLE
+    )
+
+
+def barriers(system: System, shapes: Sequence[RelaxedShape]) -> Float[np.ndarray, "shape shape"]:
+    """Energy to go from one shape (row) to another (column), at most; 0 on the diagonal [N mm]."""
+    energies = np.zeros((len(shapes), len(shapes)))
+    for i, one in enumerate(shapes):
+        for j in range(i):
+            top = highest_between(system, one.state.unknowns, shapes[j].state.unknowns)
+            energies[i, j], energies[j, i] = top - one.energy, top - shapes[j].energy
+    return energies
+
+
+def highest_between(system: System, one: Unknowns, other: Unknowns) -> float:
+    """The highest energy on a path of least energy that a string relaxes to [N mm]."""
+    shape = system.shape
+    moved = other.copy()
+    nodes, own = (each[: 3 * shape.nodes].reshape(-1, 3) for each in (moved, one))
+    nodes += (own - nodes).mean(axis=0)  # neither drifts, which costs no energy
+    string = np.linspace(0, 1, IMAGES)[:, None] * (moved - one) + one
+    descent, energies = _descent(system, one), np.zeros(IMAGES)
+    for _ in range(SWEEPS):
+        for k, image in enumerate(string):
+            evaluation = system.evaluate(Point(image))
+            energies[k] = float(evaluation.energy.total)
+            if 0 < k < IMAGES - 1:
+                image -= descent(np.asarray(evaluation.gradient))
+        along = np.append(0, np.cumsum(np.linalg.norm(np.diff(string, axis=0), axis=1)))
+        string = CubicSpline(along, string)(np.linspace(0, along[-1], IMAGES))
+    return float(energies.max())
+
+
+def _descent(system: System, at: Unknowns) -> Callable[[Unknowns], Unknowns]:
+    """Steps against a gradient by the stiffness of a shape, which is soft where the fabric is."""
+    free = free_stiffness(system.shape, all_free(system.shape))
+    lower = free.lower(
+        free.entries(ChunkedFabric(system.shape, system.fabric).element_hessians(COMPLETE, at))
+    )
+    stiffness = sp.csc_array(lower + sp.tril(lower, -1).T)
+    shift = STIFFER * float(np.median(stiffness.diagonal()))
+    factors = splu(sp.csc_array(stiffness + shift * sp.eye_array(len(free.dofs))))
+
+    def step(gradient: Unknowns) -> Unknowns:
+        moved = np.zeros_like(gradient)
+        moved[free.dofs] = DAMPING * factors.solve(gradient[free.dofs])
+        return moved
+
+    return step
