@@ -2,7 +2,6 @@
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
 
 from knitlab.cube.cube_file import design_dims
 from knitlab.cube.schema import SAMPLE, STRAIN, Status
@@ -69,10 +68,10 @@ def _indices(values: xr.DataArray, names: list[str], rows: int) -> dict[str, xr.
     dims = kept.dims[1:]
     coordinates = {dim: kept[dim] for dim in dims} | {PARAMETER: names}
 
-    def along(each: Float[np.ndarray, "value number"], label: str) -> xr.DataArray:
+    found = {}
+    for name, each in {"first_order": first, "total": total}.items():
+        about = {"units": "1", "long_name": f"{name.replace('_', '-')} Sobol index"}
         shaped = each.reshape(*kept.shape[1:], len(names))
-        about = {"units": "1", "long_name": f"{label} Sobol index"}
-        return xr.DataArray(shaped, coordinates, (*dims, PARAMETER), attrs=about)
-
-    order = {"first_order": along(first, "first-order"), "total": along(total, "total")}
-    return {f"{values.name}_{name}": each for name, each in order.items()}
+        array = xr.DataArray(shaped, coordinates, (*dims, PARAMETER), attrs=about)
+        found[f"{values.name}_{name}"] = array
+    return found

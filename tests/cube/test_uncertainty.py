@@ -12,6 +12,7 @@ from knitlab.cube.sampled import saltelli_design, sampled_uncertainty
 from knitlab.cube.schema import Status, described
 from knitlab.cube.uncertainty import NUMBERS, UncertainStripe, uncertainty_of
 from knitlab.io.errors import BadInput
+from knitlab.io.shipped import shipped
 from knitlab.sweep.stripe_samples import latin_hypercube, saltelli
 
 DIMS = ("n_stripe", "n_subunit")
@@ -245,3 +246,15 @@ def test_a_latin_hypercube_has_deviations_and_no_indices():
     assert found["poisson_ratio_sd"].item() == pytest.approx(np.sqrt(10), rel=0.05)
     assert found["samples"].item() == 63
     assert "poisson_ratio_first_order" not in found
+
+
+@pytest.mark.slow
+def test_candidates_of_a_design_are_ranked_by_probability(tmp_path):
+    target = "poisson_ratio < -0.35 @ 0.03:0.06"
+    path = shipped("workflows").parent / "docs" / "examples" / "swatches" / "acrylic.toml"
+    settings = {"material": path, "sensitivities": True, "strain_max": 0.06}
+    vary = {"n_stripe": [4], "n_subunit": [16, 24]}
+    designed = kl.design(targets=target, vary=vary, robustness=0, results=tmp_path, **settings)
+    found = kl.find(designed.cube, targets=target, material=path).table
+    assert found["n_subunit"].tolist() == [24, 16]
+    assert 1 > found["probability"][0] > found["probability"][1] > 0

