@@ -171,8 +171,8 @@ def shapes(
         BadInput: if the settings give no single design in equilibrium, or are at fault.
 
     Example:
-        >>> found = kl.shapes("periodic", starts=3, n_stripe=4, n_subunit=8)
-        >>> int(found["starts"].sum()) + found.attrs["not_converged"]
+        >>> atlas = kl.shapes("periodic", starts=3, n_stripe=4, n_subunit=8)
+        >>> int(atlas["starts"].sum()) + atlas.attrs["not_converged"]
         3
     """
     if starts < 1:

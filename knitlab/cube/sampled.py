@@ -20,18 +20,18 @@ def sampled_uncertainty(cube: xr.Dataset) -> xr.Dataset:
     count = cube.sizes[SAMPLE] if design is None else 2 * design[1]
     # Beyond the first two parts of a design by Saltelli samples are not independent.
     independent = cube.where(ok).isel({SAMPLE: slice(count)})
-    found = {"samples": independent["status"].count(SAMPLE)}
+    variables = {"samples": independent["status"].count(SAMPLE)}
     within = {*design_dims(cube), STRAIN}
     for name, each in independent.data_vars.items():
         known = {SAMPLE} <= {*each.dims} <= within and name not in ("status", *STRIPE_NUMBERS)
         if known and each.dtype.kind == "f":
-            found[f"{name}_mean"] = each.mean(SAMPLE).assign_attrs(cube[name].attrs)
-            found[f"{name}_sd"] = with_label(each.std(SAMPLE, ddof=1), cube[name])
+            variables[f"{name}_mean"] = each.mean(SAMPLE).assign_attrs(cube[name].attrs)
+            variables[f"{name}_sd"] = with_label(each.std(SAMPLE, ddof=1), cube[name])
     if design is not None:
         for name in (LOWEST, *QUANTITIES):
             if name in cube:
-                found |= _indices(cube[name].where(ok), *design)
-    return xr.Dataset(found)
+                variables |= _indices(cube[name].where(ok), *design)
+    return xr.Dataset(variables)
 
 
 def saltelli_design(cube: xr.Dataset) -> tuple[list[str], int] | None:
@@ -68,10 +68,10 @@ def _indices(values: xr.DataArray, names: list[str], rows: int) -> dict[str, xr.
     dims = kept.dims[1:]
     coordinates = {dim: kept[dim] for dim in dims} | {PARAMETER: names}
 
-    found = {}
+    variables = {}
     for name, each in {"first_order": first, "total": total}.items():
         about = {"units": "1", "long_name": f"{name.replace('_', '-')} Sobol index"}
         shaped = each.reshape(*kept.shape[1:], len(names))
         array = xr.DataArray(shaped, coordinates, (*dims, PARAMETER), attrs=about)
-        found[f"{values.name}_{name}"] = array
-    return found
+        variables[f"{values.name}_{name}"] = array
+    return variables

@@ -49,11 +49,11 @@ def slopes(cube: xr.Dataset) -> dict[str, xr.DataArray]:
         problem = "is of graded fabric, whose stripes are uncertain one by one"
         raise fault("the cube", f"{problem}; take a pattern with one stripe of each knit")
     ok = cube["status"] == Status.ok
-    found = {name: cube[f"{name}_sensitivity"].where(ok) for name in names}
-    if "poisson_ratio" in found and LOWEST in cube:
+    by_name = {name: cube[f"{name}_sensitivity"].where(ok) for name in names}
+    if "poisson_ratio" in by_name and LOWEST in cube:
         at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9
-        found[LOWEST] = found["poisson_ratio"].where(at_min).mean(STRAIN)
-    return found
+        by_name[LOWEST] = by_name["poisson_ratio"].where(at_min).mean(STRAIN)
+    return by_name
 
 
 def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> xr.DataArray:
@@ -105,7 +105,7 @@ def uncertainty_of(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
 
     BadInput if the cube has no sensitivities, or designs with stripes other than these.
     """
-    found: dict[str, xr.DataArray] = {}
+    by_name: dict[str, xr.DataArray] = {}
     for name, slope in slopes(cube).items():
         root = root_of_covariance(cube, stripes)
         by_deviate = (slope * root).sum(PARAMETER, skipna=False)
@@ -113,18 +113,19 @@ def uncertainty_of(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
         with_number = (by_deviate * root).sum(DEVIATE, skipna=False)
         both = (root**2).sum(DEVIATE) * variance
         explained = (with_number**2 / both.where(both > 0)).where((both > 0) | both.isnull(), 0.0)
-        found[f"{name}_sd"] = with_label(variance**0.5, cube[name])
-        found[f"{name}_share"] = (slope * with_number / variance.where(variance > 0)).assign_attrs(
+        by_name[f"{name}_sd"] = with_label(variance**0.5, cube[name])
+        share = slope * with_number / variance.where(variance > 0)
+        by_name[f"{name}_share"] = share.assign_attrs(
             units="1",
             long_name="share in the variance; all sum to 1, correlated ones may be below 0",
         )
-        found[f"{name}_explained"] = explained.assign_attrs(
+        by_name[f"{name}_explained"] = explained.assign_attrs(
             units="1", long_name="part of the variance that knowing this number exactly removes"
         )
-        found[f"{name}_leading"] = leading(explained)
+        by_name[f"{name}_leading"] = leading(explained)
     kept = {name: cube[name] for name in ("status", LOWEST, *QUANTITIES) if name in cube}
     dims = cube["status"].dims
-    return xr.Dataset({name: each.transpose(*dims, ...) for name, each in (kept | found).items()})
+    return xr.Dataset({name: each.transpose(*dims, ...) for name, each in (kept | by_name).items()})
 
 
 def with_label(deviation: xr.DataArray, of: xr.DataArray) -> xr.DataArray:

@@ -33,6 +33,8 @@ TARGETS = {
 LEAST_POINTS = 4  # one more than the parameters of a stripe, so that errors can be estimated
 LEAST_TURN = 0.1  # smallest reversal that ends a loading branch, over the range of strain
 CURVE_POINTS = 40  # of the curve of several repeats, or of a record that is noisy or turns
+PRELOAD = 0.03  # force at zero strain, over the largest, from which it is one
+FIRST = 0.1  # of the range of strain: the line that leads back to where there is no force
 SLACK = 0.02  # strain below zero that a record may start with, where its camera begins
 
 Points = Float[np.ndarray, " point"]
@@ -59,26 +61,32 @@ def read_tension_record(
     """Read what a testing machine writes: strain or extension, and force or stress, in any unit.
 
     A column ``repeat`` separates several specimens. Of each, the loading branch of one cycle is
-    taken, and negative strains are left out. Records that are repeated, or not ascending, are
-    resampled at evenly spaced strains that all repeats reach. Extension needs the ``gauge_length``
-    and stress over the cross-section the ``thickness`` [mm]; without the ``width`` of the swatch,
-    force is that on one row of the network. BadInput has every fault of the file.
+    taken, and negative strains are left out. If it begins under a preload, its strains are counted
+    from where the line through its first tenth has no force. Records that are repeated, or not
+    ascending, are resampled at evenly spaced strains that all repeats reach. Extension needs the
+    ``gauge_length`` and stress over the cross-section the ``thickness`` [mm]; without the ``width``
+    of the swatch, force is that on one row of the network. BadInput has every fault of the file.
     """
     path = Path(path)
     sizes = {"extension": gauge_length, "force": width, "stress": thickness}
     columns, repeats = _columns(path, sizes)
     (strain, force), per_width = columns.values(), "stress" in columns or width is not None
-    branches, left_out = [], 0
+    branches, left_out, preloads = [], 0, list[float]()
     for repeat in dict.fromkeys(repeats):
         column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
         own = np.array(repeats) == repeat
-        *branch, below = _loading(column, strain[own], force[own], cycle)
-        branches.append(branch)
+        taken, pulled, below = _loading(column, strain[own], force[own], cycle)
+        stretched = _stretched_by_preload(taken, pulled)
+        preloads += [stretched] if stretched else []
+        branches.append(((1 + taken) * (1 + stretched) - 1, pulled))
         left_out += below
     turned = sum(len(branch[0]) for branch in branches) < len(strain) - left_out
     lines = [f"{len(strain)} records of {len(branches)} repeats, loading of cycle {cycle}"]
     if left_out:
         lines.append(f"{left_out} records at negative strain are left out")
+    if preloads:
+        mean = f"{np.mean(preloads):.1%} on average" if len(preloads) > 1 else f"{preloads[0]:.1%}"
+        lines.append(f"{len(preloads)} begin under a preload that stretches them by {mean}")
     if len(branches) == 1 and not turned and not np.any(np.diff(branches[0][0]) < 0):
         strain, force = branches[0]
         return TensionRecord(strain, force[None], per_width, tuple(lines))
@@ -163,6 +171,17 @@ def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Po
         problem = f"has {points} points; three parameters need at least {LEAST_POINTS}"
         raise fault(column, problem)
     return strain, force, int(below.sum())
+
+
+def _stretched_by_preload(strain: Points, force: Points) -> float:
+    """Strain at which a record began, by its first line; 0 without a preload."""
+    near = strain <= FIRST * strain.max()
+    if strain.min() > FIRST * strain.max() or len(np.unique(strain[near])) < LEAST_POINTS:
+        return 0.0
+    slope, at_zero = np.polyfit(strain[near], force[near], 1)
+    preloaded = slope > 0 and at_zero > PRELOAD * force.max()
+    # Both strains refer to another length.
+    return float(at_zero / (slope - at_zero)) if preloaded else 0.0
 
 
 def period_of(

@@ -132,9 +132,9 @@ def _derivatives(
             gradient += first
             hessian += second
             # (node, component, element) of the unknowns, in the order of the derivatives.
-            place = 3 * elements.nodes[chosen].T[:, None] + np.arange(3)[:, None]
-            np.add.at(on_nodes, place, force)
-            np.add.at(by_nodes, place, mixed)
+            dofs = 3 * elements.nodes[chosen].T[:, None] + np.arange(3)[:, None]
+            np.add.at(on_nodes, dofs, force)
+            np.add.at(by_nodes, dofs, mixed)
             largest = max(largest, float(np.abs(force).max()))
     by_nodes[2::3] -= by_nodes[2::3].mean(axis=0)  # the plane stays at the mean height
     z = jnp.asarray(state.positions[..., 2]).ravel()

@@ -260,11 +260,11 @@ def _critical_points(
     def eigenvalue(number: int) -> Callable[[PathPoint], float]:
         return lambda point: float(point.eigenvalues[number])
 
-    found = [(crossing(eigenvalue(number)), number) for number in critical]
+    critical_points = [(crossing(eigenvalue(number)), number) for number in critical]
     if not critical and before.tangent[-1] * after.tangent[-1] < 0:
         # A branch that ends on another turns there, and goes on as its mirror image.
-        found = [(crossing(lambda point: point.tangent[-1]), 0)]
-    for point, number in found:
+        critical_points = [(crossing(lambda point: point.tangent[-1]), 0)]
+    for point, number in critical_points:
         # An eigenvalue that jumps over zero is of another branch.
         scale = max(abs(each.eigenvalues[number]) for each in (before, after))
         if point is None or abs(point.eigenvalues[number]) > NEARLY_ZERO * scale:

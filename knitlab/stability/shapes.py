@@ -66,13 +66,13 @@ def relaxed_shapes(
     for state in states:
         if not state.converged:
             continue
-        found = _angles(net, fabric, state)
+        angles = _angles(net, fabric, state)
         for k, known in enumerate(shapes):
-            if _same(known, state, found):
+            if _same(known, state, angles):
                 shapes[k] = RelaxedShape(known.state, known.angles, known.starts + 1)
                 break
         else:
-            shapes.append(RelaxedShape(state, found, 1))
+            shapes.append(RelaxedShape(state, angles, 1))
     failed = sum(not state.converged for state in states)
     return sorted(shapes, key=lambda shape: shape.energy), failed
 

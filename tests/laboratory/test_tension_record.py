@@ -197,3 +197,23 @@ def test_the_period_follows_from_stitches():
     for given_twice in ({"period": 1.0, "gauge_stitches": 4.0}, {}, {"gauge_stitches": 4.0}):
         with pytest.raises(BadInput):
             period_of(4, **given_twice)
+
+
+@pytest.mark.parametrize(
+    ("preload", "noise"), [(0.0, 0.0), (0.0, 0.01), (0.06, 0.0), (0.06, 0.005)]
+)
+def test_a_preload_moves_the_zero_of_strain(tmp_path, preload, noise):
+    """A spring of 2 N, gripped under a preload; the gauge length is that between the grips."""
+    random = np.random.default_rng(3)
+    first = preload / 2
+    relaxed = np.linspace(first, first + 0.5, 200)
+    force = 2 * relaxed + noise * random.normal(size=len(relaxed))
+    measured = (1 + relaxed) / (1 + first) - 1
+    path = tmp_path / "record.csv"
+    rows = "\n".join(f"{e:.9f},{f:.9f}" for e, f in zip(measured, force, strict=True))
+    path.write_text(f"strain [1],force [N]\n{rows}\n")
+    record = read_tension_record(path)
+    assert any("preload" in line for line in record.summary) == (preload > 0)
+    np.testing.assert_allclose(
+        record.force[0], 2 * record.strain, atol=1e-6 if not noise else 5 * noise
+    )

@@ -51,11 +51,11 @@ def uncertainty_map(
         explained = design[f"{name}_explained"]
         leading = int(np.argmax(explained.values))
         knit, _, symbol = str(explained[PARAMETER].values[leading]).partition("_")
-        part = f"{knit} {SYMBOLS.get(symbol, symbol)} {float(explained[leading]):.0%}"
+        leader = f"{knit} {SYMBOLS.get(symbol, symbol)} {float(explained[leading]):.0%}"
         # Two digits of the deviation, and as many decimal places of the value.
         digits = 1 - floor(log10(deviation)) if deviation > 0 else MOST_PLACES
         form = f".{min(max(digits, 0), MOST_PLACES)}f"
-        return f"{number(float(design[name]), form)} ± {deviation:{form}}\n{part}"
+        return f"{number(float(design[name]), form)} ± {deviation:{form}}\n{leader}"
 
     rows = len({int(design["n_stripe"]) for design in designs})
     height = max(2.4, 1.2 + 0.55 * rows)
