@@ -228,8 +228,9 @@ def _in_axes_of(
     """Relaxed periodic fabric in axes of which y is the pulled direction, or x the sheared one."""
     angle = np.deg2rad(load.angle if load.kind == "off_axis" else 90.0)
     turn = np.array([[np.sin(angle), -np.cos(angle)], [np.cos(angle), np.sin(angle)]]).round(15)
-    side = float(np.prod(relaxed.lengths)) ** 0.5
-    (a, b), (c, d) = (turn * np.asarray(relaxed.lengths) / side).tolist()
+    x, y, *shear = np.asarray(relaxed.lengths).tolist()
+    side = math.sqrt(x * y)
+    (a, b), (c, d) = (turn @ [[x, sum(shear)], [0.0, y]] / side).tolist()
     nodes = np.asarray(relaxed.positions)
     turned = np.concatenate([nodes[..., :2] @ turn.T, nodes[..., 2:]], axis=-1)
     lengths = np.array([side, side, 0.0])

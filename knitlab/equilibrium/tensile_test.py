@@ -18,7 +18,7 @@ from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.equilibrium.system import System
 from knitlab.fabric.energy import COMPLETE, Point, Stage
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
-from knitlab.fabric.network import Network, network
+from knitlab.fabric.network import UPRIGHT, Network, network
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier
@@ -69,11 +69,14 @@ def stretch(
     progress(1)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
+    if load.shears and system.shape.periodic:
+        relaxed = _with_shear(system, settings, relaxed)
+        if not relaxed.converged:
+            return TensileTest(None, [relaxed])
     loading = loading_of(system.shape, relaxed.configuration, load)
     if loading.shape != system.shape:
-        system = system.on(loading.shape)
-        gradient = np.asarray(system.evaluate(Point(loading.reference)).gradient)
-        unknowns = loading.reference
+        system, unknowns = system.on(loading.shape), loading.reference
+        gradient = np.asarray(system.evaluate(Point(unknowns)).gradient)
         relaxed = replace(relaxed, shape=loading.shape, unknowns=unknowns, gradient=gradient)
     path = _Path(system, loading, [(applied_strain[0], relaxed)], settings, contact)
     states = [relaxed]
@@ -148,6 +151,17 @@ def relax_near(
     # The lattice of a relaxed shape is not sheared.
     begin = Configuration(start.positions, start.lengths[: system.shape.lengths])
     return find_equilibrium(system, Point(np.asarray(begin.flattened())), rules)
+
+
+def _with_shear(system: System, settings: Solver, relaxed: State) -> State:
+    """Relaxed periodic fabric of which the lattice may shear too, as that of some patterns does."""
+    shape = replace(system.shape, frame=UPRIGHT)
+    free = free_stiffness(shape, all_free(shape))
+    lengths = np.append(np.asarray(relaxed.configuration.lengths), 0.0)
+    start = Configuration(relaxed.configuration.positions, lengths)
+    rules = SearchRules(free, settings, convexified=False)
+    at = Point(np.asarray(start.flattened()))
+    return find_equilibrium(system.on(shape), at, rules).after(relaxed)
 
 
 def intermediate_settings(settings: Solver, fabric: Fabric) -> Solver:

@@ -202,8 +202,8 @@ class Case:
     @property
     def all_corners_held(self) -> bool:
         """Whether every corner of a unit cell lies on a clamp: then none can move across."""
-        along = 1 - self.load.axis
-        return self.options.boundary == "clamped" and self.cell_grid.count[along] == 1
+        along, clamped = 1 - self.load.axis, self.options.boundary == "clamped"
+        return clamped and self.load.kind != "biaxial" and self.cell_grid.count[along] == 1
 
     @property
     def periodic_cell(self) -> "Case":

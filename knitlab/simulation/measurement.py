@@ -154,7 +154,10 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
         ratio[:] = np.nan
     if case.all_corners_held:
         # Its transverse strain is only round-off.
-        strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
+        if case.load.kind == "weft":
+            strain_yy, mean_yy = strain_yy * np.nan, mean_yy * np.nan
+        else:
+            strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
     cell_x, cell_y = mean_cell_size(corners[0])
     complete = len(reached) == len(case.applied_strain)
