@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.equilibrium.loading import loading_of
+from knitlab.equilibrium.loading import Y, loading_of
 from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import relax
 from knitlab.figures.figure_files import draw_into
@@ -52,7 +52,8 @@ def branches(
             ``n_subunit=16``.
 
     Returns:
-        Along ``point``, in the order of each branch: its number ``branch``, ``applied_strain`` [1],
+        Along ``point``, in the order of each branch: its number ``branch`` from 1, that of the
+        relaxed fabric, ``applied_strain`` [1], also below 0 by at most 2 % and a step beyond,
         ``energy`` [N mm], ``reaction_force`` [N], ``lowest_eigenvalue`` of the stiffness [N/mm],
         ``unstable`` (the number of negative ones) and ``kind``: regular, limit or branch.
 
@@ -94,11 +95,16 @@ def _single(workflow: str | Path, overrides: Overrides, output: str | Path | Non
     if output is not None:
         check_figure_suffix(Path(output))
     cases = list(make_plan(str(workflow), overrides).cases.values())
+    where = f"workflow {workflow}"
     if len(cases) != 1:
-        raise fault("settings", f"give {len(cases)} designs; choose one, by n_stripe and n_subunit")
-    if cases[0].options.contact != "none" or cases[0].solver is None or cases[0].solver.drag:
-        raise fault("settings", "are not of equilibria without contact and drag; leave these out")
-    return cases[0]
+        raise fault(where, f"has {len(cases)} designs; choose one, by n_stripe and n_subunit")
+    (case,) = cases
+    if case.solver is None or case.solver.drag:
+        remedy = "take method = equilibrium and drag = 0"
+        raise fault(where, f"has states that are no equilibria; {remedy}")
+    if case.options.contact != "none":
+        raise fault(where, "has contact, which branches leave out; take contact = none")
+    return case
 
 
 def _new(sides: list[PathPoint], followed: list[list[PathPoint]]) -> list[PathPoint]:
@@ -116,7 +122,7 @@ def _new(sides: list[PathPoint], followed: list[list[PathPoint]]) -> list[PathPo
 
 
 def _table(equations: FabricEquations, followed: list[list[PathPoint]]) -> xr.Dataset:
-    points = [(number, point) for number, those in enumerate(followed) for point in those]
+    points = [(number, point) for number, those in enumerate(followed, 1) for point in those]
 
     def column(of: Any, units: str, name: str) -> tuple[str, np.ndarray, dict[str, str]]:
         values = np.array([of(point) for _, point in points])
@@ -124,7 +130,10 @@ def _table(equations: FabricEquations, followed: list[list[PathPoint]]) -> xr.Da
 
     def force(point: PathPoint) -> float:
         gradient = equations.gradient(point.unknowns, point.parameter)
-        return equations.loading.reaction_force(gradient)
+        loading = equations.loading
+        if loading.load.kind == "biaxial":
+            return loading.force_along(Y, gradient)
+        return loading.reaction_force(gradient)
 
     return xr.Dataset(
         {
@@ -152,7 +161,7 @@ def shapes(
     """The shapes that one design may relax to, and the energy to go from one to another.
 
     Each start is a sheet with other noise. Shapes that differ by a symmetry of the fabric are one.
-    Energies between shapes are those of a path, upper bounds of barriers, between the six lowest.
+    Energies between the six lowest are those of a path, estimates of the barriers.
 
     Args:
         workflow: name or path of the workflow that all settings are taken from.

@@ -19,6 +19,7 @@ def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path 
     """Follow the equilibria of one design of WORKFLOW through the points at which it snaps.
 
     --set n_stripe=4 --set n_subunit=16 choose the design, --set strain_max the largest strain.
+    WORKFLOW is periodic by default.
     A row for each branch, limit point and branch point; csv and json have all points.
     """
     from knitlab.api.stability import branches as follow
@@ -44,6 +45,8 @@ def shapes(
 ) -> None:
     """List the shapes that one design of WORKFLOW may relax to, and the energies between them.
 
+    Energies are in N mm (mJ), lengths in mm of the network. WORKFLOW is periodic by default.
+
     Exit code 1 if a start did not converge.
     """
     from knitlab.api.stability import shapes as relax_all
@@ -51,6 +54,7 @@ def shapes(
 
     atlas = relax_all(workflow, settings, starts=starts, output=output)
     table = atlas.drop_vars(["height", "barrier", "to"]).to_dataframe().reset_index()
+    table.insert(2, "above_lowest", table["energy"] - table["energy"].min())
     for other in atlas["to"].values:
         if atlas["barrier"].sel(to=other).notnull().any():
             table[f"energy_to_{other}"] = atlas["barrier"].sel(to=other).values

@@ -61,7 +61,12 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
     They are in no file, but for ``force_per_width`` of an experiment, which is that of its records.
     """
     derived: dict[str, xr.DataArray] = {}
-    force = cube.get("force_per_width")
+    force, across = cube.get("force_per_width"), cube.get("reaction_force_across")
+
+    def pulled_once(energy: xr.DataArray) -> xr.DataArray:
+        """The energy where only one force does work, missing under biaxial loads."""
+        return energy if across is None else energy.where(across.isnull().all(STRAIN))
+
     if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
         width = cube["knit_cell_x"] * cube["unit_cells_x"]
         if "load_direction" in cube:
@@ -72,11 +77,11 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
         derived["force_per_width"] = force
     if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:
         derived["tangent_stiffness"] = force.differentiate(STRAIN)
-        derived["stretch_energy"] = force.cumulative_integrate(STRAIN)
+        derived["stretch_energy"] = pulled_once(force.cumulative_integrate(STRAIN))
     back = cube.get("reaction_force_unloading")
     if back is not None and cube.sizes.get(STRAIN, 0) > 1:
         stored, returned = (each.integrate(STRAIN) for each in (cube["reaction_force"], back))
-        derived["energy_recovery"] = returned / stored
+        derived["energy_recovery"] = pulled_once(returned / stored)
     needed = {"self_intersections", "applied_strain_at_min"}
     if "intersections_at_min" not in cube and needed <= set(cube):
         at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9

@@ -164,10 +164,10 @@ _TABLE = {
     "garter_k_s": "number, stripes: extensional stiffness of the garter stripe [N/mm]",
     "garter_theta_0": "number, stripes: rest angle of the garter stripe [rad]",
     "garter_k_t": "number, stripes: torsional stiffness of the garter stripe [N]",
-    "strain_xx": "field: local transverse strain",
-    "strain_yy": "field: local axial strain",
-    "mean_strain_xx": "curve: mean transverse strain; mean over the central unit cells",
-    "mean_strain_yy": "curve: mean axial strain; mean over the central unit cells",
+    "strain_xx": "field: local strain along the weft",
+    "strain_yy": "field: local strain along the warp",
+    "mean_strain_xx": "curve: mean strain along the weft; mean over the central unit cells",
+    "mean_strain_yy": "curve: mean strain along the warp; mean over the central unit cells",
     "mean_strain_xy": "curve, loaded: mean shear strain; shift of courses along themselves over"
     " their relaxed distance, mean over the central unit cells; the courses keep their direction",
     "poisson_ratio": "curve: Poisson's ratio; -mean_strain_xx / mean_strain_yy, or the contraction"
@@ -281,7 +281,8 @@ _TABLE = {
     "tangent_stiffness": "curve, derived: tangent stiffness per width [N/mm]; derivative of"
     " force_per_width with respect to the applied strain",
     "stretch_energy": "curve, derived: energy to stretch, per area [N/mm]; integral of"
-    " force_per_width over the applied strain, in mJ per mm² of relaxed cloth",
+    " force_per_width over the applied strain, in mJ per mm² of relaxed cloth; missing under"
+    " biaxial loads",
     "energy_recovery": "number, derived: energy that unloading gives back, over that of loading;"
     " less than 1 where the fabric snaps: the model has no friction of yarn",
     "intersections_at_min": "number, derived: pairs of grid cells that pass through each other at"

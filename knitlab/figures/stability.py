@@ -21,11 +21,11 @@ def branches_figure(points: xr.Dataset) -> Figure:
         values = points[name].values
         for branch in np.unique(points["branch"]):
             own = points["branch"].values == branch
-            colour = CATEGORY_COLOURS[int(branch) % len(CATEGORY_COLOURS)]
+            colour = CATEGORY_COLOURS[int(branch - 1) % len(CATEGORY_COLOURS)]
             unstable = points["unstable"].values[own] > 0
             axes.plot(strain[own], values[own], ":", color=colour, lw=0.9)
             solid = np.where(unstable, np.nan, values[own])
-            axes.plot(strain[own], solid, color=colour, lw=1.3, label=f"branch {branch + 1}")
+            axes.plot(strain[own], solid, color=colour, lw=1.3, label=f"branch {branch}")
         for kind, (marker, label) in MARKS.items():
             at = points["kind"].values == kind
             if at.any():
@@ -70,7 +70,7 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
     names = [f"shape {k}" for k in few["shape"].values]
     axes.set_xticks(range(count), names)
     axes.set_yticks(range(count), names)
-    axes.set(xlabel="to", ylabel="from", title="energy to go from one to another, at most [µJ]")
+    axes.set(xlabel="to", ylabel="from", title="estimated energy to go from one to another [µJ]")
     others = shapes.sizes["shape"] - count
     left = f"; {others} more" if others else ""
     figure.suptitle(f"relaxed shapes of {shapes.attrs['design']}{left}", fontsize="small")

@@ -23,8 +23,8 @@ EASY = 4  # iterations up to which the next step is longer
 NUMBER = 6  # of lowest eigenvalues that are computed
 DENSE = 300  # number of unknowns up to which all are
 SOFT = 1e-9  # eigenvalue over the largest stiffness below which a motion is neutral
+NO_STIFFNESS = 1e-7  # eigenvalue over the largest stiffness below which a motion has none
 NEARLY_ZERO = 0.05  # eigenvalue of a critical point over those on either side of it
-BY_LOAD = 1e-3  # projection of ∂²V/∂u∂t onto the critical mode above which a point is a limit point
 
 
 class Kind(IntEnum):
@@ -215,18 +215,31 @@ def lowest_eigenvalues(
     equations: Equations, u: Vector, t: float, number: int = NUMBER
 ) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
     """The lowest eigenvalues of the stiffness, ascending, and their modes, but neutral motions."""
-    stiffness, neutral = equations.stiffness(u, t), equations.neutral
+    stiffness = equations.stiffness(u, t)
     largest = float(abs(stiffness.diagonal()).max())
     if len(u) <= DENSE:
         values, modes = np.linalg.eigh(stiffness.toarray())
     else:
-        wanted = number + neutral.shape[1]
-        shift = -1e-4 * largest  # below the few negative eigenvalues that a branch has
+        wanted = number + equations.neutral.shape[1] + equations.lift.shape[1]
+        shift = -1e-4 * largest
+        while _negative(stiffness, shift):
+            shift *= 4
         values, modes = eigsh(stiffness, k=wanted, sigma=shift, which="LM", v0=np.ones(len(u)))
         order = np.argsort(values)
         values, modes = values[order], modes[:, order]
-    free = np.linalg.norm(neutral.T @ modes, axis=0) < 0.5
-    return values[free][:number], modes[:, free][:, :number]
+    # A solver mixes those without stiffness.
+    rigid = np.concatenate([equations.neutral, equations.lift], axis=1)
+    moved = np.linalg.norm(rigid.T @ modes, axis=0) > 0.7
+    kept = ~(moved & (abs(values) < NO_STIFFNESS * largest))
+    return values[kept][:number], modes[:, kept][:, :number]
+
+
+def _negative(stiffness: sp.csc_array, shift: float) -> int:
+    """Number of eigenvalues below a shift: negative pivots of the factors (Sylvester)."""
+    shifted = sp.csc_array(stiffness - shift * sp.eye_array(stiffness.shape[0]))
+    symmetric = {"SymmetricMode": True}
+    factors = splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    return int((factors.U.diagonal() < 0).sum())
 
 
 def _critical(point: PathPoint) -> int:
@@ -244,8 +257,8 @@ def _critical_points(
         u, t, _ = _stepped(equations, before, distance, steps)
         return _point(equations, u, t, before.tangent)
 
-    def crossing(value: Callable[[PathPoint], float]) -> PathPoint | None:
-        """The point at which a value changes its sign."""
+    def crossing(value: Callable[[PathPoint], float]) -> tuple[float, PathPoint] | None:
+        """The distance at which a value changes its sign, and the point there."""
         try:
             distance = brentq(
                 lambda distance: value(at(distance) if distance else before),
@@ -253,23 +266,25 @@ def _critical_points(
                 length,
                 xtol=min(1e-6, steps.smallest),
             )
-            return at(float(distance))
+            return float(distance), at(float(distance))
         except (NotFollowed, ValueError):
             return None
 
     def eigenvalue(number: int) -> Callable[[PathPoint], float]:
         return lambda point: float(point.eigenvalues[number])
 
-    critical_points = [(crossing(eigenvalue(number)), number) for number in critical]
-    if not critical and before.tangent[-1] * after.tangent[-1] < 0:
+    turns = before.tangent[-1] * after.tangent[-1] < 0
+    crossings = [(crossing(eigenvalue(number)), number) for number in critical]
+    if turns and not critical:
         # A branch that ends on another turns there, and goes on as its mirror image.
-        critical_points = [(crossing(lambda point: point.tangent[-1]), 0)]
-    for point, number in critical_points:
+        crossings = [(crossing(lambda point: point.tangent[-1]), 0)]
+    known = [(*there, number) for there, number in crossings if there is not None]
+    for _, point, number in sorted(known, key=lambda each: each[0]):
         # An eigenvalue that jumps over zero is of another branch.
         scale = max(abs(each.eigenvalues[number]) for each in (before, after))
-        if point is None or abs(point.eigenvalues[number]) > NEARLY_ZERO * scale:
+        if abs(point.eigenvalues[number]) > NEARLY_ZERO * scale:
             continue
-        by_parameter = equations.force_by_parameter(point.unknowns, point.parameter)
-        work = abs(point.modes[:, number] @ by_parameter)
-        is_limit = work > BY_LOAD * np.linalg.norm(by_parameter)
-        yield replace(point, kind=Kind.limit if is_limit else Kind.branch)
+        # There is no single tangent at a branch point: that before it, or the mode, is of this one.
+        tangent = before.tangent if critical else np.append(point.modes[:, number], 0.0)
+        kind = Kind.limit if turns and critical else Kind.branch
+        yield replace(point, kind=kind, tangent=tangent)

@@ -22,6 +22,7 @@ class Equations(Protocol):
 
     size: float  # scale of u, relative to which the parameter counts along a branch
     neutral: Float[np.ndarray, "free mode"]  # orthonormal motions that cost no energy
+    lift: Float[np.ndarray, "free mode"]  # and one that does only if something is touched
 
     def energy(self, u: Vector, t: float) -> float:
         """V."""
@@ -49,7 +50,8 @@ class FabricEquations:
         self._elements = ChunkedFabric(loading.shape, system.fabric)
         sides = np.asarray(system.fabric.cell_sides)
         self.size = float(sides.min()) * np.sqrt(len(loading.free))
-        self.neutral = _translations(loading)
+        translations = _translations(loading)
+        self.neutral, self.lift = translations[:, :2], translations[:, 2:]
 
     @property
     def start(self) -> Vector:

@@ -1,9 +1,9 @@
 """Shapes that a fabric may relax to: from many sheets, without copies, and energies between them.
 
-Shapes that a symmetry of the fabric maps to each other have the same energy, lengths and fold
-angles, in another order: by these they are recognised. The energy on a path between two shapes is
-an upper bound of the barrier between them (string method: E, Ren, Vanden-Eijnden, Phys. Rev. B 66,
-052301, 2002).
+Shapes that a symmetry of the fabric maps to each other have the same energy, and the same fold
+angles in another order: by these they are recognised. The highest energy on a path between two
+shapes estimates the barrier between them, mostly from above (string method: E, Ren,
+Vanden-Eijnden, Phys. Rev. B 66, 052301, 2002).
 """
 
 from collections.abc import Callable, Sequence
@@ -62,13 +62,14 @@ def relaxed_shapes(
     sheets = [None if k == 0 else _rough_sheet(net, fabric, k) for k in range(starts)]
     searches = [partial(_relaxed_from, settings=settings, start=sheet) for sheet in sheets]
     states = run_each(net.shape, [fabric] * starts, searches)
-    shapes: list[RelaxedShape] = []
+    unfolded = 0.5 * np.asarray(fabric.fold_stiffness) @ np.asarray(fabric.rest_fold) ** 2
+    scale, shapes = float(unfolded), list[RelaxedShape]()
     for state in states:
         if not state.converged:
             continue
         angles = _angles(net, fabric, state)
         for k, known in enumerate(shapes):
-            if _same(known, state, angles):
+            if _same(known, state, angles, scale):
                 shapes[k] = RelaxedShape(known.state, known.angles, known.starts + 1)
                 break
         else:
@@ -101,16 +102,18 @@ def _angles(net: Network, fabric: Fabric, state: State) -> Float[np.ndarray, " h
     return np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
 
 
-def _same(known: RelaxedShape, state: State, angles: Float[np.ndarray, " hinge"]) -> bool:
+def _same(
+    known: RelaxedShape, state: State, angles: Float[np.ndarray, " hinge"], scale: float
+) -> bool:
     energy = float(state.energy.total)
     return bool(
-        abs(energy - known.energy) <= SAME_ENERGY * abs(known.energy)
+        abs(energy - known.energy) <= SAME_ENERGY * (abs(known.energy) + 1e-3 * scale)
         and np.sqrt(np.mean((angles - known.angles) ** 2)) <= SAME_ANGLE
     )
 
 
 def barriers(system: System, shapes: Sequence[RelaxedShape]) -> Float[np.ndarray, "shape shape"]:
-    """Energy to go from one shape (row) to another (column), at most; 0 on the diagonal [N mm]."""
+    """Estimated energy to go from one shape (row) to another (column), 0 on the diagonal [N mm]."""
     energies = np.zeros((len(shapes), len(shapes)))
     for i, one in enumerate(shapes):
         for j in range(i):
@@ -122,9 +125,13 @@ def barriers(system: System, shapes: Sequence[RelaxedShape]) -> Float[np.ndarray
 def highest_between(system: System, one: Unknowns, other: Unknowns) -> float:
     """The highest energy on a path of least energy that a string relaxes to [N mm]."""
     shape = system.shape
-    moved = other.copy()
+    moved, top = other.copy(), float(system.evaluate(Point(other)).energy.total)
     nodes, own = (each[: 3 * shape.nodes].reshape(-1, 3) for each in (moved, one))
-    nodes += (own - nodes).mean(axis=0)  # neither drifts, which costs no energy
+    drift = (own - nodes).mean(axis=0)
+    nodes[:, :2] += drift[:2]
+    nodes[:, 2] += drift[2]
+    if float(system.evaluate(Point(moved)).energy.total) > top * (1 + 1e-9):
+        nodes[:, 2] -= drift[2]  # between walls that it touches
     string = np.linspace(0, 1, IMAGES)[:, None] * (moved - one) + one
     descent, energies = _descent(system, one), np.zeros(IMAGES)
     for _ in range(SWEEPS):

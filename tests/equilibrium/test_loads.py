@@ -203,3 +203,14 @@ def test_strains_in_a_direction_do_not_depend_on_a_rotation(angle, turned, x, y,
         np.testing.assert_allclose(one, other, atol=1e-12)
     # The area changes by det F.
     np.testing.assert_allclose((1 + across) * (1 + along), np.linalg.det(gradient[0, 0]))
+
+
+@pytest.mark.slow
+def test_fabric_that_is_not_its_mirror_image_relaxes_with_a_sheared_lattice():
+    """At rest neither the shear nor any other freedom of the lattice has a force left."""
+    net, fabric = checkered(8, 4, PERIODIC)
+    test = pulled(net, fabric, Load("off_axis", angle=45.0), [0.0, 1e-4])
+    assert np.abs(test.states[0].gradient).max() < 1e-7
+    assert not test.states[1].snapped
+    slope = forces(test)[1] / 1e-4
+    assert 0 < slope < 10, "the force begins at zero"

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from knitlab.stability.continuation import Kind, Steps, equilibrium, follow, switched
+from knitlab.stability.continuation import (
+    Kind,
+    Steps,
+    equilibrium,
+    follow,
+    lowest_eigenvalues,
+    switched,
+)
 
 FINE = Steps(first=0.01, longest=0.03, tolerance=1e-12)
 
@@ -13,7 +20,7 @@ class Analytic:
     """An energy of one unknown, by its derivatives."""
 
     size = 1.0
-    neutral = np.zeros((1, 0))
+    neutral = lift = np.zeros((1, 0))
 
     def energy(self, u, t):
         return self.stored(u[0], t)
@@ -86,3 +93,49 @@ def test_a_strut_buckles_at_its_critical_force_onto_the_buckled_branches():
             angle = point.unknowns[0]
             assert point.parameter == pytest.approx(2 * angle / np.sin(angle), abs=1e-10)
             assert not point.unstable
+
+
+class Rotated(Analytic):
+    """Pitchfork at y = 0.3 on the branch x = 0, y = t, in rotated axes, with two idle unknowns."""
+
+    axes = np.linalg.qr(np.random.default_rng(1).normal(size=(4, 4)))[0]
+    neutral = lift = np.zeros((4, 0))
+
+    def energy(self, u, t):
+        x, y, *idle = self.axes.T @ u
+        return (0.3 - y) * x**2 / 2 + x**4 / 4 + 2 * (y - t) ** 2 + np.sum(np.square(idle))
+
+    def force(self, u, t):
+        x, y, *idle = self.axes.T @ u
+        slopes = [(0.3 - y) * x + x**3, -(x**2) / 2 + 4 * (y - t), *(2 * each for each in idle)]
+        return self.axes @ slopes
+
+    def stiffness(self, u, t):
+        x, y, *_ = self.axes.T @ u
+        own = np.diag([0.3 - y + 3 * x**2, 4.0, 2.0, 2.0])
+        own[0, 1] = own[1, 0] = -x
+        return sp.csc_array(self.axes @ own @ self.axes.T)
+
+    def force_by_parameter(self, u, t):
+        return self.axes @ [0.0, -4.0, 0.0, 0.0]
+
+
+def test_the_other_branch_of_a_pitchfork_is_reached_in_any_axes():
+    start = equilibrium(Rotated(), np.zeros(4), 0.0, FINE)
+    points = follow(Rotated(), start, (-0.1, 0.5), FINE)
+    (critical,) = [point for point in points if point.kind is not Kind.regular]
+    assert (critical.kind, critical.parameter) == (Kind.branch, pytest.approx(0.3, abs=1e-5))
+    across = [(Rotated.axes.T @ point.unknowns)[0] for point in switched(Rotated(), critical, 0.01)]
+    assert sorted(across) == pytest.approx([-0.01, 0.01], abs=1e-4)
+
+
+def test_the_lowest_eigenvalues_are_found_far_below_those_near_zero():
+    class Diagonal(Rotated):
+        neutral = lift = np.zeros((400, 0))
+        values = np.concatenate([[-0.5, -5e-3], np.linspace(1e-4, 1e-3, 20), np.full(378, 12.0)])
+
+        def stiffness(self, u, t):
+            return sp.csc_array(sp.diags_array(self.values))
+
+    values, _ = lowest_eigenvalues(Diagonal(), np.zeros(400), 0.0)
+    np.testing.assert_allclose(values, np.sort(Diagonal.values)[: len(values)], rtol=1e-8)

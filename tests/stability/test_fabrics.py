@@ -54,7 +54,7 @@ def test_derivatives_are_those_of_differences():
 def test_a_design_leaves_its_relaxed_branch_at_a_branch_point(tmp_path):
     points = kl.branches("periodic", **FOLDED, strain_max=0.15, output=tmp_path / "branches.png")
     assert (tmp_path / "branches.png").is_file()
-    first = points.isel(point=(points["branch"] == 0).values)
+    first = points.isel(point=(points["branch"] == 1).values)
     (at,) = first["applied_strain"].values[first["kind"].values == "branch"]
     assert at == pytest.approx(0.0151, abs=1e-4)
     # No equilibrium of that branch is beyond; the branch that goes on is stable.
@@ -93,7 +93,7 @@ def test_a_flat_sheet_and_a_rough_one_relax_to_one_shape_of_a_small_design():
     [
         (lambda: kl.branches("periodic", n_stripe=4), "choose one, by n_stripe and n_subunit"),
         (lambda: kl.shapes("periodic", n_stripe=4, n_subunit=16, starts=0), "give 1 or more"),
-        (lambda: kl.branches("preview", n_stripe=4, n_subunit=16), "not of equilibria"),
+        (lambda: kl.branches("preview", n_stripe=4, n_subunit=16), "take method = equilibrium"),
         (lambda: kl.branches(output="a.txt"), "no suffix of a figure"),
     ],
 )

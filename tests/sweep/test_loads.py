@@ -79,3 +79,19 @@ def test_measures_follow_the_direction_of_the_load():
         float(test["poisson_ratio"][1] / test["force_per_width"][1]) for test in (warp, weft)
     )
     assert one == pytest.approx(other * float(over), rel=0.01)
+
+
+@pytest.mark.slow
+def test_what_clamps_hold_is_missing_along_the_axis_that_they_hold():
+    def strains(load, unit_cells, **more):
+        design = kl.Design(4, 8, unit_cells=unit_cells)
+        protocol = kl.Protocol(strain_max=0.02, strain_step=0.02, load=load, **more)
+        solver = kl.Solver(start="flat")
+        test = kl.simulate(design, protocol=protocol, solver=solver)
+        return test["mean_strain_xx"].values[-1], test["mean_strain_yy"].values[-1]
+
+    along, across = strains("weft", (2, 1))
+    assert along == pytest.approx(0.02, abs=1e-3)
+    assert np.isnan(across)
+    along, across = strains("biaxial", (1, 2), load_ratio=0.5)
+    assert np.isfinite([along, across]).all()

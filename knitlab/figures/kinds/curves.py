@@ -26,8 +26,8 @@ BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"
 ENDED = "the test did not converge beyond"
 ROWS = {
-    "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
-    "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
+    "mean_strain_xx": "strain along the weft\nmean $\\varepsilon_{xx}$ [1]",
+    "mean_strain_yy": "strain along the warp\nmean $\\varepsilon_{yy}$ [1]",
     "poisson_ratio": "Poisson's ratio\n$\\nu$ [1]",
 }
 FORCE_ROWS = {

@@ -12,6 +12,7 @@ from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
 
 ANGLE = "load_angle"
+FEWEST = 3  # angles
 MOST = len(MARKERS)  # designs whose curves can be told apart
 
 
@@ -21,9 +22,10 @@ def directions(cube: xr.Dataset) -> Figure:
     0° is along the courses (weft), 90° along the wales (warp). Pulls in opposite directions are the
     same. The strain is the one selected, or the largest at which all pulls have a Poisson's ratio.
     """
-    if ANGLE not in cube.dims:
+    if cube.sizes.get(ANGLE, 0) < FEWEST:
         remedy = "run one with load = off_axis and load_angle = 0,15,…,90"
-        raise fault("directions", f"compares angles of pull, and the cube sweeps none; {remedy}")
+        problem = f"compares {FEWEST} or more angles of pull, which this cube has not"
+        raise fault("directions", f"{problem}; {remedy}")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ANGLE, STRAIN, ...)
     done = (stacked["status"] == Status.ok).any(ANGLE).values
     stacked = stacked.isel(design=done)
@@ -34,13 +36,14 @@ def directions(cube: xr.Dataset) -> Figure:
     if not complete.any():
         raise fault("directions", "there is no strain at which all pulls have a Poisson's ratio")
     at = stacked.isel({STRAIN: int(np.flatnonzero(complete)[-1])})
-    figure = Figure(figsize=(TWO_COLUMNS, 3.9), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 4.2), layout="constrained")
     ratio, force = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
     strain = f"{float(at[STRAIN]):.0%}"
     # A checkerboard is its own mirror image: a quarter of the directions tells the others.
     mirrored = parameters_of(cube).get("pattern") == ["GR", "RG"]
-    _draw(ratio, at["poisson_ratio"], f"Poisson's ratio at {strain}", mirrored)
-    _draw(force, 10 * at["force_per_width"], f"force over width at {strain} [N/cm]", mirrored)
+    _draw(ratio, at["poisson_ratio"], "Poisson's ratio", mirrored)
+    _draw(force, 10 * at["force_per_width"], "force over width [N/cm]", mirrored)
+    figure.suptitle(f"at an applied strain of {strain}", fontsize="small")
     figure.legend(*ratio.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
