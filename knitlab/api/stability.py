@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,15 @@ from knitlab.figures.figure_files import draw_into
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
-from knitlab.stability.continuation import Kind, PathPoint, Steps, equilibrium, follow, switched
+from knitlab.stability.continuation import (
+    Kind,
+    NotFollowed,
+    PathPoint,
+    Steps,
+    equilibrium,
+    follow,
+    switched,
+)
 from knitlab.stability.equations import FabricEquations
 from knitlab.stability.shapes import barriers, relaxed_shapes
 from knitlab.sweep.figure_names import check_figure_suffix
@@ -26,6 +35,7 @@ from knitlab.sweep.workflow_text import Overrides
 MOST_BRANCHES = 6
 ONTO_BRANCH = 0.01  # distance from a branch point at which the other branch begins
 MIRRORED = 1e-6  # difference of energies of two sides of a branch that are mirror images
+SAME_POINT = 0.3  # distance from a known branch, over that, below which it is not another
 SAME_STRAIN = 1e-4  # of points that are mirror images
 BELOW_REST = 0.02  # compression to which branches are followed
 MOST_SHAPES = 6  # shapes between which energies are computed
@@ -82,7 +92,8 @@ def branches(
             followed.append(points)
             for point in points:
                 if point.kind is Kind.branch and len(followed) + len(waiting) < MOST_BRANCHES:
-                    waiting += _new(switched(equations, point, ONTO_BRANCH, steps), followed)
+                    sides = switched(equations, point, ONTO_BRANCH, steps)
+                    waiting += _new(equations, sides, [*followed, *([each] for each in waiting)])
     table = _table(equations, followed)
     table.attrs["design"] = case.label
     if output is not None:
@@ -107,12 +118,26 @@ def _single(workflow: str | Path, overrides: Overrides, output: str | Path | Non
     return case
 
 
-def _new(sides: list[PathPoint], followed: list[list[PathPoint]]) -> list[PathPoint]:
+def _new(
+    equations: FabricEquations, sides: list[PathPoint], followed: list[list[PathPoint]]
+) -> list[PathPoint]:
     """The sides of a branch that no branch has passed and that are no mirror image of another."""
+
+    def passed(side: PathPoint) -> bool:
+        """Whether the nearest point of a branch leads to a side at its strain."""
+        for points in followed:
+            near = min(points, key=lambda point: abs(point.parameter - side.parameter))
+            with suppress(NotFollowed):
+                there = equilibrium(equations, near.unknowns, side.parameter)
+                apart = np.linalg.norm(there.unknowns - side.unknowns)
+                if apart < SAME_POINT * ONTO_BRANCH * equations.size:
+                    return True
+        return False
+
     kept: list[PathPoint] = []
     for side in sides:
         known = [*(point for points in followed for point in points), *kept]
-        if not any(
+        if not passed(side) and not any(
             abs(point.parameter - side.parameter) < SAME_STRAIN
             and abs(point.energy - side.energy) < MIRRORED * abs(side.energy)
             for point in known

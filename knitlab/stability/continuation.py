@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.optimize import brentq
-from scipy.sparse.linalg import eigsh, splu
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from knitlab.stability.equations import Equations, Vector
 
@@ -23,7 +23,7 @@ EASY = 4  # iterations up to which the next step is longer
 NUMBER = 6  # of lowest eigenvalues that are computed
 DENSE = 300  # number of unknowns up to which all are
 SOFT = 1e-9  # eigenvalue over the largest stiffness below which a motion is neutral
-NO_STIFFNESS = 1e-7  # eigenvalue over the largest stiffness below which a motion has none
+NO_STIFFNESS = 1e-9  # force of a lift over the largest stiffness below which it costs nothing
 NEARLY_ZERO = 0.05  # eigenvalue of a critical point over those on either side of it
 
 
@@ -215,23 +215,31 @@ def lowest_eigenvalues(
     equations: Equations, u: Vector, t: float, number: int = NUMBER
 ) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
     """The lowest eigenvalues of the stiffness, ascending, and their modes, but neutral motions."""
-    stiffness = equations.stiffness(u, t)
+    stiffness, rigid = equations.stiffness(u, t), equations.neutral
     largest = float(abs(stiffness.diagonal()).max())
+    if (abs(stiffness @ equations.lift) < NO_STIFFNESS * largest).all():
+        rigid = np.concatenate([rigid, equations.lift], axis=1)
     if len(u) <= DENSE:
-        values, modes = np.linalg.eigh(stiffness.toarray())
-    else:
-        wanted = number + equations.neutral.shape[1] + equations.lift.shape[1]
-        shift = -1e-4 * largest
-        while _negative(stiffness, shift):
-            shift *= 4
-        values, modes = eigsh(stiffness, k=wanted, sigma=shift, which="LM", v0=np.ones(len(u)))
-        order = np.argsort(values)
-        values, modes = values[order], modes[:, order]
-    # A solver mixes those without stiffness.
-    rigid = np.concatenate([equations.neutral, equations.lift], axis=1)
-    moved = np.linalg.norm(rigid.T @ modes, axis=0) > 0.7
-    kept = ~(moved & (abs(values) < NO_STIFFNESS * largest))
-    return values[kept][:number], modes[:, kept][:, :number]
+        values, modes = np.linalg.eigh(stiffness.toarray() + 10 * largest * rigid @ rigid.T)
+        return values[:number], modes[:, :number]
+    shift = -1e-4 * largest
+    while _negative(stiffness, shift):
+        shift *= 4
+    factors = splu(sp.csc_array(stiffness - shift * sp.eye_array(len(u))))
+
+    def without_rigid(vector: Vector) -> Vector:
+        return vector - rigid @ (rigid.T @ vector)
+
+    # Motions without stiffness are left out of the inverse: they would mix with critical modes.
+    inverse = LinearOperator(
+        stiffness.shape,
+        lambda vector: without_rigid(factors.solve(without_rigid(vector.ravel()))),
+        dtype=float,
+    )
+    start = without_rigid(np.random.default_rng(0).normal(size=len(u)))
+    values, modes = eigsh(stiffness, number, sigma=shift, OPinv=inverse, v0=start)
+    order = np.argsort(values)
+    return values[order], modes[:, order]
 
 
 def _negative(stiffness: sp.csc_array, shift: float) -> int:
