@@ -109,7 +109,10 @@ def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
     if case.attrs.get(LENGTHS) or not set(names) <= set(design):
         return case
     cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
-    factor = math.sqrt(cloth_x * cloth_y / (network_x * network_y))
+    areas = cloth_x * cloth_y / (network_x * network_y)
+    if not 0 < areas < math.inf:
+        return case
+    factor = math.sqrt(areas)
     if not 0 < factor < math.inf:
         return case
     with xr.set_options(keep_attrs=True):
