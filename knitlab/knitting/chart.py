@@ -1,13 +1,14 @@
 """A stitch chart: the stitches of a fabric, and the patches that they make. Needs no JAX."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Int
 
-from knitlab.measure.knit_size import Gauge
+if TYPE_CHECKING:
+    from knitlab.measure.knit_size import Gauge
 
 Face = Literal["front", "back"]  # a face of the fabric
 
@@ -89,7 +90,7 @@ class StitchChart:
         faces = np.array(["front", *self.plated_face])[self.plated]
         return np.vectorize(stitch_in_words)(self.front, self.plated, faces)
 
-    def flat_size(self, gauge: Gauge) -> tuple[float, float]:
+    def flat_size(self, gauge: "Gauge") -> tuple[float, float]:
         """Width and length in cloth before it folds, by the size of a stitch [mm]."""
         return self.wales * gauge.stitch_width, self.courses * gauge.stitch_height
 

@@ -2,6 +2,7 @@
 
 from math import floor, log10
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -15,8 +16,9 @@ from knitlab.figures.kinds.design_map import draw_map
 from knitlab.figures.kinds.sensitivity import SYMBOLS
 from knitlab.figures.style import TWO_COLUMNS, number
 from knitlab.io.errors import fault, unknown
-from knitlab.sweep.material import Material
-from knitlab.sweep.stripe_covariance import uncertain_stripes
+
+if TYPE_CHECKING:  # which imports JAX
+    from knitlab.sweep.material import Material
 
 NOTES = (
     "in each cell: (n_stripe, n_subunit), value ± standard deviation, and the number to measure",
@@ -26,7 +28,7 @@ MOST_PLACES = 4  # decimal places of a value at most
 
 
 def uncertainty_map(
-    cube: xr.Dataset, material: str | Path | Material | None = None, of: str = "poisson_ratio"
+    cube: xr.Dataset, material: "str | Path | Material | None" = None, of: str = "poisson_ratio"
 ) -> Figure:
     """Poisson's ratio of every design ± its standard deviation, and the number to measure better.
 
@@ -34,6 +36,8 @@ def uncertainty_map(
     or with one applied strain selected the ratio, or the force, there. The colour is the standard
     deviation; the number explains most of the variance.
     """
+    from knitlab.sweep.stripe_covariance import uncertain_stripes
+
     if material is None:
         raise fault("material", "is not given; give the file with the covariances of its stripes")
     if of not in QUANTITIES:
