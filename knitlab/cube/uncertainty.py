@@ -67,12 +67,12 @@ def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> xr.DataArray:
     for row, n in enumerate(sizes):
         designs = cube.sel(n_stripe=n)
         ok = designs["status"] == Status.ok
-        for place, uncertain in enumerate(stripes(n) if ok.any() else ()):
+        for half, uncertain in enumerate(stripes(n) if ok.any() else ()):
             knit = uncertain.stripe.knit
             _check_same(designs, ok, uncertain.stripe)
             variances, directions = np.linalg.eigh(uncertain.covariance)
             of_stripe = directions * np.sqrt(np.maximum(variances, 0))
-            columns = slice(place * len(NUMBERS), (place + 1) * len(NUMBERS))
+            columns = slice(half * len(NUMBERS), (half + 1) * len(NUMBERS))
             for number, of_number in zip(NUMBERS, of_stripe, strict=True):
                 if f"{knit}_{number}" in names:
                     root[row, names.index(f"{knit}_{number}"), columns] = of_number
@@ -94,10 +94,9 @@ def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None
 
 def deviations(cube: xr.Dataset, stripes: Stripes) -> dict[str, xr.DataArray]:
     """Change of each quantity with each of the independent deviates of stripe numbers."""
-    return {
-        name: (slope * root_of_covariance(cube, stripes)).sum(PARAMETER, skipna=False)
-        for name, slope in slopes(cube).items()
-    }
+    by_name = slopes(cube)
+    root = root_of_covariance(cube, stripes)
+    return {name: (slope * root).sum(PARAMETER, skipna=False) for name, slope in by_name.items()}
 
 
 def uncertainty_of(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
@@ -106,8 +105,9 @@ def uncertainty_of(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
     BadInput if the cube has no sensitivities, or designs with stripes other than these.
     """
     by_name: dict[str, xr.DataArray] = {}
-    for name, slope in slopes(cube).items():
-        root = root_of_covariance(cube, stripes)
+    derivatives = slopes(cube)
+    root = root_of_covariance(cube, stripes)
+    for name, slope in derivatives.items():
         by_deviate = (slope * root).sum(PARAMETER, skipna=False)
         variance = (by_deviate**2).sum(DEVIATE, skipna=False)
         with_number = (by_deviate * root).sum(DEVIATE, skipna=False)
