@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.equilibrium.loading import Y, loading_of
+from knitlab.equilibrium.loading import Y
 from knitlab.equilibrium.system import System, one_thread_of_blas
-from knitlab.equilibrium.tensile_test import relax
+from knitlab.equilibrium.tensile_test import stretch
 from knitlab.figures.figure_files import draw_into
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import fault
@@ -80,10 +80,10 @@ def branches(
     steps = Steps()
     with one_thread_of_blas():
         system = System(net.shape, fabric)
-        relaxed = relax(system, case.equilibrium_solver, load=case.load)
-        if not relaxed.converged:
+        test = stretch(system, case.applied_strain[:1], case.equilibrium_solver, load=case.load)
+        if test.loading is None:
             raise fault(case.label, "does not relax; raise max_iterations")
-        equations = FabricEquations(system, loading_of(net.shape, relaxed.configuration, case.load))
+        equations = FabricEquations(system, test.loading)
         until = -BELOW_REST, case.applied_strain[-1]
         waiting = deque([equilibrium(equations, equations.start, 0.0, steps)])
         followed: list[list[PathPoint]] = []

@@ -80,14 +80,13 @@ def follow(
     start: PathPoint,
     until: tuple[float, float],
     steps: Steps = Steps(),
-    direction: float = 1.0,
 ) -> list[PathPoint]:
-    """Points of a branch from one of it, in a direction of its tangent, and its critical points.
+    """Points of a branch from one of it, in the direction of its tangent, and its critical points.
 
     It ends where the parameter leaves a range, after ``steps.most`` points, or where no smaller
     step succeeds. NotFollowed is never raised: what was reached is returned.
     """
-    points, length = [replace(start, tangent=direction * start.tangent)], steps.first
+    points, length = [start], steps.first
     while len(points) < steps.most and until[0] <= points[-1].parameter <= until[1]:
         last = points[-1]
         try:
@@ -166,30 +165,29 @@ def _corrected(
             raise NotFollowed("the energy is not defined there")
         if np.abs(force).max() <= steps.tolerance:
             return u, t, iteration
-        moved = _bordered(equations, u, t, normal, -force, 0.0)
+        by_parameter = equations.force_by_parameter(u, t)
+        moved = _bordered(
+            equations, equations.stiffness(u, t), by_parameter, normal, np.append(-force, 0.0)
+        )
         u, t = u + equations.size * moved[:-1], t + moved[-1]
     raise NotFollowed(f"{np.abs(equations.force(u, t)).max():.1e} N are left")
 
 
 def _bordered(
     equations: Equations,
-    u: Vector,
-    t: float,
+    stiffness: sp.csc_array,
+    by_parameter: Vector,
     normal: Float[np.ndarray, " free+1"],
-    right: Vector,
-    along: float,
+    right: Float[np.ndarray, " free+1"],
 ) -> Float[np.ndarray, " free+1"]:
     """Solution (du / size, dt) of the stiffness, bordered by the parameter and the normal."""
-    stiffness, size = equations.stiffness(u, t), equations.size
     # Neutral motions take no part: a small stiffness makes them definite.
     soft = SOFT * abs(stiffness.diagonal()).max() if equations.neutral.size else 0.0
-    scaled = size * (stiffness + soft * sp.eye_array(len(u), format="csc"))
-    by_parameter = equations.force_by_parameter(u, t)[:, None]
-    whole = sp.block_array(
-        [[scaled, sp.csc_array(by_parameter)], [normal[None, :-1], normal[None, -1:]]], format="csc"
-    )
+    scaled = equations.size * (stiffness + soft * sp.eye_array(len(by_parameter), format="csc"))
+    column = sp.csc_array(by_parameter[:, None])
+    whole = sp.block_array([[scaled, column], [normal[None, :-1], normal[None, -1:]]], format="csc")
     try:
-        solution = splu(whole).solve(np.append(right, along))
+        solution = splu(whole).solve(right)
     except RuntimeError as error:
         raise NotFollowed("the stiffness is singular") from error
     if not np.isfinite(solution).all():
@@ -202,30 +200,32 @@ def _bordered(
 def _point(
     equations: Equations, u: Vector, t: float, before: Float[np.ndarray, " free+1"]
 ) -> PathPoint:
+    stiffness, by_parameter = equations.stiffness(u, t), equations.force_by_parameter(u, t)
     try:
-        tangent = _bordered(equations, u, t, before, np.zeros(len(u)), 1.0)
+        ahead = np.append(np.zeros(len(u)), 1.0)
+        tangent = _bordered(equations, stiffness, by_parameter, before, ahead)
     except NotFollowed:  # exactly at a branch point, where there are two
         tangent = before
-    values, modes = lowest_eigenvalues(equations, u, t)
+    values, modes = lowest_eigenvalues(equations, stiffness)
     energy = equations.energy(u, t)
     return PathPoint(u, t, energy, values, modes, tangent / np.linalg.norm(tangent))
 
 
 def lowest_eigenvalues(
-    equations: Equations, u: Vector, t: float, number: int = NUMBER
+    equations: Equations, stiffness: sp.csc_array, number: int = NUMBER
 ) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
-    """The lowest eigenvalues of the stiffness, ascending, and their modes, but neutral motions."""
-    stiffness, rigid = equations.stiffness(u, t), equations.neutral
+    """The lowest eigenvalues of a stiffness, ascending, and their modes, but neutral motions."""
+    rigid, size = equations.neutral, stiffness.shape[0]
     largest = float(abs(stiffness.diagonal()).max())
     if (abs(stiffness @ equations.lift) < NO_STIFFNESS * largest).all():
         rigid = np.concatenate([rigid, equations.lift], axis=1)
-    if len(u) <= DENSE:
+    if size <= DENSE:
         values, modes = np.linalg.eigh(stiffness.toarray() + 10 * largest * rigid @ rigid.T)
         return values[:number], modes[:, :number]
     shift = -1e-4 * largest
     while _negative(stiffness, shift):
         shift *= 4
-    factors = splu(sp.csc_array(stiffness - shift * sp.eye_array(len(u))))
+    factors = splu(sp.csc_array(stiffness - shift * sp.eye_array(size)))
 
     def without_rigid(vector: Vector) -> Vector:
         return vector - rigid @ (rigid.T @ vector)
@@ -236,7 +236,7 @@ def lowest_eigenvalues(
         lambda vector: without_rigid(factors.solve(without_rigid(vector.ravel()))),
         dtype=float,
     )
-    start = without_rigid(np.random.default_rng(0).normal(size=len(u)))
+    start = without_rigid(np.random.default_rng(0).normal(size=size))
     values, modes = eigsh(stiffness, number, sigma=shift, OPinv=inverse, v0=start)
     order = np.argsort(values)
     return values[order], modes[:, order]

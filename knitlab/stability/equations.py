@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from knitlab.equilibrium.loading import Loading
-from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.equilibrium.system import System
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, Point
@@ -78,14 +78,20 @@ class FabricEquations:
 
     def stiffness(self, u: Vector, t: float) -> sp.csc_array:
         """∂²V/∂u² [N/mm]."""
-        hessians = self._elements.element_hessians(COMPLETE, self.unknowns(u, t))
-        lower = self._free.lower(self._free.entries(hessians))
-        return sp.csc_array(lower + sp.tril(lower, -1).T)
+        return stiffness_of(self._elements, self._free, self.unknowns(u, t))
 
     def force_by_parameter(self, u: Vector, t: float) -> Vector:
         """∂²V/∂u∂ε by a central difference [N]."""
         ahead, behind = self.force(u, t + DIFFERENCE), self.force(u, t - DIFFERENCE)
         return (ahead - behind) / (2 * DIFFERENCE)
+
+
+def stiffness_of(
+    elements: ChunkedFabric, free: FreeStiffness, unknowns: Float[np.ndarray, " unknown"]
+) -> sp.csc_array:
+    """The whole symmetric stiffness of the free unknowns of a fabric [N/mm]."""
+    lower = free.lower(free.entries(elements.element_hessians(COMPLETE, unknowns)))
+    return sp.csc_array(lower + sp.tril(lower, -1).T)
 
 
 def _translations(loading: Loading) -> Float[np.ndarray, "free mode"]:

@@ -24,10 +24,11 @@ from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import relax, relax_near
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.energy import COMPLETE, Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.network import Network
 from knitlab.measure.folds import fold_angles
+from knitlab.stability.equations import stiffness_of
 
 SAME_ENERGY = 1e-6  # difference of two energies of one shape, over the energy
 SAME_ANGLE = 1e-3  # root mean square difference of the sorted fold angles of one shape [rad]
@@ -128,8 +129,7 @@ def highest_between(system: System, one: Unknowns, other: Unknowns) -> float:
     moved, top = other.copy(), float(system.evaluate(Point(other)).energy.total)
     nodes, own = (each[: 3 * shape.nodes].reshape(-1, 3) for each in (moved, one))
     drift = (own - nodes).mean(axis=0)
-    nodes[:, :2] += drift[:2]
-    nodes[:, 2] += drift[2]
+    nodes += drift
     if float(system.evaluate(Point(moved)).energy.total) > top * (1 + 1e-9):
         nodes[:, 2] -= drift[2]  # between walls that it touches
     string = np.linspace(0, 1, IMAGES)[:, None] * (moved - one) + one
@@ -148,10 +148,7 @@ def highest_between(system: System, one: Unknowns, other: Unknowns) -> float:
 def _descent(system: System, at: Unknowns) -> Callable[[Unknowns], Unknowns]:
     """Steps against a gradient by the stiffness of a shape, which is soft where the fabric is."""
     free = free_stiffness(system.shape, all_free(system.shape))
-    lower = free.lower(
-        free.entries(ChunkedFabric(system.shape, system.fabric).element_hessians(COMPLETE, at))
-    )
-    stiffness = sp.csc_array(lower + sp.tril(lower, -1).T)
+    stiffness = stiffness_of(ChunkedFabric(system.shape, system.fabric), free, at)
     shift = STIFFER * float(np.median(stiffness.diagonal()))
     factors = splu(sp.csc_array(stiffness + shift * sp.eye_array(len(free.dofs))))
 

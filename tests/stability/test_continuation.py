@@ -137,5 +137,5 @@ def test_the_lowest_eigenvalues_are_found_far_below_those_near_zero():
         def stiffness(self, u, t):
             return sp.csc_array(sp.diags_array(self.values))
 
-    values, _ = lowest_eigenvalues(Diagonal(), np.zeros(400), 0.0)
+    values, _ = lowest_eigenvalues(Diagonal(), Diagonal().stiffness(np.zeros(400), 0.0))
     np.testing.assert_allclose(values, np.sort(Diagonal.values)[: len(values)], rtol=1e-8)
