@@ -107,12 +107,12 @@ def _maps(state: xr.Dataset, values: dict[str, xr.DataArray]) -> Figure:
         draw_map(axes, [cube], "value", "", text, signed=True)
         axes.set_title(label)
         axes.set(ylabel="n_stripe", xlabel="P = n_subunit / (2 n_stripe)")
-    figure.text(0.01, 0, "S: gauge factor along over that across; white: not known", fontsize=7)
+    figure.supxlabel("S: gauge factor along over that across; white: not known", fontsize=7)
     return figure
 
 
 def _with_selectivity(value: float, design: xr.Dataset) -> str:
-    return f"{number(value)}\nS {number(float(design['selectivity']), '.2g')}"
+    return f"{number(value)}\nS {number(float(design["selectivity"]))}"
 
 
 def _plain(value: float, design: xr.Dataset) -> str:
