@@ -29,6 +29,7 @@ from .cube.cube_file import open_cube as open_cube
 from .dynamics.settings import Dynamics as Dynamics
 from .equilibrium.settings import Solver as Solver
 from .fabric.electrodes import ElectrodeLayout as ElectrodeLayout
+from .fabric.fold_friction import Friction as Friction
 from .fabric.settings import PlainKnit as PlainKnit
 from .fabric.settings import Sheet as Sheet
 from .fabric.stripe import Stripe as Stripe
