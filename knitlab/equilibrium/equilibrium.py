@@ -75,8 +75,8 @@ def find_equilibrium(
     and without extrapolation: that is best if the sample folds as a whole.
     """
     search = Search(system, start, rules)
-    whole = rules.contact is not None or rules.drag is not None or system.fabric.friction is not None
-    if whole or not worth_dividing(system.shape):
+    coupling = rules.contact, rules.drag, system.fabric.friction
+    if any(each is not None for each in coupling) or not worth_dividing(system.shape):
         return search.state(minimise(search))
     evaluation, rounds = search.evaluation, SubdomainRounds(search)
     if patience is not None:

@@ -44,8 +44,8 @@ Parameters = tuple[
     tuple[Float[Array, " spring"], Float[Array, " spring"], SpringLaw],
     tuple[Float[Array, " hinge"], Float[Array, " hinge"], FoldFriction | None],
 ]
-"""Rest lengths, stiffnesses and law of the springs of a chunk; rest angles, stiffnesses and friction
-of its hinges."""
+"""Rest lengths, stiffnesses and law of the springs of a chunk; rest angles, stiffnesses and
+friction of its hinges."""
 
 
 @dataclass(frozen=True, eq=False)

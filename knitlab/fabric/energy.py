@@ -165,7 +165,7 @@ def hinge_stiffness(
     """Hessian of hinges by their six nodes, :data:`HINGE_ENTRIES` of it, in blocks [N/mm]."""
     own = jax.tree.map(lambda each: each.reshape(-1, LANES), (rest, stiffness, friction))
     hinges = jnp.moveaxis(vectors.reshape(5, 3, -1, LANES), 2, 0), *own
-    return jax.lax.map(lambda block: _hinge_entries(*block, of), hinges)
+    return jax.lax.map(lambda block: _hinge_entries(*block, of=of), hinges)
 
 
 def _hinge_entries(
@@ -173,6 +173,7 @@ def _hinge_entries(
     rest: Each,
     stiffness: Each,
     friction: FoldFriction | None,
+    *,
     of: FoldAngle,
 ) -> Float[Array, "171 lane"]:
     """Hessians by edge and normals, then vectors, then nodes, in half the time of nodes at once."""

@@ -1,6 +1,6 @@
-"""Friction of the yarn at folds: beside its spring, every hinge has an element that sticks and slips.
+"""Friction of the yarn at folds: beside its spring, every hinge has one that sticks and slips.
 
-The element is elastic up to its yield moment and then slips; with hardening the yield moment grows
+The second is elastic up to its yield moment and then slips; with hardening the yield moment grows
 by the angle slipped. A step of a test minimises an incremental potential, whose part of an element
 is a Huber function of its angle; then the slip is updated (return mapping: Simo, Hughes,
 Computational Inelasticity, Ch. 1). The paper has no friction.
@@ -68,20 +68,20 @@ class FoldFriction(eqx.Module):
     slope: Each  # while it slips [N mm]
     slip: Each  # fold angle from rest without moment [rad]
 
-    def _sticking(self, angle: Each) -> tuple[Array, Array]:
+    def _sticking(self, angle: Each) -> tuple[Each, Each]:
         """The elastic angle up to the yield moment, and what is beyond [rad]."""
         turned = angle - self.slip
         limit = self.moment / jnp.where(self.stiffness > 0, self.stiffness, 1.0)
         elastic = jnp.clip(turned, -limit, limit)
         return elastic, turned - elastic
 
-    def stored(self, angle: Each) -> Array:
-        """Incremental potential at fold angles from rest: elastic energy and work to slip [N mm]."""
+    def stored(self, angle: Each) -> Each:
+        """Potential of a step to fold angles from rest: elastic energy and work to slip [N mm]."""
         elastic, beyond = self._sticking(angle)
         energy = 0.5 * self.stiffness * elastic**2 + self.moment * jnp.abs(beyond)
         return energy + 0.5 * self.slope * beyond**2
 
-    def moments(self, angle: Each) -> Array:
+    def moments(self, angle: Each) -> Each:
         """Moments at fold angles from rest, the derivative of :meth:`stored` [N mm]."""
         elastic, beyond = self._sticking(angle)
         return self.stiffness * elastic + self.slope * beyond

@@ -128,9 +128,9 @@ class ProtocolSection(StrictModel):
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
     ``strain_max``. ``load`` is how the fabric is strained, with the ratio of a biaxial and the
-    angle of an off-axis load (:class:`~knitlab.equilibrium.loading.Load`); lists of these are
-    dimensions, and so are those of ``cycle``, the number of the cycle between zero and the largest
-    strain that is measured. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
+    angle of an off-axis load (:class:`~knitlab.equilibrium.loading.Load`), and ``cycle`` the number
+    of the cycle between zero and the largest strain that is measured; lists of these are
+    dimensions. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
     respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
     ``robustness`` the spread of results over this number of siblings of each design, which are
     slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
