@@ -95,6 +95,8 @@ class Case:
         for table, name in self._unused():
             if fields.get(table):
                 fields[table].pop(name, None)
+                if not fields[table]:
+                    del fields[table]
         return fields
 
     def _unused(self) -> Iterator[tuple[str, str]]:
