@@ -112,7 +112,7 @@ def _maps(state: xr.Dataset, values: dict[str, xr.DataArray]) -> Figure:
 
 
 def _with_selectivity(value: float, design: xr.Dataset) -> str:
-    return f"{number(value)}\nS {number(float(design["selectivity"]))}"
+    return f"{number(value)}\nS {number(float(design['selectivity']))}"
 
 
 def _plain(value: float, design: xr.Dataset) -> str:
