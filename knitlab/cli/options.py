@@ -1,5 +1,6 @@
 """Options, exit codes and messages that commands share."""
 
+import errno
 import json
 import re
 import sys
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
+LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
+"""Errors of a machine without files, memory, processes or space left."""
 MATERIAL = "knitlab.material"  # key of the material file in the context of a command
 MOST_LINES = 20  # largest number of cases that a command lists
 PATH = click.Path(path_type=Path)
@@ -41,6 +44,12 @@ class CommandGroup(click.Group):
                 command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
                 for each in error.faults:
                     echo_problem(_with_option(str(each), command))
+                sys.exit(BAD_INPUT)
+            except (MemoryError, OSError, UnicodeEncodeError) as error:
+                if isinstance(error, OSError) and error.errno not in LACKING:
+                    raise
+                problem = str(error) or "there is not enough memory"
+                echo_problem(f"this machine cannot do it: {problem}; free some, or take another")
                 sys.exit(BAD_INPUT)
 
 
@@ -110,7 +119,7 @@ def _number_or_label(text: str) -> float | str:
 
 def _two_counts(text: str) -> tuple[int, int]:
     """The counts of ``--repeats``; BadInput if the text is of another form."""
-    match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
+    match = re.fullmatch(r"(\d{1,6})\s*[x×,]\s*(\d{1,6})", text.strip())
     if match is None:
         raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
     return int(match[1]), int(match[2])
