@@ -3,7 +3,9 @@
 import errno
 import json
 import re
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -22,9 +24,24 @@ LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC,
 """Errors of a machine without files, memory, processes or space left."""
 MATERIAL = "knitlab.material"  # key of the material file in the context of a command
 MOST_LINES = 20  # largest number of cases that a command lists
-PATH = click.Path(path_type=Path)
-FILE = click.Path(path_type=Path, dir_okay=False)
-FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+class EncodedPath(click.Path):
+    """A path that netCDF can open: its whole text has bytes in the encoding of this machine."""
+
+    def convert(self, value: Any, *about: Any) -> Any:
+        """Fail if it has none."""
+        try:
+            str(Path(value).resolve()).encode(sys.getfilesystemencoding())
+        except UnicodeEncodeError as error:
+            problem = f"{value!a}: its path is no text in {error.encoding}"
+            self.fail(f"{problem}; rename it, or set LC_ALL=C.UTF-8", *about)
+        return super().convert(value, *about)
+
+
+PATH = EncodedPath(path_type=Path)
+FILE = EncodedPath(path_type=Path, dir_okay=False)
+FOLDER = EncodedPath(path_type=Path, file_okay=False)
 COUNT = click.IntRange(min=1)
 COUNT_OR_ZERO = click.IntRange(min=0)
 POSITIVE = click.FloatRange(min=0, min_open=True)
@@ -34,6 +51,19 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 class CommandGroup(click.Group):
     """Commands that explain bad input in sentences, and end with exit code 2."""
+
+    def main(self, *words: Any, **settings: Any) -> Any:
+        """Run; Ctrl-C ends the process at once until work begins, as imports may lose it."""
+        before = signal.getsignal(signal.SIGINT)
+        alone = threading.current_thread() is threading.main_thread()
+        ours = alone and before is signal.default_int_handler
+        if ours:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        try:
+            return super().main(*words, **settings)
+        finally:
+            if ours:
+                signal.signal(signal.SIGINT, before)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that is named; its work never depends on what it shows."""

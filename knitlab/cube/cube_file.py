@@ -114,8 +114,10 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         problem = "does not exist; run a workflow or import an experiment first"
         raise fault(str(path), problem) from error
     except (OSError, ValueError, RuntimeError) as error:
-        if isinstance(error, OSError) and (error.errno or 0) > 0:  # others are of netCDF
-            raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+        of_system = isinstance(error, OSError) and (error.errno or 0) > 0  # others are of netCDF
+        if of_system or isinstance(error, UnicodeError):
+            why = getattr(error, "strerror", error)
+            raise fault(str(path), f"cannot be read ({why}); check the path") from error
         problem = f"is not a netCDF file, or a damaged one ({error}); run its workflow again, or"
         raise Damaged([Fault(str(path), f"{problem} give another cube.nc")]) from error
     if "status" in cube:
@@ -173,11 +175,13 @@ def _opened(path: Path) -> xr.Dataset:
 
 
 def of_schema(cube: xr.Dataset) -> xr.Dataset:
-    """A cube without variables of other programs."""
+    """The variables of a simulated cube that a run stores, without those of other programs."""
     dims = design_dims(cube)
 
     def is_own(name: str) -> bool:
-        return name in VARIABLES and {*cube[name].dims} == {*dims, *VARIABLES[name].dims}
+        known = VARIABLES.get(name)
+        stored = known is not None and known.of != "derived"
+        return stored and {*cube[name].dims} == {*dims, *VARIABLES[name].dims}
 
     return cube[[name for name in map(str, cube.data_vars) if is_own(name)]]
 

@@ -269,18 +269,27 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
 
 
 @contextmanager
-def interrupted_by_signals() -> Iterator[None]:
-    """Raise KeyboardInterrupt on signals that end a process; only the main thread can do so."""
+def interrupted_by_signals() -> Iterator[threading.Event]:
+    """Raise KeyboardInterrupt on signals that end a process; only the main thread can do so.
+
+    The event is set then, as Python may lose an exception that is raised within an import.
+    """
+    asked = threading.Event()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        asked.set()
+        raise KeyboardInterrupt
+
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield asked
         return
     before = {
-        number: signal.signal(number, signal.default_int_handler)
+        number: signal.signal(number, interrupt)
         for number in ENDING
         if signal.getsignal(number) is not signal.SIG_IGN
     }
     try:
-        yield
+        yield asked
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
