@@ -11,6 +11,7 @@ from .api.design import design as design
 from .api.knitting import knit as knit
 from .api.knitting import read_chart as read_chart
 from .api.laboratory import calibrate as calibrate
+from .api.laboratory import calibrate_friction as calibrate_friction
 from .api.laboratory import fit as fit
 from .api.plates import plate_stiffness as plate_stiffness
 from .api.simulation import Design as Design
@@ -29,11 +30,13 @@ from .cube.cube_file import open_cube as open_cube
 from .dynamics.settings import Dynamics as Dynamics
 from .equilibrium.settings import Solver as Solver
 from .fabric.electrodes import ElectrodeLayout as ElectrodeLayout
+from .fabric.fold_friction import Friction as Friction
 from .fabric.settings import PlainKnit as PlainKnit
 from .fabric.settings import Sheet as Sheet
 from .fabric.stripe import Stripe as Stripe
 from .io.errors import BadInput as BadInput
 from .laboratory.experiment import import_records as import_records
+from .laboratory.tension_record import read_cycles as read_cycles
 from .laboratory.tension_record import read_tension_record as read_tension_record
 from .measure.capacitance.capacitor import Capacitor as Capacitor
 from .measure.knit_size import Gauge as Gauge

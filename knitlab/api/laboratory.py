@@ -14,6 +14,7 @@ from knitlab.laboratory.curves import case_for, target_of
 from knitlab.laboratory.fit import Fit, Step, fit_stripes
 from knitlab.measure.calibration import Calibration, Law
 from knitlab.measure.calibration import calibrate as fit_zigzag
+from knitlab.measure.friction_fit import FrictionFit, LoadingCycles, fit_friction
 from knitlab.sweep.plan import Plan, make_plan
 
 Curve = Sequence[float] | Float[np.ndarray, " point"]
@@ -62,6 +63,35 @@ def calibrate(
         return fit_zigzag(float(period), *curve, law, per_width=per_width)
     except ValueError as problem:
         raise fault("curve", str(problem)) from problem
+
+
+def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
+    """Fit k_s, k_t, θ0, friction and drift of a stripe to loading cycles of its pure fabric.
+
+    All passages are fitted together, in their order, beginning with the first loading. Loading
+    alone, repeated, determines the drift; the friction needs unloading.
+
+    Args:
+        cycles: loading and unloading, as :func:`knitlab.read_cycles` gives them.
+        period: relaxed peak-to-peak distance of the stripe [mm].
+
+    Returns:
+        The numbers with standard errors; ``fit.stripe("rib", 4)`` and ``fit.friction`` for
+        :func:`knitlab.simulate`, and ``fit.comparison`` with a stripe without friction by AICc.
+
+    Raises:
+        BadInput: if there is one passage alone, too few points, or no tension.
+
+    Example:
+        >>> records = "docs/examples/swatches/records/rib.csv"
+        >>> fit = kl.calibrate_friction(kl.read_cycles(records, width=100), period=10)
+        >>> f"{fit.values['fold_drift']:.2f} ± {fit.standard_errors['fold_drift']:.2f}"
+        '0.03 ± 0.01'
+    """
+    try:
+        return fit_friction(float(period), cycles)
+    except ValueError as error:
+        raise fault("cycles", str(error)) from error
 
 
 def fit(

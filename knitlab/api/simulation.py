@@ -20,6 +20,7 @@ from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.equilibrium.settings import Solver
+from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
 from knitlab.inverse.trial import ShapeFunction, measure_of, state_slopes
@@ -122,6 +123,7 @@ def simulate(
     plain: PlainKnit | None = None,
     solver: Solver | None = None,
     dynamics: Dynamics | None = None,
+    friction: Friction | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
     material: Material | None = None,
@@ -143,6 +145,7 @@ def simulate(
         plain: stiffness of plain knit.
         solver: settings of the search for equilibria.
         dynamics: settings of motion in time.
+        friction: friction at the folds, and drift of their rest angles.
         capacitor: electrodes and their layout.
         gauge: size of a stitch in cloth.
         material: stripes of another yarn and the lengths that go with them, in place of the
@@ -169,7 +172,7 @@ def simulate(
         raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
     parameters = defaults() if material is None else with_material(defaults(), material)
     settings: dict[str, object] = {"model": model, "sheet": sheet, "plain": plain, "solver": solver}
-    settings |= {"dynamics": dynamics, "capacitor": capacitor, "gauge": gauge}
+    settings |= {"dynamics": dynamics, "friction": friction, "capacitor": capacitor, "gauge": gauge}
     parameters = parameters.with_tables(**settings)
     protocol = protocol or Protocol()
     given = protocol.applied_strain if applied_strain is None else applied_strain

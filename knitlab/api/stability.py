@@ -113,6 +113,8 @@ def _single(workflow: str | Path, overrides: Overrides, output: str | Path | Non
     if case.solver is None or case.solver.drag:
         remedy = "take method = equilibrium and drag = 0"
         raise fault(where, f"has states that are no equilibria; {remedy}")
+    if case.friction.acts:
+        raise fault(where, "has friction, which branches leave out; take fold_friction = 0")
     if case.options.contact != "none":
         raise fault(where, "has contact, which branches leave out; take contact = none")
     return case

@@ -42,6 +42,7 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
     "Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
     FILE,
 )
+@click.option("--friction", is_flag=True, help="Fit friction and drift to all cycles and repeats.")
 @options.output(
     "Material file to write, or to add the stripe to, .toml, with figures beside it.",
     default=Path("material.toml"),
@@ -56,6 +57,7 @@ def calibrate(
     cell_size: Literal["flat", "relaxed"] | None,
     law: Literal["linear", "stiffening", "tabulated"],
     spring_curve: Path | None,
+    friction: bool,
     output: Path,
     **swatch: Any,
 ) -> None:
@@ -80,7 +82,14 @@ def calibrate(
     if (law == "tabulated") != (spring_curve is not None):
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
     period = period_of(stitches, period, gauge_length, gauge_stitches)
-    measured = read_tension_record(record, gauge_length=gauge_length, **swatch)
+    swatch |= {"gauge_length": gauge_length}
+    if friction:
+        if law != "linear":
+            raise fault("--friction", "is fitted with linear springs; leave out --law")
+        del swatch["cycle"]
+        _fit_friction(record, period, knit, stitches, cell_size, output, **swatch)
+        return
+    measured = read_tension_record(record, **swatch)
     springs: Any = law
     if spring_curve is not None:
         table = read_tension_record(spring_curve)
@@ -112,6 +121,30 @@ def calibrate(
     beside = output.with_name(f"{output.stem}-{knit}-{stitches}.toml")
     options.draw_beside(beside, lambda: calibration_figure(fitted, title, linear))
     options.exit_unless(fitted.usable)
+
+
+def _fit_friction(
+    record: Path,
+    period: float,
+    knit: Literal["rib", "garter"],
+    stitches: int,
+    cell_size: Literal["flat", "relaxed"] | None,
+    output: Path,
+    **swatch: Any,
+) -> None:
+    """Fit a stripe with friction, and print the settings that simulate it."""
+    from knitlab.api.laboratory import calibrate_friction
+    from knitlab.laboratory.tension_record import read_cycles
+    from knitlab.measure.friction_fit import friction_report
+    from knitlab.sweep.material import add_stripe
+    from knitlab.sweep.parameters import defaults
+
+    fit = calibrate_friction(read_cycles(record, **swatch), period=period)
+    options.echo_report(friction_report(fit), ())
+    stripe = fit.stripe(knit, stitches, cell_size or defaults().model.cell_size)
+    add_stripe(output, stripe, f"knitlab calibrate {record.name} --friction")
+    click.echo(f"stripe        {knit} {stitches} in {output}")
+    click.echo(f"settings      {' '.join(f'--set {each}' for each in fit.settings)}")
 
 
 @click.group(name="import", cls=options.CommandGroup)

@@ -88,6 +88,10 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
     if back is not None and cube.sizes.get(STRAIN, 0) > 1:
         stored, returned = (each.integrate(STRAIN) for each in (cube["reaction_force"], back))
         derived["energy_recovery"] = pulled_once(returned / stored)
+        derived["residual_strain"] = _strain_without_force(back)
+        if "stretch_energy" in derived:
+            lost = derived["stretch_energy"].isel({STRAIN: -1}, drop=True)
+            derived["energy_lost"] = lost * (1 - derived["energy_recovery"])
     needed = {"self_intersections", "applied_strain_at_min"}
     if "intersections_at_min" not in cube and needed <= set(cube):
         at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9
@@ -95,6 +99,20 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
     return cube.assign(
         {name: values.assign_attrs(VARIABLES[name].attributes) for name, values in derived.items()}
     )
+
+
+def _strain_without_force(force: xr.DataArray) -> xr.DataArray:
+    """The largest strain at which a force changes its sign, by linear interpolation [1]."""
+    strain = force[STRAIN].values
+
+    def last_zero(force: np.ndarray) -> float:
+        crossed = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
+        if not len(crossed):
+            return np.nan
+        one = slice(crossed[-1], crossed[-1] + 2)
+        return float(np.interp(0.0, force[one], strain[one]))
+
+    return xr.apply_ufunc(last_zero, force, input_core_dims=[[STRAIN]], vectorize=True)
 
 
 def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:

@@ -284,7 +284,11 @@ _TABLE = {
     " force_per_width over the applied strain, in mJ per mm² of relaxed cloth; missing under"
     " biaxial loads",
     "energy_recovery": "number, derived: energy that unloading gives back, over that of loading;"
-    " less than 1 where the fabric snaps: the model has no friction of yarn",
+    " less than 1 where the fabric snaps, or with friction at the folds",
+    "energy_lost": "number, derived: energy lost in a cycle, per area [N/mm]; in mJ per mm² of"
+    " relaxed cloth",
+    "residual_strain": "number, derived: strain without force during unloading; the set that the"
+    " fabric keeps; below it real cloth is slack, and here it is pushed",
     "intersections_at_min": "number, derived: pairs of grid cells that pass through each other at"
     " the lowest Poisson's ratio; where there are any, that ratio is not one of a real fabric",
     "markers_lost": "curve, laboratory: markers lost; corners of unit cells that are not seen",

@@ -68,13 +68,15 @@ def find_equilibrium(
     """The equilibrium that a search from a configuration leads to; its held unknowns stay fixed.
 
     An iteration of a subdomain counts by its share of the unknowns. Contact may couple subdomains,
-    so that a sample with contact is solved as a whole, like a small one and one with drag.
+    so that a sample with contact is solved as a whole, like a small one, one with drag and one with
+    friction, whose subdomains would have to be set up again at every step.
     Subdomains are solved again after ``patience`` iterations for the whole sample, or, with
     ``None``, before every factorisation, which often ceases to be useful because of a few nodes,
     and without extrapolation: that is best if the sample folds as a whole.
     """
     search = Search(system, start, rules)
-    if rules.contact is not None or rules.drag is not None or not worth_dividing(system.shape):
+    coupling = rules.contact, rules.drag, system.fabric.friction
+    if any(each is not None for each in coupling) or not worth_dividing(system.shape):
         return search.state(minimise(search))
     evaluation, rounds = search.evaluation, SubdomainRounds(search)
     if patience is not None:

@@ -65,6 +65,12 @@ class System:
         system.factorised = self.factorised
         return system
 
+    def of(self, fabric: Fabric) -> "System":
+        """The equations of another fabric of the same mesh shape, with the same memory."""
+        system = System(self.shape, fabric, self.threads, self._stopped, self._kept)
+        system.factorised = self.factorised
+        return system
+
     def evaluate(self, at: Point) -> Evaluation:
         """Energy and gradient, in NumPy arrays."""
         if self._stopped is not None and self._stopped.is_set():

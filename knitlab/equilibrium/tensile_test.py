@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from knitlab.equilibrium.alignment import between_walls, rigidly_aligned
 from knitlab.equilibrium.equilibrium import find_equilibrium
@@ -16,8 +17,10 @@ from knitlab.equilibrium.state import Outcome, State, TensileTest
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.equilibrium.system import System
-from knitlab.fabric.energy import COMPLETE, Point, Stage
+from knitlab.fabric.energy import COMPLETE, Point, Stage, element_vectors
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
+from knitlab.fabric.fold_angle import fold_from_rest
+from knitlab.fabric.fold_friction import NO_FRICTION, Friction
 from knitlab.fabric.network import UPRIGHT, Network, network
 
 if TYPE_CHECKING:
@@ -42,6 +45,8 @@ def stretch(
     contact: "Barrier | None" = None,
     factorised: Callable[[], None] = lambda: None,
     load: Load = WARP,
+    friction: Friction = NO_FRICTION,
+    cycle: int = 1,
 ) -> TensileTest:
     """Relax a fabric and strain it, by default in the paper's tensile test.
 
@@ -60,6 +65,9 @@ def stretch(
     ``progress`` is called with the number of finished states, ``factorised`` after every
     factorisation. The relaxation begins with the flat sheet, with ``start`` or, without a detour,
     with ``folded``, nearly in equilibrium. With ``unload`` all strains are passed back too.
+
+    The fabric relaxes without ``friction``, which acts from then on. The test is the ``cycle``-th
+    between zero and the largest strain; the earlier ones are passed first.
     """
     system.factorised = factorised
     if folded is None:
@@ -79,7 +87,15 @@ def stretch(
         gradient = np.asarray(system.evaluate(Point(unknowns)).gradient)
         relaxed = replace(relaxed, shape=loading.shape, unknowns=unknowns, gradient=gradient)
     path = _Path(system, loading, [(applied_strain[0], relaxed)], settings, contact)
-    states = [relaxed]
+    path.begin(friction)
+    for number in range(1, cycle):
+        for strain in (*applied_strain[1:], *applied_strain[-2::-1]):
+            state = path.to(strain)
+            if not state.converged:
+                return TensileTest(None, [state])
+            if strain == applied_strain[-1]:
+                path.drift(friction.fold_drift / number)
+    states = [path.last[-1][1]]
     for target in applied_strain[1:]:
         state = path.to(target)
         states.append(state)
@@ -87,6 +103,8 @@ def stretch(
         if not state.converged:
             break
     unloaded: list[State] = []
+    if unload and states[-1].converged:
+        path.drift(friction.fold_drift / cycle)
     while unload and states[-1].converged and len(unloaded) < len(states) - 1:
         state = path.to(applied_strain[-2 - len(unloaded)])
         if not state.converged:
@@ -242,6 +260,44 @@ class _Path:
         self.free = free_stiffness(self.system.shape, self.loading.free)
         self.many = worth_dividing(self.system.shape)
 
+    def begin(self, friction: Friction) -> None:
+        """Let friction act from the last state on."""
+        angle, fabric = self._angle(self.last[-1][1]), self.system.fabric
+        begun = friction.begun(fabric.fold_stiffness, angle)
+        if begun is not None:
+            self.system = self.system.of(replace(fabric, friction=begun))
+            self.many = False
+
+    def drift(self, fraction: float) -> None:
+        """Let rest angles take on a fraction of the change of their folds, at constant strain."""
+        if not fraction:
+            return
+        strain, before = self.last[-1]
+        fabric, change = self.system.fabric, fraction * self._angle(before)
+        friction = fabric.friction and replace(fabric.friction, slip=fabric.friction.slip - change)
+        rest = np.asarray(fabric.rest_fold) + change
+        self.system = self.system.of(replace(fabric, rest_fold=rest, friction=friction))
+        start = Point(before.unknowns)
+        state = self._found(start, self.settings, -math.inf, convexified=False)
+        self.last = [(strain, self._slipped(state))]
+
+    def _angle(self, state: State) -> Float[np.ndarray, " hinge"]:
+        """Fold angles of all hinges from rest [rad]."""
+        shape, fabric = self.system.shape, self.system.fabric
+        configuration = Configuration.of(state.unknowns, shape)
+        vectors = element_vectors(network(shape).hinges, configuration)
+        return np.asarray(fold_from_rest(vectors, np.asarray(fabric.rest_fold), fabric.fold_angle))
+
+    def _slipped(self, state: State) -> State:
+        """The state at the end of a step, after which the friction starts from there."""
+        fabric = self.system.fabric
+        if fabric.friction is None:
+            return state
+        after = fabric.friction.slipped(self._angle(state))
+        self.system = self.system.of(replace(fabric, friction=after))
+        fold = self.system.evaluate(Point(state.unknowns)).energy.fold
+        return replace(state, energy=replace(state.energy, fold=fold))
+
     def to(self, target: float) -> State:
         """Follow the path to a larger or smaller strain."""
         spent, snapped = list[State](), False
@@ -261,9 +317,11 @@ class _Path:
             if not state.converged and final:
                 return replace(state, snapped=snapped).after(*spent)
             if followed:
+                state = self._slipped(state)
                 self.last = [*self.last[-2:], (strain, state)]
                 self.step = self.step.after(taken, state.iterations)
             elif state.converged and final:
+                state = self._slipped(state)
                 snapped, self.last = True, [(strain, state)]
                 self.step = PathStep(self.settings, self.settings.path_step)
             else:

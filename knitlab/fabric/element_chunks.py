@@ -22,6 +22,7 @@ from jaxtyping import Array, Float, Int
 
 from knitlab.fabric import energy
 from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fold_friction import FoldFriction
 from knitlab.fabric.network import LENGTHS, Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import SpringLaw
@@ -41,10 +42,10 @@ Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Arr
 Acting = Float[np.ndarray, "3"]  # fraction of rest angles, z_max [mm], wall stiffness [N/mm]
 Parameters = tuple[
     tuple[Float[Array, " spring"], Float[Array, " spring"], SpringLaw],
-    tuple[Float[Array, " hinge"], Float[Array, " hinge"]],
+    tuple[Float[Array, " hinge"], Float[Array, " hinge"], FoldFriction | None],
 ]
-"""Rest lengths, stiffnesses and law of the springs of a chunk; rest angles and stiffnesses of its
-hinges."""
+"""Rest lengths, stiffnesses and law of the springs of a chunk; rest angles, stiffnesses and
+friction of its hinges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,8 @@ class ChunkedFabric:
         count = self.parts[-1].chunks.stop
         lengths = _in_chunks(fabric.rest_length, count, SPRINGS, spare=1.0)
         springs = _in_chunks((fabric.stretch_stiffness, fabric.spring_law), count, SPRINGS)
-        hinges = _in_chunks((fabric.rest_fold, fabric.fold_stiffness), count, HINGES)
+        of_hinges = fabric.rest_fold, fabric.fold_stiffness, fabric.friction
+        hinges = _in_chunks(of_hinges, count, HINGES)
         self._parameters: list[Parameters] = [
             ((length, *spring), hinge)
             for length, spring, hinge in zip(lengths, springs, hinges, strict=True)
@@ -204,12 +206,12 @@ def _evaluate(
     of: FoldAngle, acting: Acting, parameters: Parameters, vectors: Vectors
 ) -> tuple[Float[Array, "3"], Vectors]:
     """Energies of a chunk, and the gradient of their sum with respect to the vectors."""
-    springs, (rest, k_t) = parameters
+    springs, (rest, k_t, friction) = parameters
     fold, z_max, k_wall = acting
 
     def total(at: Vectors) -> tuple[Array, Array]:
         stretch = energy.spring_energy(at[0], *springs).sum()
-        folded = energy.hinge_energy(at[1], fold * rest, k_t, of).sum()
+        folded = energy.hinge_energy(at[1], fold * rest, k_t, of, friction).sum()
         energies = jnp.stack([stretch, folded, energy.wall_energy(at[2], z_max, k_wall).sum()])
         return energies.sum(), energies
 
@@ -222,10 +224,10 @@ def _hessians(
     of: FoldAngle, acting: Acting, parameters: Parameters, vectors: Vectors
 ) -> energy.ElementHessians:
     """Element Hessians of a chunk."""
-    springs, (rest, k_t) = parameters
+    springs, (rest, k_t, friction) = parameters
     fold, z_max, k_wall = acting
     return energy.ElementHessians(
         energy.spring_stiffness(vectors[0][0], *springs),
-        energy.hinge_stiffness(vectors[1], fold * rest, k_t, of),
+        energy.hinge_stiffness(vectors[1], fold * rest, k_t, of, friction),
         energy.wall_stiffness(vectors[2], z_max, k_wall),
     )

@@ -18,6 +18,7 @@ from knitlab.fabric.fold_angle import (
     fold_from_normals,
     fold_from_rest,
 )
+from knitlab.fabric.fold_friction import FoldFriction
 from knitlab.fabric.network import HINGE_VECTORS, Elements, Network
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
@@ -98,9 +99,17 @@ def spring_energy(
     return jnp.asarray(stiffness) * law.stored(jnp.linalg.norm(vectors[0], axis=0), rest_length)
 
 
-def hinge_energy(vectors: HingeVectors, rest: Each, stiffness: Each, of: FoldAngle) -> Each:
-    """½ k_t (φ − φ0)² of hinges [N mm] (paper, Eq. 1)."""
-    return 0.5 * jnp.asarray(stiffness) * fold_from_rest(vectors, rest, of) ** 2
+def hinge_energy(
+    vectors: HingeVectors,
+    rest: Each,
+    stiffness: Each,
+    of: FoldAngle,
+    friction: FoldFriction | None = None,
+) -> Each:
+    """½ k_t (φ − φ0)² of hinges [N mm] (paper, Eq. 1), and the potential of their friction."""
+    angle = fold_from_rest(vectors, rest, of)
+    elastic = 0.5 * jnp.asarray(stiffness) * angle**2
+    return elastic if friction is None else elastic + friction.stored(angle)
 
 
 def wall_energy(z: Each, z_max: OneOrEach, k_wall: OneOrEach) -> Each:
@@ -115,7 +124,7 @@ def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy
     stretch, fold = fabric.stretch_stiffness, fabric.fold_stiffness
     return Energy(
         spring_energy(springs, fabric.rest_length, stretch, fabric.spring_law).sum(),
-        hinge_energy(hinges, fabric.rest_fold, fold, fabric.fold_angle).sum(),
+        hinge_energy(hinges, fabric.rest_fold, fold, fabric.fold_angle, fabric.friction).sum(),
         wall_energy(heights, fabric.z_max, fabric.k_wall).sum(),
     )
 
@@ -147,19 +156,25 @@ def wall_stiffness(heights: Each, z_max: OneOrEach, k_wall: OneOrEach) -> Each:
 
 
 def hinge_stiffness(
-    vectors: HingeVectors, rest: Each, stiffness: Each, of: FoldAngle
+    vectors: HingeVectors,
+    rest: Each,
+    stiffness: Each,
+    of: FoldAngle,
+    friction: FoldFriction | None = None,
 ) -> Float[Array, "block 171 lane"]:
     """Hessian of hinges by their six nodes, :data:`HINGE_ENTRIES` of it, in blocks [N/mm]."""
-    hinges = (
-        jnp.moveaxis(vectors.reshape(5, 3, -1, LANES), 2, 0),
-        rest.reshape(-1, LANES),
-        stiffness.reshape(-1, LANES),
-    )
-    return jax.lax.map(lambda block: _hinge_entries(block[0], block[1], block[2], of), hinges)
+    own = jax.tree.map(lambda each: each.reshape(-1, LANES), (rest, stiffness, friction))
+    hinges = jnp.moveaxis(vectors.reshape(5, 3, -1, LANES), 2, 0), *own
+    return jax.lax.map(lambda block: _hinge_entries(*block, of=of), hinges)
 
 
 def _hinge_entries(
-    vectors: Float[Array, "5 3 lane"], rest: Each, stiffness: Each, of: FoldAngle
+    vectors: Float[Array, "5 3 lane"],
+    rest: Each,
+    stiffness: Each,
+    friction: FoldFriction | None,
+    *,
+    of: FoldAngle,
 ) -> Float[Array, "171 lane"]:
     """Hessians by edge and normals, then vectors, then nodes, in half the time of nodes at once."""
     diagonals = vectors[1:]
@@ -168,7 +183,10 @@ def _hinge_entries(
 
     def gradient(three: Float[Array, "3 3 lane"]) -> Float[Array, "3 3 lane"]:
         angle, slopes = fold_from_normals(three[0], three[1], three[2], rest, of)
-        return jnp.asarray(stiffness) * angle * jnp.stack(slopes)
+        moment = jnp.asarray(stiffness) * angle
+        if friction is not None:
+            moment = moment + friction.moments(angle)
+        return moment * jnp.stack(slopes)
 
     slopes, along = jax.linearize(gradient, three)
     units = jnp.eye(9).reshape(9, 3, 3, 1)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.fabric.array_library import array_library
+from knitlab.fabric.fold_friction import FoldFriction
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
@@ -67,6 +68,7 @@ class Fabric(eqx.Module):
     cell_y: Float[Array | np.ndarray, " grid_y"]  # flat height of every row of grid cells [mm]
     fold_angle: FoldAngle = eqx.field(static=True)
     spring_law: SpringLaw = LINEAR
+    friction: FoldFriction | None = None  # of hinges, during a test
 
     @property
     def cell_sides(self) -> Float[Array | np.ndarray, " side"]:

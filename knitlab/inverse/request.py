@@ -20,7 +20,7 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name
-from knitlab.sweep.workflow import LOAD, PATTERN, SETTINGS
+from knitlab.sweep.workflow import PATTERN, SETTINGS, SWEPT_PROTOCOL
 
 CHOICES = ("n_stripe", "n_subunit", PATTERN)  # vary as lists, in all combinations
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))  # what variables change
@@ -124,8 +124,8 @@ def checked_request(
                 raise fault(where, unknown(setting, SETTINGS, "setting"))
             if setting in file.vary:
                 raise fault(where, "may also vary; remove one of the two")
-            if setting in LOAD and value not in ("warp", None):
-                raise fault(where, "a design is pulled along the warp; leave it out")
+            if setting in SWEPT_PROTOCOL and value not in ("warp", None, 1):
+                raise fault(where, "a design is pulled once, along the warp; leave it out")
             if setting == "robustness":
                 raise fault(where, "is not a setting of a search; give it next to targets")
             if isinstance(value, list) and not SETTINGS[setting].takes_list:

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.table_file import factor_of, name_and_unit, numbers_of, read_table
+from knitlab.measure.friction_fit import LoadingCycles, Passage
 from knitlab.measure.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
@@ -98,6 +99,44 @@ def read_tension_record(
     known = np.isfinite(curves).all(axis=0)
     lines.append(f"{known.sum()} points, up to strain {at[known].max():.3g}, of every repeat")
     return TensionRecord(at[known], curves[:, known], per_width, tuple(lines))
+
+
+def read_cycles(
+    path: str | Path,
+    *,
+    gauge_length: float | None = None,
+    width: float | None = None,
+    thickness: float | None = None,
+) -> LoadingCycles:
+    """Read every loading and unloading of one swatch, its repeats one after another.
+
+    The arguments are those of :func:`read_tension_record`. Each passage is resampled at evenly
+    spaced strains; records at negative strain are left out. BadInput has every fault of the file.
+    """
+    path = Path(path)
+    columns, repeats = _columns(
+        path, {"extension": gauge_length, "force": width, "stress": thickness}
+    )
+    strain, force = columns.values()
+    passages = []
+    for repeat in dict.fromkeys(repeats):
+        own = (np.array(repeats) == repeat) & (strain >= 0)
+        number = np.arange(own.sum(), dtype=float)
+        for cycle in cycles(number, strain[own], LEAST_TURN):
+            for loading in (True, False):
+                taken = cycle.loaded(number) if loading else cycle.unloaded(number)
+                at, pulled = strain[own][taken], force[own][taken]
+                if len(np.unique(at)) < LEAST_POINTS:
+                    continue
+                even = np.linspace(at.min(), at.max(), CURVE_POINTS // 2 + 1)
+                curve = resampled((even[1:] + even[:-1]) / 2, at, pulled)
+                known = np.isfinite(curve.values)
+                steps = slice(None) if loading else slice(None, None, -1)
+                middles = ((even[1:] + even[:-1]) / 2)[known]
+                passages.append(Passage(middles[steps], curve.values[known][steps], loading))
+    if not passages:
+        raise fault(str(path), "has no loading; give strain that rises")
+    return LoadingCycles(tuple(passages), "stress" in columns or width is not None)
 
 
 def _columns(path: Path, sizes: dict[str, float | None]) -> tuple[dict[str, Record], list[str]]:

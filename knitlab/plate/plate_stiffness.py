@@ -53,6 +53,8 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
     case = case_of(json.loads(case_file.attrs["parameters"]))
     if case.options.boundary != "periodic":
         raise fault(case.label, OF_PERIODIC)
+    if case.friction.acts:
+        raise fault(case.label, "has friction, which plates leave out; take fold_friction = 0")
     if case.options.contact != "none":
         problem = "has contact, whose stiffness a plate leaves out"
         raise fault(case.label, f"{problem}; simulate it with contact = none")

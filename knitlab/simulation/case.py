@@ -15,6 +15,7 @@ from knitlab.equilibrium.loading import WARP, Load
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import Electrodes, StitchCounts, place_electrodes
 from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fold_friction import NO_FRICTION, Friction
 from knitlab.fabric.inertia import Inertia, inertia
 from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.network import MeshShape, Network, mesh_shape
@@ -33,6 +34,7 @@ Given = TypeVar("Given")
 OF_NO_TEST = ("design", "capacitor")  # fields that change only what is measured in tests
 OF_CONTACT = ("thickness", "contact_pressure")
 OF_STEPS = ("relax_steps", "step_strain")
+OF_FRICTION = ("fold_slide", "fold_hardening")
 OF_TIME = ("relax_time", "strain_rate")
 """Numbers of the sheet that only contact uses, and of the dynamics, by which a motion ends."""
 
@@ -63,6 +65,8 @@ class Case:
     cell_patches: tuple[int, int] | None = None  # of a unit cell (y, x), if not the whole pattern
     plain: PlainKnit | None = None
     load: Load = WARP
+    friction: Friction = NO_FRICTION
+    cycle: int = 1  # between zero and the largest strain, that is measured
 
     def __repr__(self) -> str:
         return f"<Case {self.label}: {len(self.applied_strain)} strains by {self.method}>"
@@ -91,6 +95,8 @@ class Case:
         for table, name in self._unused():
             if fields.get(table):
                 fields[table].pop(name, None)
+                if not fields[table]:
+                    del fields[table]
         return fields
 
     def _unused(self) -> Iterator[tuple[str, str]]:
@@ -99,6 +105,8 @@ class Case:
             yield "options", "ridge_fraction"
         if self.options.contact == "none":
             yield from (("sheet", name) for name in OF_CONTACT)
+        if not self.friction.fold_friction:
+            yield from (("friction", name) for name in OF_FRICTION)
         if self.capacitor is not None and self.capacitor.ground == "none":
             yield "capacitor", "ground_distance"
         if self.dynamics is not None:

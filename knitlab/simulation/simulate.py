@@ -138,6 +138,8 @@ def tensile_tests(
             contact=contact_of(case),
             factorised=reporter.factorised,
             load=case.load,
+            friction=case.friction,
+            cycle=case.cycle,
         )
         for case, start, relaxed, reporter in zip(cases, sheets, moved, reporters, strict=True)
     ]

@@ -109,6 +109,7 @@ def work(case: Case, states: float) -> float:
     steps = tests * steps_of_test + begun + states
     if case.unloading:
         steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
+    steps += 2 * (case.cycle - 1) * len(case.applied_strain) * (1 if tests else min(states, 1.0))
     steps *= CONTACT if case.options.contact == "barrier" else 1.0
     return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import BadLayout
+from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern, SingleFold
 from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
 from knitlab.fabric.stripe import (
@@ -161,10 +162,12 @@ def cases(
         "sensitivities": protocol.sensitivities,
         "unloading": protocol.unloading,
         "load": protocol.as_load,
+        "friction": overridden(parameters.friction, workflow.friction),
+        "cycle": protocol.cycle,
         "robustness": protocol.robustness if protocol.method == "equilibrium" else 0,
         "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
-    _check_together(workflow, model_options, solver, source)
+    _check_together(workflow, model_options, solver, common["friction"], source)
     possible = [design for design, why_not in designs.items() if why_not is None]
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
@@ -266,9 +269,13 @@ def _capacitor(
 
 
 def _check_together(
-    workflow: Workflow, options: ModelOptions, solver: Solver, source: Source
+    workflow: Workflow,
+    options: ModelOptions,
+    solver: Solver,
+    friction: Friction,
+    source: Source,
 ) -> None:
-    """Refuse drag, contact and loads where they have no meaning."""
+    """Refuse drag, contact, loads and friction where they have no meaning."""
     by_dynamics = workflow.protocol.method == "dynamics"
     load, sensitivities = workflow.protocol.as_load, workflow.protocol.sensitivities
     boundaries = workflow.stripes.boundaries if workflow.stripes else (options.boundary,)
@@ -297,11 +304,18 @@ def _check_together(
         "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
         " shear a clamped sample": load.shears and "periodic" in boundaries and not alone,
     }
+    of_friction = {
+        "is found by equilibria; take method = equilibrium": by_dynamics,
+        "has no sensitivities, which are those of a fabric without; leave them out": sensitivities,
+        "is not combined with drag; take drag = 0": solver.drag > 0,
+    }
     drag, contact = solver.drag > 0 and not by_dynamics, options.contact != "none"
     for key, used, refused in (
         ("solver.drag", drag, of_drag),
         ("model.contact", contact, of_contact),
         ("protocol.load", load.kind != "warp", of_load),
+        ("protocol.cycle", workflow.protocol.cycle > 1, of_friction),
+        ("friction.fold_friction", friction.acts, of_friction),
     ):
         for problem in (problem for problem, holds in refused.items() if used and holds):
             raise fault(source(key), problem)
@@ -365,6 +379,9 @@ def unusual_values(
     for name, kind in (("load_ratio", "biaxial"), ("load_angle", "off_axis")):
         if getattr(protocol, name) is not None and all(case.load.kind != kind for case in cases):
             sentences.append(f"{name} is ignored by load = {protocol.load}; take load = {kind}")
+    if protocol.cycle > 1 and not any(case.friction.acts for case in cases):
+        ignored = f"cycle = {protocol.cycle} is as the first without friction"
+        sentences.append(f"{ignored}; give fold_friction or fold_drift")
     if protocol.robustness and protocol.method != "equilibrium":
         ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}"
         sentences.append(f"{ignored}: siblings are tested in equilibrium only")

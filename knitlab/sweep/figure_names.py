@@ -5,12 +5,22 @@ from pathlib import Path
 from knitlab.io.errors import fault
 
 FIGURE_NAMES = (
-    *("auxetic", "capacitors", "contact", "curves", "directions", "electrodes", "force", "grid"),
-    *("options", "polar", "relaxation", "samples", "sensitivity", "sensor", "shape", "stripes"),
+    *("auxetic", "capacitors", "contact", "curves", "cycles", "directions", "electrodes", "force"),
+    *(
+        "grid",
+        "options",
+        "polar",
+        "relaxation",
+        "samples",
+        "sensitivity",
+        "sensor",
+        "shape",
+        "stripes",
+    ),
     *("swept", "tension", "uncertainty", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
-COMPARING = ("contact", "directions", "grid", "options", "swept")
+COMPARING = ("contact", "cycles", "directions", "grid", "options", "swept")
 """Figures that accept a cube with several values of its swept settings."""
 FIGURE_SUFFIXES = (".pdf", ".svg", ".png")
 

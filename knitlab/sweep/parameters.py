@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, RootMode
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
+from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.settings import CellSize, GarterStart, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import (
@@ -228,6 +229,7 @@ class Parameters:
     model: ModelOptions
     solver: Solver
     dynamics: Dynamics
+    friction: Friction
     capacitor: Capacitor
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
@@ -258,6 +260,7 @@ TABLES: dict[str, type[Any]] = {
     "model": ModelOptions,
     "solver": Solver,
     "dynamics": Dynamics,
+    "friction": Friction,
     "capacitor": Capacitor,
     "gauge": Gauge,
 }

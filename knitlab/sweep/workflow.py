@@ -22,6 +22,7 @@ from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.loading import Load, LoadKind
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
+from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit
 from knitlab.fabric.stripe import STIFFENING, STRIPE_QUANTITIES, Knit
@@ -49,6 +50,7 @@ Sizes = Annotated[tuple[Count, ...], Field(min_length=1, strict=False)]  # numbe
 
 LARGEST_STRAIN = 10.0  # of a test; pure stripes unfold to about 2
 MOST_STEPS = 1000  # largest number of strain steps of a test
+MOST_CYCLES = 1000  # of a test
 MOST_SIBLINGS = 100  # largest number of siblings of a design
 
 
@@ -127,7 +129,8 @@ class ProtocolSection(StrictModel):
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
     ``strain_max``. ``load`` is how the fabric is strained, with the ratio of a biaxial and the
-    angle of an off-axis load (:class:`~knitlab.equilibrium.loading.Load`); lists of these are
+    angle of an off-axis load (:class:`~knitlab.equilibrium.loading.Load`), and ``cycle`` the number
+    of the cycle between zero and the largest strain that is measured; lists of these are
     dimensions. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
     respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
     ``robustness`` the spread of results over this number of siblings of each design, which are
@@ -141,6 +144,7 @@ class ProtocolSection(StrictModel):
     load: LoadKind = "warp"
     load_ratio: Annotated[FiniteFloat, Field(gt=-1)] | None = None
     load_angle: Annotated[float, Field(ge=0, lt=180), Unit("degree")] | None = None
+    cycle: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
     sensitivities: bool = False
     unloading: bool = False
     robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
@@ -238,6 +242,11 @@ class DynamicsSection(StrictModel):
     """``[dynamics]``: settings that replace ``dynamics.toml``; a list is a dimension."""
 
 
+@with_fields(optional(declared(Friction)))
+class FrictionSection(StrictModel):
+    """``[friction]``: settings that replace ``friction.toml``; a list is a dimension."""
+
+
 @with_fields(optional(declared(ElectrodeLayout) | declared(Capacitor, without=("layout",))))
 class ElectrodesSection(StrictModel):
     """``[electrodes]``: the layout of a capacitor, and settings that replace ``electrodes.toml``.
@@ -265,6 +274,7 @@ class Workflow(StrictModel):
     model: ModelSection = ModelSection()
     solver: SolverSection = SolverSection()
     dynamics: DynamicsSection = DynamicsSection()
+    friction: FrictionSection = FrictionSection()
     electrodes: ElectrodesSection | None = None
     gauge: GaugeSection = GaugeSection()
 
@@ -286,10 +296,12 @@ SECTIONS: dict[str, type[StrictModel]] = {
     if isinstance(kind, type) and issubclass(kind, StrictModel)
 }
 """The tables of a workflow file."""
-SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")  # single settings may be lists
+SWEPT_SECTIONS = ("model", "solver", "dynamics", "friction", "electrodes")
+"""Sections of which single settings may be lists."""
 SAMPLE_SIZE = "unit_cells"  # the setting of `[design]` that may be a list too, of pairs
 PATTERN = "pattern"  # the setting of `[design]` that may be a list of names
-LOAD = ("load", "load_ratio", "load_angle")  # settings of `[protocol]` that may be lists
+SWEPT_PROTOCOL = ("load", "load_ratio", "load_angle", "cycle")
+"""Settings of ``[protocol]`` that may be lists."""
 OF_ALL_CASES = ("material", "interpolate_stripes")  # but these may not
 
 
@@ -327,7 +339,7 @@ class Setting:
             names = (isinstance(one, str) and is_pattern_name(one) for one in value)
             return len(value) > 1 and all(names)
         swept = self.section in SWEPT_SECTIONS and self.name not in OF_ALL_CASES
-        swept = swept or self.name in LOAD
+        swept = swept or self.name in SWEPT_PROTOCOL
         return swept and not self.takes_list
 
 

@@ -1,0 +1,98 @@
+"""Friction fitted to cycles of a stripe: a scalar test in small steps, and numbers found again."""
+
+import math
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import knitlab as kl
+from knitlab.fabric.zigzag import zigzag
+from knitlab.measure.friction_fit import FITTED, LoadingCycles, Passage, fit_friction, zigzag_forces
+from tests.equilibrium.test_friction import Hinge
+from tests.fabrics import compiled_tension
+
+PERIOD = 1.41
+NUMBERS = np.array([0.817, 0.0107, 0.772, 0.15, 0.03])
+STRAIN = np.linspace(0.0, 2.2, 30)
+THERE, BACK = Passage(STRAIN, STRAIN, loading=True), Passage(STRAIN[::-1], STRAIN, loading=False)
+
+
+def test_without_friction_the_zigzag_is_that_in_closed_form():
+    (force,) = zigzag_forces(PERIOD, NUMBERS * [1, 1, 1, 0, 0], [THERE])
+    k_s, k_t, theta_0 = NUMBERS[:3]
+    stripe = kl.Stripe("rib", 4, PERIOD, k_s=k_s, theta_0=theta_0, k_t=k_t)
+    chain = zigzag(stripe)
+    np.testing.assert_allclose(force, compiled_tension(chain, jnp.asarray(STRAIN)), atol=1e-12)
+
+
+def test_cycles_are_those_of_a_fold_that_turns_in_small_steps():
+    """Independent: the fold is driven by its angle, and its force and strain follow."""
+    k_s, k_t, rest, friction, _ = NUMBERS.tolist()
+    cell, hinge = PERIOD / 4 / math.sin(rest / 2), Hinge(kl.Friction(friction), k_t)
+
+    def state(angle, moment):
+        """Strain and force of a fold at an angle that its spring and its hinge pull."""
+
+        def imbalance(spring):
+            pull = k_s * (spring - cell)
+            return pull * spring / math.tan(angle / 2) - k_t * (angle - rest) - moment
+
+        spring = brentq(imbalance, 0.5 * cell, 10 * cell, xtol=1e-15)
+        pull = k_s * (spring - cell)
+        return 4 * spring * math.sin(angle / 2) / PERIOD - 1, pull / math.sin(angle / 2)
+
+    drift_free = NUMBERS * [1, 1, 1, 1, 0]
+    for passage, angles in zip([THERE, BACK], [(rest, 2.9), (2.9, rest)], strict=True):
+        curve = []
+        for angle in np.linspace(*angles, 400):
+            hinge.turn(angle - rest)
+            curve.append(state(angle, hinge.moment))
+        strain, force = np.array(curve).T
+        end = float(strain.max())
+        even = np.linspace(0, end, 40)
+        loaded = Passage(even, even, loading=True)
+        at = strain[force > 0]
+        history = [loaded] if passage is THERE else [loaded, Passage(at, at, loading=False)]
+        last = [*zigzag_forces(PERIOD, drift_free, history)][-1]
+        if passage is THERE:
+            np.testing.assert_allclose(last, np.interp(loaded.strain, strain, force), atol=2e-5)
+        else:
+            np.testing.assert_allclose(last, force[force > 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("passages", "within"),
+    [([THERE, BACK, THERE, BACK], 0.1), ([THERE, THERE, THERE], 0.2)],
+    ids=["cycles", "loading alone"],
+)
+def test_numbers_are_found_again(passages, within):
+    noise = np.random.default_rng(5)
+    made = [
+        replace(each, force=force + 2e-4 * noise.normal(size=len(force)))
+        for each, force in zip(passages, zigzag_forces(PERIOD, NUMBERS, passages), strict=True)
+    ]
+    fit = fit_friction(PERIOD, LoadingCycles(tuple(made)))
+    assert fit.comparison.wanted
+    for name, true in zip(FITTED, NUMBERS, strict=True):
+        assert fit.values[name] == pytest.approx(true, rel=within)
+        assert abs(fit.values[name] - true) < 4 * fit.standard_errors[name]
+
+
+def test_the_repeats_of_swatches_show_drift():
+    """Loading alone: the rest angles drift alike in both knits, and friction is not seen."""
+    for knit in ("rib", "garter"):
+        cycles = kl.read_cycles(f"docs/examples/swatches/records/{knit}.csv", width=100)
+        assert [each.loading for each in cycles.passages] == [True] * 5
+        fit = kl.calibrate_friction(cycles, period=10)
+        assert 0.02 < fit.values["fold_drift"] < 0.06
+        assert fit.values["fold_drift"] > 4 * fit.standard_errors["fold_drift"]
+        assert fit.values["fold_friction"] < 2 * fit.standard_errors["fold_friction"]
+
+
+def test_one_loading_tells_nothing_of_friction():
+    cycles = LoadingCycles((replace(THERE, force=STRAIN),))
+    with pytest.raises(kl.BadInput, match="one loading alone; give unloading"):
+        kl.calibrate_friction(cycles, period=1.0)
