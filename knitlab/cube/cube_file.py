@@ -198,7 +198,7 @@ def of_schema(cube: xr.Dataset) -> xr.Dataset:
 
     def is_own(name: str) -> bool:
         known = VARIABLES.get(name)
-        stored = known is not None and known.of != "derived"
+        stored = known is not None and known.of not in ("derived", "laboratory")
         return stored and {*cube[name].dims} == {*dims, *VARIABLES[name].dims}
 
     return cube[[name for name in map(str, cube.data_vars) if is_own(name)]]

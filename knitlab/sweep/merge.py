@@ -215,7 +215,7 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
                 continue
             if case_id in owner.sound & folder.sound:
                 files = (case_file.checksum_path(each.path, case_id) for each in (owner, folder))
-                if len({file.read_text() for file in files}) == 1:
+                if len({file.read_bytes() for file in files}) == 1:
                     continue
             agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:
