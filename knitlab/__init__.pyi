@@ -14,6 +14,9 @@ from .api.laboratory import calibrate as calibrate
 from .api.laboratory import calibrate_friction as calibrate_friction
 from .api.laboratory import fit as fit
 from .api.plates import plate_stiffness as plate_stiffness
+from .api.sensing import capacitance_matrix as capacitance_matrix
+from .api.sensing import cross_talk as cross_talk
+from .api.sensing import selectivity as selectivity
 from .api.simulation import Design as Design
 from .api.simulation import NotConverged as NotConverged
 from .api.simulation import evaluate as evaluate

@@ -21,6 +21,7 @@ LAYERS = (
     "laboratory",
     "meshes",
     "plate",
+    "sensing",
     "stability",
     "inverse",
     "validation",

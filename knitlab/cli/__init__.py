@@ -4,14 +4,18 @@ In: words of a shell. Out: lines of text, files, and an exit code: 0 if all is w
 not ok, 2 if the input was wrong.
 
 Read ``options.py`` (text becomes values there, and nowhere else), then the file of a command:
-``sweeps.py``, ``cubes.py``, ``stability.py``, ``making.py`` or ``laboratory.py``. A command calls
-one function of ``knitlab.api`` or of the core, and prints.
+``sweeps.py``, ``cubes.py``, ``stability.py``, ``sensing.py``, ``making.py`` or ``laboratory.py``. A
+command calls one function of ``knitlab.api`` or of the core, and prints.
 """
+
+import os
 
 import click
 
-from knitlab.cli import cubes, laboratory, making, stability, sweeps
+from knitlab.cli import cubes, laboratory, making, sensing, stability, sweeps
 from knitlab.cli.options import CommandGroup
+
+os.environ["MPLBACKEND"] = "agg"  # it draws into files alone, whatever a user's programs show
 
 
 @click.group(
@@ -22,6 +26,6 @@ def main() -> None:
     """Simulate folding knits and find the one you need."""
 
 
-for _module in (sweeps, cubes, stability, making, laboratory):
+for _module in (sweeps, cubes, stability, sensing, making, laboratory):
     for _command in _module.COMMANDS:
         main.add_command(_command)

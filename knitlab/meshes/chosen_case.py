@@ -10,9 +10,16 @@ from jaxtyping import Bool
 
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
+from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import STRAIN, Status
-from knitlab.cube.selection import choices, chosen_indices, refuse_others, selected
-from knitlab.io.errors import fault
+from knitlab.cube.selection import (
+    choices,
+    chosen_indices,
+    refuse_others,
+    selected,
+    selections_along,
+)
+from knitlab.io.errors import BadInput, ErrorCollector, fault
 
 
 def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
@@ -52,6 +59,37 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
         raise fault(name, reasons.get(Status(designs["status"].item()), remedy))
     index = {dim: [value] for dim, value in zip(dims, only, strict=True)}
     return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
+
+
+def chosen_cases(
+    cube: xr.Dataset, folder: Path, selections: Mapping[str, Any] = {}, where: str | None = None
+) -> dict[tuple[Any, ...], xr.Dataset]:
+    """Contents of the case files of the designs that selections and a condition leave.
+
+    Designs without one are left out. BadInput if none has one, or the one that is left has not.
+    """
+    if is_measured(cube):
+        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
+    dims = design_dims(cube)
+    known = (*dims, STRAIN)
+    remedy = f"select along {', '.join(known)}"
+    refuse_others(selections, known, f"is not a coordinate of a state; {remedy}")
+    chosen_indices({STRAIN: cube[STRAIN].values}, selections_along(selections, [STRAIN]))
+    left = selected(cube, selections_along(selections, dims))
+    rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
+    if rows.empty:
+        raise fault("where" if where else "selections", "leaves no design; choose others")
+    faults, case_files = ErrorCollector(), dict[tuple[Any, ...], xr.Dataset]()
+    for design in rows.itertuples(index=False, name=None):
+        with faults:
+            # Of a cube few designs may have their shapes beside it.
+            case_files[design] = chosen_case(cube, folder, dict(zip(dims, design, strict=True)))
+    if len(rows) == 1 and faults.all:
+        raise BadInput(faults.all)
+    if not case_files:
+        problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
+        raise fault(str(folder / "cases"), problem)
+    return case_files
 
 
 def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:

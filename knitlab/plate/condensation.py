@@ -77,21 +77,29 @@ class PlateSolver:
 
     def plate(self, fabric: Fabric, state: Configuration) -> Plate:
         """The plate of one state."""
+        return self.response(fabric, state)[0]
+
+    def response(
+        self, fabric: Fabric, state: Configuration
+    ) -> tuple[Plate, Float[np.ndarray, "6 node_y node_x 3"]]:
+        """The plate of one state, and how nodes move besides per strain and curvature, or NaN."""
+        unmoved = np.full((6, *np.shape(state.positions)), np.nan)
         height = float(np.mean(state.positions[..., 2]))
         forces, stiffness, mixed, unbalanced = _derivatives(self._shape, fabric, state, height)
         area = float(np.prod(state.lengths[:2]))
         if not unbalanced < UNBALANCED:
-            return Plate.unknown(PlateStatus.not_converged, height)
+            return Plate.unknown(PlateStatus.not_converged, height), unmoved
         try:
             with one_thread_of_blas():
                 response = self._response.at(fabric, np.asarray(state.flattened()))
                 held = len(state.lengths)
                 relaxing = response.to(np.pad(mixed, ((0, 0), (0, held))))[:, :-held]
         except NoDerivative:
-            return Plate.unknown(PlateStatus.unstable, height)
+            return Plate.unknown(PlateStatus.unstable, height), unmoved
         condensed = (stiffness - mixed @ relaxing.T) / area
         condensed = (condensed + condensed.T) / 2
-        return Plate(judged(condensed), condensed, forces / area, height)
+        plate = Plate(judged(condensed), condensed, forces / area, height)
+        return plate, -relaxing.reshape(unmoved.shape)
 
 
 def judged(stiffness: Float[np.ndarray, "6 6"]) -> PlateStatus:
@@ -164,7 +172,7 @@ def _relative(
     return np.ascontiguousarray((nodes - middle[:, None]).transpose(1, 2, 0))
 
 
-def _deformed(
+def deformed(
     deformation: Float[Array, "6"], at: Float[Array, "node 3 lane"], moved: Float[Array, "..."]
 ) -> Float[Array, "node 3 lane"]:
     """Nodes after a mean deformation, and after moves that turn with the sheet, to second order."""
@@ -196,7 +204,7 @@ def _by_deformation(
     of_vectors: Callable[..., Any] = spring_energy if of is None else partial(hinge_energy, of=of)
 
     def total(deformation: Float[Array, "6"], moved: Float[Array, "node 3 lane"]) -> Array:
-        nodes = _deformed(deformation, at, moved)
+        nodes = deformed(deformation, at, moved)
         vectors = jnp.stack([nodes[end] - nodes[start] for start, end in ends])
         return of_vectors(vectors, *numbers).sum()
 

@@ -9,13 +9,12 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
-from knitlab.cube.cube_file import cube_name, design_dims, is_measured, model_options, source_of
-from knitlab.cube.query import query_cubes
+from knitlab.cube.cube_file import cube_name, design_dims, is_measured, model_options
 from knitlab.cube.schema import COORDINATES, STRAIN
-from knitlab.cube.selection import chosen_indices, refuse_others, selected, selections_along
+from knitlab.cube.selection import chosen_indices, selections_along
 from knitlab.fabric.fabric import Configuration
-from knitlab.io.errors import BadInput, ErrorCollector, fault
-from knitlab.meshes.chosen_case import chosen_case, has_shape
+from knitlab.io.errors import fault
+from knitlab.meshes.chosen_case import chosen_cases, has_shape
 from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
 from knitlab.simulation.case import case_of
 
@@ -85,31 +84,12 @@ def plates_of_cube(
 
     BadInput if no design has, or a selection or condition is at fault.
     """
-    dims = design_dims(cube)
-    known = (*dims, STRAIN)
-    remedy = f"select along {', '.join(known)}"
-    refuse_others(selections, known, f"is not a coordinate of a plate; {remedy}")
-    if is_measured(cube):
-        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
-    if model_options(cube).get("boundary") == "clamped":
+    if not is_measured(cube) and model_options(cube).get("boundary") == "clamped":
         raise fault(cube_name(cube), OF_PERIODIC)
+    dims = design_dims(cube)
+    case_files = chosen_cases(cube, folder, selections, where)
     strains = selections_along(selections, [STRAIN])
-    chosen_indices({STRAIN: cube[STRAIN].values}, strains)
-    left = selected(cube, selections_along(selections, dims))
-    rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
-    if rows.empty:
-        raise fault("where" if where else "selections", "leaves no design; choose others")
-    faults, case_files = ErrorCollector(), dict[tuple[Any, ...], xr.Dataset]()
-    for design in rows.itertuples(index=False, name=None):
-        with faults:
-            # Of a cube few designs may have their shapes beside it.
-            case_files[design] = chosen_case(cube, folder, dict(zip(dims, design, strict=True)))
     plates = {design: plates_of_case(each, strains) for design, each in case_files.items()}
-    if len(rows) == 1 and faults.all:
-        raise BadInput(faults.all)
-    if not plates:
-        problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
-        raise fault(str(folder / "cases"), problem)
     present = [set(labels) for labels in zip(*plates, strict=True)]
     labels = {
         dim: [value for value in cube[dim].values.tolist() if value in own]

@@ -1,0 +1,329 @@
+"""Sensors: the capacitances of several electrodes, cross-talk, and what moves a reading."""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import xarray as xr
+
+from knitlab.api.cubes import Cube, opened
+from knitlab.cube.case_file import LENGTH_FACTOR, configurations, in_cloth
+from knitlab.cube.cube_file import design_dims, is_case
+from knitlab.cube.schema import COORDINATES, STRAIN
+from knitlab.cube.selection import refuse_others, selections_along
+from knitlab.equilibrium.adjoint import NoDerivative
+from knitlab.fabric.fabric import Configuration
+from knitlab.figures.figure_files import draw_into
+from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
+from knitlab.io.errors import fault
+from knitlab.measure.capacitance.capacitor import Capacitor
+from knitlab.meshes.chosen_case import chosen_case, chosen_cases, chosen_strains
+from knitlab.sensing.crosstalk import cross_talk as cross_talk_of
+from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set
+from knitlab.sensing.maxwell import Others, capacitance_matrices
+from knitlab.sensing.selectivity import DIRECTIONS, STATUS, selectivity_of_case
+from knitlab.simulation.case import Case, case_of
+from knitlab.sweep.figure_names import check_figure_suffix
+
+PICOFARAD = {"units": "pF"}
+
+
+def capacitance_matrix(
+    shapes: Cube,
+    electrodes: Sequence[str] = (),
+    selections: Mapping[str, Any] = {},
+    *,
+    cloth_permittivity: float = 1.0,
+    cloth_thickness: float = 0.5,
+    output: str | Path | None = None,
+    **named: Any,
+) -> xr.Dataset:
+    """Maxwell's capacitance matrix of several electrodes on the fabric of one design.
+
+    The charge of electrode i is Σ C_ij V_j. Electrodes are ridges on the face of the layout,
+    counted in the whole fabric: ``"w2"`` is the second along a wale, ``"c1"`` the first along a
+    course, ``"w1+w3"`` two that are connected, ``"0:4/2:6"`` columns 0 to 4 and rows 2 to 6 of the
+    grid. Those along wales cross those along courses on a sample only, with an insulation,
+    ``dielectric_thickness``. Width, ground plane, insulation and permittivity are those of the
+    capacitor that was simulated. Of periodic fabric, values are of electrodes of its
+    ``electrode_length``; without a ground plane, charges sum to zero.
+
+    The cloth may polarise along itself, as a thin sheet; between plies that face each other it
+    counts as air. ``permittivity`` of the capacitor fills all space instead, an upper bound.
+
+    Args:
+        shapes: a cube with its case files beside it, or a test of :func:`knitlab.simulate`.
+        electrodes: their names; by default every ridge of the layout's direction and face.
+        selections: a value for each coordinate of a cube, that leave one design; strains.
+        cloth_permittivity: relative permittivity of the cloth over that of what surrounds it [1].
+        cloth_thickness: of the sheet that has it [mm of the network].
+        output: figure to write, of the first state.
+        named: further selections, as keywords: ``n_stripe=4``.
+
+    Returns:
+        ``capacitance`` (applied_strain, electrode, to) [pF], and the smallest ``gap`` of two
+        electrodes [mm of the network]. It is missing where bare electrodes touch.
+
+    Raises:
+        BadInput: if there is no single design with electrodes and a shape, or a name, a number or
+            a selection is at fault.
+
+    Example:
+        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}
+        >>> found = kl.capacitance_matrix("results/reference/sensor", ["w1", "w2"], one)
+        >>> found["capacitance"].sel(electrode="w1", to="w2").values.round(3).tolist()
+        [-2.21]
+    """
+    output = _checked(output)
+    polarised = _polarised(cloth_permittivity, cloth_thickness)
+    case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
+    of_set = electrode_set(case, capacitor, electrodes)
+    matrices, gap = capacitance_matrices(of_set, states, capacitor, polarised)
+    names = list(of_set.names)
+    table = xr.Dataset(
+        {
+            "capacitance": (
+                (STRAIN, "electrode", "to"),
+                matrices * _lengthened(of_set, relaxed, capacitor),
+                PICOFARAD | {"long_name": "capacitance matrix"},
+            ),
+            "gap": (STRAIN, gap, {"units": "mm", "long_name": "smallest gap of electrodes"}),
+        },
+        {
+            STRAIN: (STRAIN, strains, COORDINATES[STRAIN].attributes),
+            "electrode": names,
+            "to": names,
+        },
+        {"design": case.label},
+    )
+    if output is not None:
+        draw_into(partial(matrix_figure, table), output)
+    return table
+
+
+def cross_talk(
+    shapes: Cube,
+    sensors: Sequence[tuple[str, str]],
+    selections: Mapping[str, Any] = {},
+    *,
+    pull: str = "weft",
+    others: Others = "floating",
+    cloth_permittivity: float = 1.0,
+    cloth_thickness: float = 0.5,
+    output: str | Path | None = None,
+    **named: Any,
+) -> xr.Dataset:
+    """What each of several sensors reads while the cloth is pulled at one of them alone.
+
+    A sensor is read between its two electrodes, named as in :func:`capacitance_matrix`. The part of
+    the relaxed cloth that a sensor covers, or where its electrodes cross, is pulled by its two
+    sides; the rest of the cloth is free and follows. Readings change by the shape as well as by
+    charges on other electrodes.
+
+    Args:
+        shapes: a cube with its case files beside it, or a test of :func:`knitlab.simulate`.
+        sensors: pairs of electrodes.
+        selections: a value for each coordinate of a cube, that leave one design.
+        pull: direction of the pull, ``"weft"`` or ``"warp"``.
+        others: whether electrodes that are not read float, without charge, or are ``"grounded"``,
+            so that the meter shows the mutual capacitance of the two.
+        cloth_permittivity: relative permittivity of the cloth over that of what surrounds it [1].
+        cloth_thickness: of the sheet that has it [mm of the network].
+        output: figure to write.
+        named: further selections, as keywords: ``n_stripe=4``.
+
+    Returns:
+        Along ``sensor``: its ``reading`` [pF], and along ``pulled`` too: ``gauge_factor``, the
+        change of the logarithm of the reading over the mean strain of the pulled part [1];
+        ``cross_talk``, that over the gauge factor of the sensor when it is pulled itself [1];
+        ``strain`` of the sensor over that of the pulled one [1]; ``coupling``, the largest
+        capacitance between electrodes of the two over the reading [1].
+
+    Raises:
+        BadInput: as :func:`capacitance_matrix`; or if the relaxed state is not a stable
+            equilibrium, or has contact.
+
+    Example:
+        >>> found = kl.cross_talk(
+        ...     "results/reference/sensor", [("w1", "w2"), ("w3", "w4")], n_stripe=4, n_subunit=16
+        ... )
+        >>> bool(abs(found["cross_talk"][0, 1]) < 0.1)
+        True
+    """
+    output = _checked(output)
+    if pull not in DIRECTIONS:
+        raise fault("pull", f"is {pull!r}; give {' or '.join(DIRECTIONS)}")
+    if others not in get_args(Others):
+        raise fault("others", f"are {others!r}; give {' or '.join(get_args(Others))}")
+    if not sensors or any(len(pair) != 2 for pair in sensors):
+        raise fault("sensors", f"are {list(sensors)}; give pairs of electrodes, as (w1, w2)")
+    polarised = _polarised(cloth_permittivity, cloth_thickness)
+    case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
+    if case.options.contact != "none":
+        raise fault(case.label, "has contact, which this leaves out; simulate with contact = none")
+    if len(strains) > 1 or strains[0] != 0:
+        raise fault(STRAIN, "is 0 of parts that are pulled alone; select no strain")
+    names = list(dict.fromkeys(name for pair in sensors for name in pair))
+    of_set = electrode_set(case, capacitor, names)
+    pairs = [(names.index(one), names.index(other)) for one, other in sensors]
+    axis = DIRECTIONS.index(pull)
+    try:
+        found = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
+    except NoDerivative as problem:
+        raise fault(case.label, f"{problem}; take a design that relaxes to one shape") from problem
+    both, labels = ("sensor", "pulled"), [":".join(pair) for pair in sensors]
+    scale = _lengthened(of_set, relaxed, capacitor)
+    own = np.diag(found.gauge_factor)
+    variables = {
+        "gauge_factor": (found.gauge_factor, "change of ln C by the strain of the pulled part"),
+        "cross_talk": (found.gauge_factor / own[:, None], "reading over that of its own strain"),
+        "strain": (found.strain, "strain over that of the pulled part"),
+        "coupling": (found.coupling, "largest capacitance between sensors over the reading"),
+    }
+    table = xr.Dataset(
+        {"reading": ("sensor", scale * found.reading, PICOFARAD | {"long_name": "reading"})}
+        | {
+            name: (both, values, {"units": "1", "long_name": meaning})
+            for name, (values, meaning) in variables.items()
+        },
+        {"sensor": labels, "pulled": labels},
+        {"design": case.label, "pull": pull, "others": others},
+    )
+    if output is not None:
+        draw_into(partial(cross_talk_figure, table), output)
+    return table
+
+
+def selectivity(
+    shapes: Cube,
+    output: str | Path | None = None,
+    selections: Mapping[str, Any] = {},
+    *,
+    along: str = "warp",
+    where: str | None = None,
+    **named: Any,
+) -> xr.Dataset:
+    """What a knitted capacitor reads of strain along and across it, and of bending.
+
+    Gauge factors are derivatives of ln C by small strains and curvatures of the cloth, along the
+    warp (y) and along the weft (x), at the relaxed state or at selected strains. A curvature is
+    positive where the technical face gets longer; it refers to the mean plane of the cloth, which
+    keeps its length. With the sides ``held``, cloth follows a skin: all other strains and
+    curvatures are zero. With ``free`` sides it gets shorter across a pull as it likes, as in a
+    tensile test.
+
+    Args:
+        shapes: a cube with its case files beside it, or a test of :func:`knitlab.simulate`, of
+            periodic fabric with electrodes.
+        output: figure to write: maps over n_stripe and n_subunit, or bars of few designs.
+        selections: a value or a list of values for each coordinate.
+        along: the direction that the sensor is to read, ``"warp"`` or ``"weft"``.
+        where: condition on the designs, as of :func:`knitlab.query`.
+        named: further selections, as keywords: ``n_stripe=4``.
+
+    Returns:
+        Along the design, ``applied_strain`` and ``sides``: ``strain_gauge`` [1] and
+        ``bending_gauge`` [mm], each along ``direction``; ``selectivity``, the magnitude of the
+        strain gauge factor along the sensor over that across [1]; ``lever`` [mm], the strain along
+        the sensor that reads like a curvature of 1/mm; and ``sensing_status``: ok, or why
+        nothing is known: touching, folded_through, unresolved, unstable, not_converged.
+
+    Raises:
+        BadInput: if no design that is left has a periodic shape with electrodes; of one with
+            contact, a ground plane or shear; if an argument is at fault.
+
+    Example:
+        >>> found = kl.selectivity("results/reference/sensor", n_stripe=4, n_subunit=16)
+        >>> found["strain_gauge"].sel(sides="held").values.round(2).ravel().tolist()
+        [-2.43, 0.63]
+    """
+    output, selections = _checked(output), {**selections, **named}
+    if along not in DIRECTIONS:
+        raise fault("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
+    cube = _opened(shapes)
+    if is_case(cube):
+        if where is not None:
+            raise fault("where", "is a condition on designs, and a test is one; leave it out")
+        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+        found = selectivity_of_case(in_cloth(cube, cube), along, selections)
+        found.attrs["design"] = case_of(json.loads(cube.attrs["parameters"])).label
+    else:
+        dims, folder = design_dims(cube), Path(cube.encoding["source"]).parent
+        parts = [
+            selectivity_of_case(case_file, along, selections).expand_dims(
+                {dim: [value] for dim, value in zip(dims, design, strict=True)}
+            )
+            for design, case_file in chosen_cases(cube, folder, selections, where).items()
+        ]
+        found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
+        found[STATUS] = found[STATUS].fillna("")
+    if output is not None:
+        draw_into(partial(selectivity_figure, found), output)
+    return found
+
+
+def _checked(output: str | Path | None) -> Path | None:
+    """The path of a figure."""
+    if output is None:
+        return None
+    check_figure_suffix(Path(output))
+    return Path(output)
+
+
+def _polarised(permittivity: float, thickness: float) -> float:
+    """Polarisation of a sheet of cloth over ε0 [mm]."""
+    if not 1 <= permittivity < np.inf:
+        raise fault("cloth_permittivity", f"is {permittivity:g}; give a number from 1 on")
+    if not 0 < thickness < np.inf:
+        raise fault("cloth_thickness", f"is {thickness:g}; give a positive number of mm")
+    return (permittivity - 1) * thickness
+
+
+def _opened(shapes: Cube) -> xr.Dataset:
+    """A cube that was read from a file, or a test with its shapes."""
+    cube = opened(shapes)
+    if "status" not in cube:
+        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
+    if is_case(cube) and "position" not in cube:
+        raise fault("shapes", "has no node positions; give a dataset of knitlab.simulate")
+    if not is_case(cube) and "source" not in cube.encoding:
+        problem = "is a cube that was not opened from a file, beside which shapes lie"
+        raise fault("shapes", f"{problem}; give its path")
+    return cube
+
+
+def _states(
+    shapes: Cube, selections: Mapping[str, Any]
+) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
+    """The one design with electrodes, its selected states, their strains, and the relaxed state.
+
+    Lengths are in mm of the network.
+    """
+    cube = _opened(shapes)
+    if is_case(cube):
+        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+        case_file = cube
+    else:
+        case_file = chosen_case(cube, Path(cube.encoding["source"]).parent, selections)
+    several = STRAIN in selections
+    chosen = chosen_strains(case_file, selections_along(selections, [STRAIN]), several)
+    case = case_of(json.loads(case_file.attrs["parameters"]))
+    if case.capacitor is None:
+        raise fault(case.label, "has no electrodes; simulate it with layout = checkerboard")
+    if "length_shear" in case_file:
+        raise fault(case.label, "was sheared; simulate it with load = warp, weft or biaxial")
+    factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
+    every = configurations(case_file)
+    every = Configuration(every.positions / factor, every.lengths / factor)
+    strains = case_file[STRAIN].values[chosen].tolist()
+    return case, case.capacitor, every[chosen], strains, every[0]
+
+
+def _lengthened(of_set: ElectrodeSet, relaxed: Configuration, capacitor: Capacitor) -> float:
+    """Stated length of electrodes over that of one period, 1 of a sample."""
+    if of_set.axis is None:
+        return 1.0
+    return capacitor.electrode_length / float(relaxed.lengths[of_set.axis])

@@ -1,0 +1,89 @@
+"""The command ``sensing``: several electrodes, cross-talk, strain and bending."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from knitlab.cli import options
+from knitlab.cli.options import PATH, flag, option, repeatable
+from knitlab.io.errors import fault
+
+
+@click.command()
+@click.argument("cube", type=PATH)
+@options.select
+@options.where
+@option("--along", "Direction that the sensor is to read.", ["warp", "weft"], default="warp")
+@flag("--free", "Cloth with free sides, not held as on a skin.")
+@repeatable("--electrode electrodes NAME", "Capacitance matrix of these: w1, c2, w1+w3, 0:4/2:6.")
+@repeatable("--sensor sensors NAME:NAME", "Cross-talk of these pairs of electrodes.")
+@option("--pull", "Direction of the pull at one sensor.", ["weft", "warp"], default="weft")
+@flag("--grounded", "Ground the electrodes that are not read; otherwise they float.")
+@option("--cloth-permittivity", "Of the cloth, relative.", click.FLOAT, default=1.0)
+@option("--cloth-thickness", "Of the cloth that has it [mm].", click.FLOAT, default=0.5)
+@options.table_format
+@options.output("Figure to draw: .pdf, .svg or .png.")
+def sensing(
+    cube: Path,
+    selections: dict[str, Any],
+    where: str | None,
+    along: str,
+    free: bool,
+    electrodes: tuple[str, ...],
+    sensors: tuple[str, ...],
+    pull: str,
+    grounded: bool,
+    cloth_permittivity: float,
+    cloth_thickness: float,
+    style: str,
+    output: Path | None,
+) -> None:
+    """List what the knitted capacitors of CUBE read of strain and bending, along and across.
+
+    Numbers are changes of ln C: per strain, along and across the sensor, and per curvature, bent_…,
+    in mm. selectivity is the first over the second. Shapes are in the case files beside a cube.
+
+    With --electrode it prints the capacitance matrix of one design [pF], with --sensor what one
+    sensor reads while another is pulled. Electrodes are ridges along a wale (w1, w2, …) or a course
+    (c1, …), joined by +, or grid cells (columns 0:4 / rows 2:6).
+    Exit code 1 if nothing is known of a state.
+    """
+    from knitlab.api import sensing as of
+    from knitlab.cube.query import formatted
+    from knitlab.sensing.selectivity import selectivity_table
+
+    if electrodes and sensors:
+        raise fault("electrode", "and sensors give two tables; give one of them")
+    if (electrodes or sensors) and where:
+        raise fault("where", "is of a table of designs; select one design")
+    cloth = {"cloth_permittivity": cloth_permittivity, "cloth_thickness": cloth_thickness}
+    known = True
+    if electrodes:
+        found = of.capacitance_matrix(cube, electrodes, selections, output=output, **cloth)
+        wide = found["capacitance"].to_dataframe()["capacitance"].unstack("to")
+        table = wide[list(electrodes)].reindex(list(electrodes), level="electrode").reset_index()
+        known = bool(found["capacitance"].notnull().all())
+    elif sensors:
+        pairs = [(one, other) for one, _, other in (each.partition(":") for each in sensors)]
+        found = of.cross_talk(
+            cube,
+            pairs,
+            selections,
+            pull=pull,
+            others="grounded" if grounded else "floating",
+            output=output,
+            **cloth,
+        )
+        table = found.to_dataframe().reset_index()
+    else:
+        found = of.selectivity(cube, output, selections, along=along, where=where)
+        table = selectivity_table(found, "free" if free else "held")
+        known = bool((table["status"] == "ok").all())
+    click.echo(formatted(table, style))
+    if output is not None:
+        click.echo(f"figure  {output}", err=True)
+    options.exit_unless(known)
+
+
+COMMANDS = (sensing,)

@@ -1,0 +1,101 @@
+"""Cross-talk: what each of several sensors reads while only one part of the fabric is pulled.
+
+Two lines of nodes, at the sides of the part, are pulled apart, as by clamps that hold it there; all
+other nodes follow. The response is that of the relaxed equilibrium to small forces.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.equilibrium.adjoint import LinearResponse
+from knitlab.equilibrium.loading import all_free
+from knitlab.fabric.electrodes import Strip
+from knitlab.fabric.fabric import Configuration
+from knitlab.fabric.network import MeshShape
+from knitlab.measure.capacitance.capacitor import Capacitor
+from knitlab.sensing.electrode_set import ElectrodeSet
+from knitlab.sensing.maxwell import Others, capacitance_matrices, readings
+from knitlab.simulation.case import Case
+
+STEP = 1e-3  # mean strain of the part that is pulled
+
+
+@dataclass(frozen=True)
+class CrossTalk:
+    """Readings of sensors in the relaxed state, and their changes while one part is pulled."""
+
+    matrix: Float[np.ndarray, "electrode electrode"]  # [pF], of one period if periodic
+    reading: Float[np.ndarray, " sensor"]  # [pF]
+    gauge_factor: Float[np.ndarray, "sensor strained"]  # d ln C by mean strain of the part [1]
+    strain: Float[np.ndarray, "sensor strained"]  # mean strain of each part, over that pulled [1]
+    coupling: Float[np.ndarray, "sensor sensor"]  # largest mutual capacitance over the reading [1]
+
+
+def cross_talk(
+    case: Case,
+    relaxed: Configuration,
+    of_set: ElectrodeSet,
+    sensors: Sequence[tuple[int, int]],
+    capacitor: Capacitor,
+    axis: int,
+    others: Others,
+    polarised: float = 0.0,
+) -> CrossTalk:
+    """The cross-talk of sensors, pulled along an axis one by one; or NoDerivative."""
+    shape = of_set.shape
+    free, start = all_free(shape), np.asarray(relaxed.flattened())
+    parts = [part_of(of_set, pair) for pair in sensors]
+    ends = [[_line(shape, axis, part, end) for end in (0, 1)] for part in parts]
+    forces = np.array([high - low for low, high in ends])
+    response = LinearResponse(shape, free).at(case.assemble()[1], start)
+    moves = response.to(forces)
+    # Of lines that are pulled apart, the force on nodes is also the measure of the elongation.
+    strains = (moves @ forces.T) / (forces @ start)
+    moves /= np.diag(strains)[:, None]
+    signs = [start, *(start + sign * STEP * move for move in moves for sign in (1, -1))]
+    states = Configuration.stacked([Configuration.of(each, shape) for each in signs])
+    matrices, _ = capacitance_matrices(of_set, states, capacitor, polarised)
+    found = readings(matrices, sensors, others)
+    slopes = np.log(found[1::2] / found[2::2]).T / (2 * STEP)
+    coupling = np.eye(len(sensors))
+    for i, j in product(range(len(sensors)), repeat=2):
+        if i != j:
+            pairs = [(a, b) for a in sensors[i] for b in sensors[j] if a != b]
+            largest = max(-float(matrices[0, a, b]) for a, b in pairs)
+            coupling[i, j] = largest / found[0, i]
+    return CrossTalk(
+        matrices[0], found[0], slopes, (strains / np.diag(strains)[:, None]).T, coupling
+    )
+
+
+def part_of(of_set: ElectrodeSet, pair: tuple[int, int]) -> Strip:
+    """The part of the fabric that a sensor covers: where its electrodes cross, or both of them."""
+    groups = [of_set.groups[number] for number in pair]
+    strips = [strip for group in groups for strip in group]
+    if of_set.overlapping(*pair):
+        shared = (one.shared(other) for one, other in product(*groups))
+        strips = [strip for strip in shared if strip is not None and strip.area > 0]
+    left, bottom = (min(strip.extents[axis][0] for strip in strips) for axis in (0, 1))
+    right, top = (max(strip.extents[axis][1] for strip in strips) for axis in (0, 1))
+    lines = np.floor(left), np.ceil(right), np.floor(bottom), np.ceil(top)
+    return Strip(*map(float, lines))
+
+
+def _line(shape: MeshShape, axis: int, part: Strip, end: int) -> Float[np.ndarray, " unknown"]:
+    """Weights of the unknowns in the mean position along an axis of a line of nodes."""
+    weights = np.zeros(shape.unknowns)
+    cells = (shape.cells_x, shape.cells_y) if shape.periodic else (np.inf, np.inf)
+    across = np.arange(part.extents[1 - axis][0], part.extents[1 - axis][1] + 1)
+    if shape.periodic:
+        across = np.unique(across % cells[1 - axis])
+    turns, line = divmod(part.extents[axis][end], cells[axis])
+    row, column = (across, line) if axis == 0 else (line, across)
+    node = (np.asarray(row) * shape.nodes_x + column).astype(int)
+    weights[3 * node + axis] = 1 / len(across)
+    if shape.periodic:
+        weights[3 * shape.nodes + axis] = turns
+    return weights
