@@ -11,6 +11,7 @@ from knitlab.inverse.design import BUDGET, Designed, run_design
 from knitlab.inverse.request import checked_request, read_request
 from knitlab.inverse.trial import ShapeFunction
 from knitlab.io.errors import fault
+from knitlab.io.names import named_folder
 
 UNLIMITED = 1_000_000  # number of simulations if the budget is a time
 
@@ -98,7 +99,7 @@ def design(
     most, minutes = _read_budget(str(budget).strip())
     designed = run_design(
         request,
-        Path(results) / request.name,
+        named_folder(Path(results), request.name),
         own=tuple((measures or {}).items()),
         workers=workers,
         budget=most,

@@ -8,10 +8,14 @@ Read ``options.py`` (text becomes values there, and nowhere else), then the file
 command calls one function of ``knitlab.api`` or of the core, and prints.
 """
 
+import os
+
 import click
 
 from knitlab.cli import cubes, laboratory, making, sensing, stability, sweeps
 from knitlab.cli.options import CommandGroup
+
+os.environ["MPLBACKEND"] = "agg"  # it draws into files alone, whatever a user's programs show
 
 
 @click.group(

@@ -1,8 +1,11 @@
 """Options, exit codes and messages that commands share."""
 
+import errno
 import json
 import re
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -17,11 +20,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
+LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
+"""Errors of a machine without files, memory, processes or space left."""
 MATERIAL = "knitlab.material"  # key of the material file in the context of a command
 MOST_LINES = 20  # largest number of cases that a command lists
-PATH = click.Path(path_type=Path)
-FILE = click.Path(path_type=Path, dir_okay=False)
-FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+class EncodedPath(click.Path):
+    """A path that netCDF can open: its whole text has bytes in the encoding of this machine."""
+
+    def convert(self, value: Any, *about: Any) -> Any:
+        """Fail if it has none."""
+        try:
+            str(Path(value).resolve()).encode(sys.getfilesystemencoding())
+        except UnicodeEncodeError as error:
+            problem = f"{value!a}: its path is no text in {error.encoding}"
+            self.fail(f"{problem}; rename it, or set LC_ALL=C.UTF-8", *about)
+        return super().convert(value, *about)
+
+
+PATH = EncodedPath(path_type=Path)
+FILE = EncodedPath(path_type=Path, dir_okay=False)
+FOLDER = EncodedPath(path_type=Path, file_okay=False)
 COUNT = click.IntRange(min=1)
 COUNT_OR_ZERO = click.IntRange(min=0)
 POSITIVE = click.FloatRange(min=0, min_open=True)
@@ -32,6 +52,19 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 class CommandGroup(click.Group):
     """Commands that explain bad input in sentences, and end with exit code 2."""
 
+    def main(self, *words: Any, **settings: Any) -> Any:
+        """Run; Ctrl-C ends the process at once until work begins, as imports may lose it."""
+        before = signal.getsignal(signal.SIGINT)
+        alone = threading.current_thread() is threading.main_thread()
+        ours = alone and before is signal.default_int_handler
+        if ours:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        try:
+            return super().main(*words, **settings)
+        finally:
+            if ours:
+                signal.signal(signal.SIGINT, before)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that is named; its work never depends on what it shows."""
         with droppable_output():
@@ -41,6 +74,12 @@ class CommandGroup(click.Group):
                 command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
                 for each in error.faults:
                     echo_problem(_with_option(str(each), command))
+                sys.exit(BAD_INPUT)
+            except (MemoryError, OSError, UnicodeEncodeError) as error:
+                if isinstance(error, OSError) and error.errno not in LACKING:
+                    raise
+                problem = str(error) or "there is not enough memory"
+                echo_problem(f"this machine cannot do it: {problem}; free some, or take another")
                 sys.exit(BAD_INPUT)
 
 
@@ -110,7 +149,7 @@ def _number_or_label(text: str) -> float | str:
 
 def _two_counts(text: str) -> tuple[int, int]:
     """The counts of ``--repeats``; BadInput if the text is of another form."""
-    match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
+    match = re.fullmatch(r"(\d{1,6})\s*[x×,]\s*(\d{1,6})", text.strip())
     if match is None:
         raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
     return int(match[1]), int(match[2])

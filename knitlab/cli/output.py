@@ -1,14 +1,20 @@
 """Output that may end: what is shown is dropped once nobody takes it, and work goes on."""
 
+import io
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
+from knitlab.io.names import CONTROLS
+
 
 class Droppable:
-    """A text stream that drops what cannot be written: a pipe is closed, or a disk full."""
+    """A text stream that drops what cannot be written: a pipe is closed, or a disk full.
+
+    What a terminal would obey is shown as it is written in Python.
+    """
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -19,7 +25,7 @@ class Droppable:
     def write(self, text: str) -> int:
         """Write a text, or drop it."""
         try:
-            self._stream.write(text)
+            self._stream.write(text.translate(CONTROLS))
             self._stream.flush()
         except (OSError, ValueError):
             # What is buffered, and what other processes write here, goes nowhere from now on.
@@ -42,6 +48,9 @@ def droppable_output() -> Iterator[None]:
             # Else the next file that is opened would be taken for it.
             with suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+    for stream in streams:
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # of what its encoding lacks
     sys.stdout, sys.stderr = (
         Droppable(open(os.devnull, "w", encoding="utf-8") if stream is None else stream)  # noqa: PTH123, SIM115
         for stream in streams

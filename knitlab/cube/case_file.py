@@ -13,7 +13,10 @@ import xarray as xr
 
 from knitlab.cube.schema import INTEGERS, MISSING, encoding
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import fault
 from knitlab.io.fingerprint import file_digest
+from knitlab.io.names import inside
+from knitlab.io.text_file import plain_file
 
 if TYPE_CHECKING:  # imports JAX
     from knitlab.fabric.fabric import Configuration
@@ -26,6 +29,10 @@ SHAPES = (
 )
 
 
+UNREADABLE = (OSError, RuntimeError, ValueError, IndexError)
+"""What netCDF raises of a file that it cannot read."""
+
+
 class StoredCase(Enum):
     """Whether a results folder has the file of a case."""
 
@@ -36,12 +43,12 @@ class StoredCase(Enum):
 
 def case_path(results: Path, case_id: str) -> Path:
     """Path of the file of a case in a results folder."""
-    return results / "cases" / f"{case_id}.nc"
+    return inside(results / "cases", f"{case_id}.nc")
 
 
 def checksum_path(results: Path, case_id: str) -> Path:
     """Path of its checksum, in the format of ``sha256sum --check``."""
-    return results / "cases" / f"{case_id}.sha256"
+    return inside(results / "cases", f"{case_id}.sha256")
 
 
 def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
@@ -58,29 +65,30 @@ def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
 
 
 def check_case_file(results: Path, case_id: str) -> StoredCase:
-    """Compare a case file with its checksum."""
+    """Compare a case file with its checksum, and the case that it holds with its name."""
+    path = case_path(results, case_id)
     try:
-        stated = checksum_path(results, case_id).read_bytes().split(b" ")[0]
-        digest = file_digest(case_path(results, case_id))
+        stated = plain_file(checksum_path(results, case_id)).read_bytes().split(b" ")[0]
+        digest = file_digest(path).encode()
+        own_id: Any = read_values(path, ["case_id"]).get("case_id")
     except FileNotFoundError:
-        exists = case_path(results, case_id).exists()
-        return StoredCase.damaged if exists else StoredCase.nothing
-    except OSError:
+        return StoredCase.damaged if path.exists() else StoredCase.nothing
+    except UNREADABLE:
         return StoredCase.damaged
-    return StoredCase.sound if digest.encode() == stated else StoredCase.damaged
+    return StoredCase.sound if (digest, own_id) == (stated, case_id) else StoredCase.damaged
 
 
 def read_code(results: Path, case_id: str) -> str | None:
     """Fingerprint of the code that computed a case; None if the file is not a case file."""
     try:
         return str(read_values(case_path(results, case_id), ["code"])["code"])
-    except (OSError, KeyError):
+    except (*UNREADABLE, KeyError):
         return None
 
 
 def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
     """Values of those variables that a case file has, several times faster than with xarray."""
-    with netCDF4.Dataset(path) as dataset:
+    with netCDF4.Dataset(plain_file(path)) as dataset:
         dataset.set_auto_maskandscale(False)
         present = [name for name in names if name in dataset.variables]
         stored: dict[str, Any] = {name: np.asarray(dataset[name][...]) for name in present}
@@ -93,8 +101,12 @@ def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
 
 
 def read_case(results: Path, case_id: str) -> xr.Dataset:
-    """Read a case file into memory."""
-    with xr.open_dataset(case_path(results, case_id), engine="netcdf4") as dataset:
+    """Read a case file into memory; BadInput if it is not as it was written."""
+    path = case_path(results, case_id)
+    if check_case_file(results, case_id) is not StoredCase.sound:
+        problem = "is damaged, or not the case that it is named after; run its workflow again"
+        raise fault(str(path), problem)
+    with xr.open_dataset(path, engine="netcdf4") as dataset:
         return dataset.load()
 
 

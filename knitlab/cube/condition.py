@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from knitlab.cube.schema import STRAIN, VARIABLES
-from knitlab.cube.strain_window import reduced_columns
+from knitlab.cube.strain_window import MOST_CHARACTERS, reduced_columns
 from knitlab.io.errors import fault, unknown
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
@@ -71,6 +71,9 @@ def computed(expression: str, table: pd.DataFrame, source: str) -> pd.Series:
 
 def _evaluated(expression: str, table: pd.DataFrame, where: str) -> Any:
     plain = expression.strip()
+    if len(plain) > MOST_CHARACTERS:
+        problem = f"has {len(plain)} characters; take at most {MOST_CHARACTERS}"
+        raise fault(where.partition(" ")[0], problem)
     for number, column in enumerate(reduced_columns(plain)):
         # Under a name that Python can parse.
         plain = plain.replace(column, f"reduced_column_{number}")

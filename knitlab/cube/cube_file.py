@@ -13,13 +13,19 @@ import xarray as xr
 from knitlab.cube import schema
 from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.json_file import json_table
 from knitlab.io.lock import is_locked
+from knitlab.io.seal import has_seal, seal
 
 CUBE = "cube.nc"
 ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
 OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
+
+
+class Damaged(BadInput):
+    """A cube that is not as it was written."""
 
 
 def cube_path(path: str | Path) -> Path:
@@ -116,21 +122,31 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """
     path = cube_path(path)
     try:
+        sealed = has_seal(path)
         cube = _opened(path)
-        if not lazily:
+        # One without a seal may be damaged anywhere.
+        if not (lazily and sealed):
             with cube:
                 cube.load()
     except FileNotFoundError as error:
         problem = "does not exist; run a workflow or import an experiment first"
         raise fault(str(path), problem) from error
     except (OSError, ValueError, RuntimeError) as error:
-        problem = f"is not a netCDF file, or a damaged one ({error}); give a cube.nc"
-        raise fault(str(path), problem) from error
+        of_system = isinstance(error, OSError) and (error.errno or 0) > 0  # others are of netCDF
+        if of_system or isinstance(error, UnicodeError):
+            why = getattr(error, "strerror", error)
+            raise fault(str(path), f"cannot be read ({why}); check the path") from error
+        problem = f"is not a netCDF file, or a damaged one ({error}); run its workflow again, or"
+        raise Damaged([Fault(str(path), f"{problem} give another cube.nc")]) from error
     if "status" in cube:
         cube = _in_order(cube)
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
         problem = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
         raise fault(str(path), f"{problem}; give a cube.nc or a results folder")
+    if strangers := set(np.unique(cube["status"]).tolist()) - set(map(int, schema.Status)):
+        problem = f"has designs of the unknown status {', '.join(map(str, sorted(strangers)))}"
+        raise Damaged([Fault(str(path), f"{problem}; run its workflow again")])
+    parameters_of(cube)
     return cube
 
 
@@ -157,6 +173,7 @@ def write_cube(cube: xr.Dataset, path: Path) -> None:
         except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
             # HDF5 locks a file that it writes, but not one in memory, where it sorts the variables.
             temporary.write_bytes(cube.to_netcdf(engine="netcdf4", encoding=encoding))
+        seal(temporary)
 
 
 def _opened(path: Path) -> xr.Dataset:
@@ -173,6 +190,18 @@ def _opened(path: Path) -> xr.Dataset:
             dataset.encoding["source"] = str(path)
             return dataset
         raise
+
+
+def of_schema(cube: xr.Dataset) -> xr.Dataset:
+    """The variables of a simulated cube that a run stores, without those of other programs."""
+    dims = design_dims(cube)
+
+    def is_own(name: str) -> bool:
+        known = VARIABLES.get(name)
+        stored = known is not None and known.of not in ("derived", "laboratory")
+        return stored and {*cube[name].dims} == {*dims, *VARIABLES[name].dims}
+
+    return cube[[name for name in map(str, cube.data_vars) if is_own(name)]]
 
 
 def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
@@ -253,8 +282,7 @@ def common_settings(
 
 def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
     """The common settings in the attributes of a cube."""
-    stated: dict[str, Any] = json.loads(cube.attrs.get(ATTRIBUTE, "{}"))
-    return stated
+    return json_table(cube.attrs.get(ATTRIBUTE, "{}"), f"cube {cube_name(cube)}: {ATTRIBUTE}")
 
 
 def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from pandas.api.types import is_numeric_dtype
 
 from knitlab.cube.condition import computed, holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path, with_derived
@@ -21,6 +22,7 @@ MAIN_COLUMNS = (
     *("intersections_at_min", "sensitivity", "working_range", "knit_cell_x", "knit_cell_y"),
 )  # that the command line shows unless asked for others, after what tells rows apart
 MOST_MAIN_COLUMNS = 8
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a text begins that a spreadsheet computes
 ON_REQUEST = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]  # columns
 
 
@@ -229,12 +231,19 @@ def variables_table(cubes: Sequence[xr.Dataset]) -> pd.DataFrame:
 def formatted(table: pd.DataFrame, style: str) -> str:
     """The table as text for people (``table``), or as ``csv`` or ``json`` for programs."""
     if style == "csv":
-        return table.to_csv(index=False).rstrip("\n")
+        texts = {name: each for name, each in table.items() if not is_numeric_dtype(each)}
+        plain = table.assign(**{str(name): each.map(_no_formula) for name, each in texts.items()})
+        return plain.rename(columns=_no_formula).to_csv(index=False).rstrip("\n")
     if style == "json":
         return table.to_json(orient="records", indent=1, double_precision=15)
     if table.empty:
         return "no design matches"
     return table.to_string(index=False, float_format=_significant, na_rep="-")
+
+
+def _no_formula(cell: Any) -> Any:
+    """A cell of a CSV that no spreadsheet computes."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
 def _significant(value: float) -> str:

@@ -128,8 +128,9 @@ REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
 }
 """Reductions of a curve over a window: its mean, the slope and R² of its least-squares line, its
 range, and its extremes. NaN if any value is missing."""
+MOST_CHARACTERS = 1000  # of an expression
 # mean(poisson_ratio, 0.05:0.25)
-_COLUMN = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*(\w+)\s*,\s*([^()]*?)\s*\)")
+_COLUMN = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*(\w+)\s*,([^()]*)\)")
 
 
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:

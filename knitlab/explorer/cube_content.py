@@ -20,7 +20,8 @@ from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_c
 from knitlab.cube.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
 from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.explorer.shapes import shape_of
-from knitlab.sweep.results_folder import PLAN, earlier_failures
+from knitlab.io.errors import BadInput
+from knitlab.sweep.results_folder import earlier_failures, read_plan
 
 EXPANDED = "stripe_parameter"  # a variable along it becomes one for each label
 DIGITS = 6  # significant digits of the numbers on the page
@@ -158,8 +159,8 @@ def run_of(
             time += f"; known for {len(known)} of {len(designs)} designs"
     overridden: dict[str, Any] = {}
     if folder:
-        with suppress(OSError, ValueError):
-            overridden = json.loads((folder / PLAN).read_text()).get("overrides") or {}
+        with suppress(BadInput):
+            overridden = read_plan(folder)["overrides"]
     overrides = ", ".join(f"{name}={value}" for name, value in overridden.items())
     counted = ", ".join(f"{count} {name}" for name, count in counts.items())
     return {

@@ -5,6 +5,7 @@ import os
 import platform
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import jax
 from filelock import FileLock, Timeout
@@ -12,6 +13,7 @@ from platformdirs import user_cache_path
 
 from knitlab.fabric.threads import allowed_threads
 
+DIGEST = hashlib.sha256().digest_size
 LARGEST = 512 * 2**20
 """Size of all programs that are kept; those not used for longest are removed [bytes]. With a limit,
 JAX holds a lock while it reads or writes, which several workers need."""
@@ -41,9 +43,38 @@ def keep_compiled_programs() -> None:
         pass
     except OSError:  # without locks, JAX would warn of every program
         return
+    with suppress(ImportError, AttributeError):  # a class of JAX without a public name
+        _check_programs()
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", LARGEST)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _check_programs() -> None:
+    """End every kept program with a digest; a damaged or exchanged one is dropped when it is read.
+
+    JAX believes a file for its name, and decompresses a program without what follows it.
+    """
+    from jax._src.lru_cache import LRUCache
+
+    get, put = LRUCache.get, LRUCache.put
+
+    def checked_get(cache: Any, key: str) -> bytes | None:
+        kept: bytes | None = get(cache, key)
+        if kept is None or _digest(key, kept[:-DIGEST]) == kept[-DIGEST:]:
+            return kept and kept[:-DIGEST]
+        (cache.path / f"{key}-cache").unlink(missing_ok=True)
+        return None
+
+    def put_with_digest(cache: Any, key: str, program: bytes) -> None:
+        put(cache, key, program + _digest(key, program))
+
+    LRUCache.get = checked_get  # type: ignore[method-assign, assignment]
+    LRUCache.put = put_with_digest  # type: ignore[method-assign, assignment]
+
+
+def _digest(key: str, program: bytes) -> bytes:
+    return hashlib.sha256(key.encode() + program).digest()
 
 
 def _kind_of_program() -> str:

@@ -1,14 +1,16 @@
 """The page of claims, as Markdown: what a user may rely on, by which margin, with figures."""
 
+import re
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
+from urllib.parse import quote
 
 from knitlab.figures.drawing import draw_figure
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import BadInput, CannotWrite, Fault, fault
 from knitlab.validation.claims import TOPICS
 from knitlab.validation.judgement import Judgement, contrary, summary
 from knitlab.validation.margin import GOOD, NEAR, Grade, signed
@@ -62,7 +64,7 @@ def _quoted(one: Judgement) -> str:
     notes = [
         signed(result.margin),
         result.count if result.judged < result.wanted else "",
-        f"but it {contrary(one.contrary, cube_name)}" if one.contrary else "",
+        f"but it {contrary(one.contrary, _shown)}" if one.contrary else "",
     ]
     noted = ", ".join(filter(None, notes))
     return f"“{one.claim.quoted}” ({noted})" if noted else f"“{one.claim.quoted}”"
@@ -75,6 +77,15 @@ def cube_name(path: Path) -> str:
     return "/".join(names).removesuffix(".nc")
 
 
+def _shown(path: Path) -> str:
+    return _escaped(cube_name(path))
+
+
+def _escaped(name: str) -> str:
+    """A name that Markdown shows as it is."""
+    return re.sub(r"([\\`*<>\[\]])", r"\\\1", name)
+
+
 def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, str]:
     """The cells of a claim by the heading of their column, with model options by their letter."""
     claim, result = one.claim, one.result
@@ -82,10 +93,10 @@ def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, s
     for each in one.samples:
         size = f"{each.size} unit cells" if each.size else ""
         options = f"options {letters[each.options]}" if each.options in letters else ""
-        texts = cube_name(each.cube), each.experiment, each.boundary, size, options
+        texts = _shown(each.cube), _escaped(each.experiment), each.boundary, size, options
         judged_on.append(", ".join(filter(None, texts)))
     if one.contrary:
-        judged_on.append(f"but it {contrary(one.contrary, cube_name)}")
+        judged_on.append(f"but it {contrary(one.contrary, _shown)}")
     cells = {
         "margin": signed(result.margin),
         "what the paper says": claim.text,
@@ -122,9 +133,11 @@ def write_page(
         name = f"{label}-{kind}.png" if len(cubes) == 1 else f"{kind}.png"
         try:
             figures[kind, cubes] = draw_figure(kind, cubes, folder / name, selections)
+        except CannotWrite:
+            raise
         except BadInput as error:
             faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
-    links = {key: f"{folder.name}/{path.name}" for key, path in figures.items()}
+    links = {key: quote(f"{folder.name}/{path.name}") for key, path in figures.items()}
     with atomic_write(page) as temporary:
         temporary.write_text("\n\n".join(_blocks(judgements, links)) + "\n", encoding="utf-8")
     return [page, *figures.values()], faults

@@ -19,7 +19,7 @@ from knitlab.cube.selection import as_given, choices, refuse_others, selected, s
 from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
-from knitlab.io.errors import BadInput, Fault, fault, unknown
+from knitlab.io.errors import BadInput, CannotWrite, Fault, fault, unknown
 from knitlab.meshes.chosen_case import has_shape
 from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
 
@@ -56,7 +56,7 @@ def draw_figure(
 def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, unless they are up to date.
 
-    Returned are the files, and why some could not be drawn.
+    Returned are the files, and why some could not be drawn. CannotWrite if one cannot be written.
     """
     files, faults = list[Path](), list[Fault]()
     cube = cube_file.open_cube(folder)
@@ -71,6 +71,8 @@ def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[F
             if missing := figure.missing:
                 drawn = partial(draw, figure.kind, [cube], figure.selections)
                 figure_files.draw_into(drawn, *missing, fingerprint=figure.fingerprint)
+        except CannotWrite:
+            raise
         except BadInput as error:
             stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]

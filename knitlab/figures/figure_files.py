@@ -17,6 +17,7 @@ from knitlab.cube.cube_file import cube_path, swept_dims
 from knitlab.cube.selection import as_given
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
+from knitlab.io.names import inside
 from knitlab.sweep.figure_names import COMPARING
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def requested_figures(
     for kind in kinds:
         for selections in [{}] if kind in COMPARING else slices:
             stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
-            outputs = tuple(folder / "figures" / f"{stem}{suffix}" for suffix in RUN_SUFFIXES)
+            outputs = tuple(inside(folder / "figures", stem + suffix) for suffix in RUN_SUFFIXES)
             fingerprint = fingerprint_of_figure(kind, [folder], selections)
             requested.append(RequestedFigure(kind, selections, outputs, fingerprint))
     return requested

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from knitlab.io.shipped import PACKAGE
+from knitlab.io.text_file import plain_file
 
 MODEL_VERSION = 1
 """Version of the model. Raise it by one where results change on purpose: all are stale then.
@@ -73,7 +74,7 @@ def text_fingerprint(text: str) -> str:
 
 def file_digest(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits; OSError if it cannot be read."""
-    with path.open("rb") as file:
+    with plain_file(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

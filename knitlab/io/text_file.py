@@ -1,6 +1,7 @@
 """Text files of any program: their encoding is recognised, and what is no text is named."""
 
 import codecs
+import errno
 from pathlib import Path
 
 from knitlab.io.errors import fault
@@ -28,7 +29,7 @@ def read_text(path: Path) -> str:
     be read, or is no text.
     """
     try:
-        content = path.read_bytes()
+        content = plain_file(path).read_bytes()
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     for begin, problem in BINARY.items():
@@ -42,6 +43,13 @@ def read_text(path: Path) -> str:
     if "\0" in text:
         raise fault(str(path), "has zero bytes, so it is no text; export it as text in UTF-8")
     return text.translate(SPACES).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def plain_file(path: Path) -> Path:
+    """The path, unless nothing may ever come from what is there, as from a pipe: OSError then."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "not a plain file", str(path))
+    return path
 
 
 def _encoding(content: bytes) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from knitlab.io.errors import fault
+from knitlab.io.image_file import read_image
 from knitlab.io.text_file import read_text
 from knitlab.knitting.program import Needle, Operation, operations
 
@@ -58,14 +59,7 @@ def _of_text(path: Path) -> Stitches:
 
 
 def _of_image(path: Path) -> Stitches:
-    from PIL import Image  # slow to import, and only used here
-
-    try:
-        with Image.open(path) as image:
-            pixels = np.asarray(image.convert("RGBA")).astype(int)
-    except OSError as error:
-        problem = f"cannot be read as an image ({error}); check the path, or save it as PNG"
-        raise fault(str(path), problem) from error
+    pixels = read_image(path).astype(int)
     if pixels[..., 3].min() < 255:
         raise fault(str(path), "has transparent pixels; save it opaque")
     pixels = pixels[..., :3]

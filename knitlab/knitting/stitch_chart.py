@@ -14,6 +14,7 @@ Single folds of plain patterns lie between panels of 1 × 1 rib, which does not 
 bed: a line on the front bed is a mountain along a wale and a valley along a course, as stripes are.
 """
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ from knitlab.knitting.chart import Face, StitchChart
 from knitlab.simulation.case import Case
 
 FOLD_WALES = 2  # width of a single fold's line on one bed, that of the narrowest stripe measured
+MOST_STITCHES = 4_000_000  # of a chart; a machine has some 500 needles
 ASPECT = 2.0  # length over width of a sample on needles (paper, "Kinematics": 200 by 400 mm)
 
 
@@ -61,6 +63,10 @@ def stitch_chart(
         along_y = max(1, round(length / courses))
         repeats = (along_x, along_y) if turned else (along_y, along_x)
     case = replace(case, unit_cells=repeats or case.unit_cells)
+    stitches = math.prod(repeat) * math.prod(case.unit_cells)
+    if stitches > MOST_STITCHES:
+        problem = f"take {stitches:,} stitches, above {MOST_STITCHES:,}; repeat the pattern less"
+        raise fault(f"repeats {case.unit_cells}", problem)
     rows, columns = _patch_lines(case)
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
     back_first = case.options.garter_start == "mountain" and not case.pure

@@ -15,6 +15,7 @@ from pydantic import (
 from knitlab.cube.schema import SIMULATION
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
+from knitlab.io.names import Line
 from knitlab.io.table_file import factor_of
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.laboratory.track_formats import YAxis
@@ -177,8 +178,8 @@ class MarkersTable(StrictModel):
 class Description(StrictModel):
     """A description: the sample, the applied strains to evaluate, and the records."""
 
-    title: Text
-    source: Text = "experiment"  # its name in tables and figures
+    title: Line
+    source: Line = "experiment"  # its name in tables and figures
     synthetic: bool = False  # whether its records were generated
     sample: SampleTable
     protocol: ProtocolTable

@@ -22,6 +22,7 @@ from knitlab.cube.schema import CYCLE, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint, file_digest, provenance, text_fingerprint
+from knitlab.io.names import named_folder
 from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import Values, read_capacitance, read_tensile
 from knitlab.laboratory.markers import read_markers
@@ -61,7 +62,7 @@ def import_records(
     path = Path(description)
     described = read_description(path, kind)
     cycles, summary = READERS[kind](path.parent, described)
-    cube_file = Path(results) / path.stem / CUBE
+    cube_file = named_folder(Path(results), path.stem) / CUBE
     cube = _experiment(described, cycles)
     table, tensile = getattr(described, kind), described.tensile
     files = [table.file, getattr(table, "places", None)]

@@ -3,6 +3,7 @@
 Trajectories that leave this file are in pixels with x to the right and y down, as in pictures.
 """
 
+import math
 import re
 from io import StringIO
 from pathlib import Path
@@ -11,11 +12,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from numpy.lib.format import read_array
+from numpy.lib.format import (
+    read_array,
+    read_array_header_1_0,
+    read_array_header_2_0,
+    read_magic,
+)
 
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
-from knitlab.io.text_file import read_text
+from knitlab.io.text_file import plain_file, read_text
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
 YAxis = Literal["up", "down"]
@@ -29,6 +35,7 @@ ROWS = {
     "a picture": ("frame", "marker", "x", "y"),
 }
 """Programs that write a row for each position, and their headers in lower case."""
+HEADERS = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
 SLEAP = ("frame_idx", "track", "instance.score")
 
 
@@ -97,7 +104,12 @@ def read_tracks(
 
 def _array(path: Path) -> Tracks:
     try:
-        with path.open("rb") as file:
+        with plain_file(path).open("rb") as file:
+            header = HEADERS[min(read_magic(file), max(HEADERS))]
+            shape, _, kind = header(file)
+            if math.prod(shape) * kind.itemsize > path.stat().st_size:
+                raise ValueError(f"its header states the shape {shape}, but it is shorter")
+            file.seek(0)
             tracks = read_array(file, allow_pickle=False)
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error

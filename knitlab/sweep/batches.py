@@ -58,7 +58,7 @@ class Shard:
     @classmethod
     def of(cls, text: str) -> "Shard":
         """Read a shard, as in ``3/40``; BadInput if the text is of another form."""
-        if not (match := re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)):
+        if not (match := re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)):
             raise fault(f"shard {text}", "is not of the form NUMBER/COUNT; write it as in 3/40")
         return cls(int(match[1]), int(match[2]))
 

@@ -47,6 +47,7 @@ from knitlab.sweep.workflow_text import WorkflowText
 PULLED_ACROSS = ("G",)
 PATTERN_FILES = "design.pattern_files"
 USUAL_STRAIN = 2.0  # largest usual applied strain: that of pure stripes, which unfold furthest
+MOST_NODES = 10_000_000  # of a sample: about a terabyte
 FAR = 10.0  # factor beyond the values of the tables from which a value is unusual
 Table = TypeVar("Table")
 Pair = tuple[int, int]
@@ -193,6 +194,7 @@ def cases(
                     cell_patches=entry.cell,
                     **common,
                 )
+                _check_size(case, source)
                 case.sample.grid_folds()
                 if entry.cell and (height % entry.cell[0] or width % entry.cell[1]):
                     problem = f"cell = {list(entry.cell)} does not fill the pattern of {height} by"
@@ -317,6 +319,18 @@ def _check_together(
     ):
         for problem in (problem for problem, holds in refused.items() if used and holds):
             raise fault(source(key), problem)
+
+
+def _check_size(case: Case, source: Source) -> None:
+    """Refuse a sample that no machine could hold, before its grid is made."""
+    grading, (along_y, along_x) = case.grading, case.unit_cells
+    rows, columns = case.periods * len(case.pattern), case.periods * len(case.pattern[0])
+    if grading is not None:
+        rows, columns = sum(grading.row_periods), sum(grading.column_periods)
+    nodes = rows * along_y * columns * along_x * case.options.cells_per_period**2
+    if nodes > MOST_NODES:
+        problem = f"makes a grid of {nodes:.1e} nodes, above {MOST_NODES:.0e}; make it smaller"
+        raise fault(source("design.unit_cells"), f"{case.label}: {problem}")
 
 
 def _check_thickness(case: Case, source: Source) -> None:

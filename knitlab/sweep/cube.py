@@ -14,15 +14,17 @@ from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.cube_file import (
     ATTRIBUTE,
     OPTION,
+    Damaged,
     design_dims,
     differences,
+    of_schema,
     parameters_of,
     read_cube,
     shared,
 )
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.fabric.stripe import STRIPE_QUANTITIES
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import fault
 from knitlab.io.fingerprint import provenance
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge, at_gauge, knit_sizes
 from knitlab.simulation.case import Case
@@ -33,6 +35,7 @@ from knitlab.sweep.results_folder import CaseState, Cell, Design, cells
 TEXT_VARIABLES = ("case_id", "code")
 MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
 """Parameters in which designs of one cube may differ."""
+DAMAGED_CUBE = "cube-damaged.nc"
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
 GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}  # in mm
@@ -46,14 +49,17 @@ class Entry(NamedTuple):
 
 
 def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
-    """The existing cube, if there is one; BadInput if the plan's designs cannot be added to it."""
+    """The existing cube, if there is one; BadInput if the plan's designs cannot be added to it.
+
+    A damaged one is renamed, to be built again from the case files.
+    """
     if not path.exists():
         return None
     try:
-        cube = read_cube(path)
-    except BadInput as error:
-        problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
-        raise fault(str(path), problem) from error
+        cube = of_schema(read_cube(path))
+    except Damaged:
+        path.replace(path.with_name(DAMAGED_CUBE))
+        return None
     dims = design_dims(cube)
     if dims != plan.dims:
         problem = f"has the dimensions {', '.join(dims)}, but the workflow has"

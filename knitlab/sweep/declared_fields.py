@@ -13,6 +13,7 @@ from knitlab.io.toml import StrictModel
 Types = dict[str, Any]  # declared types of settings, with range and unit, by name
 Fields = dict[str, tuple[Any, Any]]  # types and defaults of a schema, by name; ... where required
 FACTOR = "_factor"  # suffix of a setting that multiplies another quantity
+Count = Annotated[int, Field(gt=0, le=1_000_000)]  # of stitches, needles, periods, unit cells
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import tomli_w
-from pydantic import Field, PositiveFloat, ValidationError
+from pydantic import PositiveFloat, ValidationError
 from scipy.interpolate import interp1d
 from scipy.stats import gmean
 
@@ -15,6 +15,7 @@ from knitlab.fabric.settings import PlainKnit, Unit
 from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
 from knitlab.sweep.parameters import KNITS, UNITS, Parameters, StripeRow, StripeTable, StripeTables
@@ -154,7 +155,7 @@ class _PlainEntries(StrictModel):
 class MaterialFile(StrictModel):
     """A material file: tables of stripes, and lengths with unit and source."""
 
-    name: Annotated[str, Field(min_length=1)] | None = None
+    name: Line | None = None
     interpolate: bool = False
     rib: StripeTable | None = None
     garter: StripeTable | None = None

@@ -15,6 +15,7 @@ from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.lock import held
+from knitlab.io.names import named_folder
 from knitlab.sweep import results_folder
 from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes
 from knitlab.sweep.plan import joined_plan
@@ -56,6 +57,7 @@ class FolderContents:
         workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
         if cube is not None:
+            cube = cube_file.of_schema(cube)
             if cube_file.is_measured(cube):
                 raise fault(str(path), "holds an experiment; only simulations are merged")
             workflow, dims = str(cube.attrs["workflow"]), cube_file.design_dims(cube)
@@ -99,7 +101,7 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
     if len(names) > 1:
         listed = ", ".join(f"{name} in {path}" for name, path in names.items())
         raise fault("folders", f"hold results of several workflows ({listed}); merge one at a time")
-    target = (results / next(iter(names))).resolve()
+    target = named_folder(results, next(iter(names))).resolve()
     with held(target):
         clear_unfinished(target)
         merged = [source for source in sources if source.path != target]
@@ -213,7 +215,7 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
                 continue
             if case_id in owner.sound & folder.sound:
                 files = (case_file.checksum_path(each.path, case_id) for each in (owner, folder))
-                if len({file.read_text() for file in files}) == 1:
+                if len({file.read_bytes() for file in files}) == 1:
                     continue
             agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:

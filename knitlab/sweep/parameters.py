@@ -21,6 +21,7 @@ from knitlab.fabric.stripe import (
     periods_per_patch,
 )
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
+from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
@@ -188,7 +189,7 @@ class LayoutRow(StrictModel):
 class ElectrodesFile(StrictModel):
     """``electrodes.toml``: named layouts, and the entries of a capacitor."""
 
-    layouts: dict[str, LayoutRow]
+    layouts: dict[Name, LayoutRow]
 
 
 class DesignGrid(StrictModel):
@@ -211,7 +212,7 @@ class DesignSet(StrictModel):
         return tuple((n, m) for grid in self.designs for n in grid.n_stripe for m in grid.n_subunit)
 
 
-class DesignSets(RootModel[dict[str, DesignSet]]):
+class DesignSets(RootModel[dict[Name, DesignSet]]):
     """``designs.toml``."""
 
 

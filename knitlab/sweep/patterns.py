@@ -5,17 +5,19 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, PositiveInt, RootModel, model_validator
+from pydantic import Field, RootModel, model_validator
 
 from knitlab.fabric.pattern import KNIT_OF_LETTER, BadPattern, Grading, SingleFold, letters_of
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
 from knitlab.io.errors import fault
+from knitlab.io.image_file import read_image
+from knitlab.io.names import Name
 from knitlab.io.text_file import read_text
 from knitlab.io.toml import StrictModel
-from knitlab.sweep.declared_fields import with_defaults, with_fields
+from knitlab.sweep.declared_fields import Count, with_defaults, with_fields
 
 StripeOf = Callable[[Knit, int], Stripe]
-Counts = Annotated[tuple[PositiveInt, ...], Field(strict=False, min_length=1)]
+Counts = Annotated[tuple[Count, ...], Field(strict=False, min_length=1)]
 Letter = Literal["R", "G", "P"]
 SIZES_OF_LINES = (("column_stitches", "column_periods"), ("row_courses", "row_periods"))
 """Keys that give each column or row its own size, in stitches or in periods."""
@@ -73,7 +75,7 @@ class Pattern(StrictModel):
     row_periods: Counts | None = None
     column_n_stripe: Counts | None = None
     row_n_stripe: Counts | None = None
-    cell: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
+    cell: Annotated[tuple[Count, Count] | None, Field(strict=False)] = None
     folds: Annotated[tuple[FoldEntry, ...], Field(strict=False)] = ()
 
     @model_validator(mode="after")
@@ -191,15 +193,9 @@ ROWS = _Lines("row", "row, from the top,", "courses", "garter", GARTER_STITCHES_
 
 
 def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]:
-    # Slow to import, and only used for images.
-    from matplotlib.colors import to_hex
-    from matplotlib.image import imread
+    from matplotlib.colors import to_hex  # slow to import, and only used for images
 
-    pixels = imread(path)
-    if pixels.ndim == 2:
-        pixels = np.repeat(pixels[..., None], 3, axis=-1)
-    if pixels.dtype.kind == "u":
-        pixels = pixels / 255
+    pixels = read_image(path) / 255
     try:
         letters = {to_hex(colour): letter for colour, letter in colours.items()}
     except ValueError as error:
@@ -220,7 +216,7 @@ def is_pattern_name(text: str) -> bool:
     return bool(set(text.upper()) - set(KNIT_OF_LETTER))
 
 
-class PatternFile(RootModel[dict[str, Pattern]]):
+class PatternFile(RootModel[dict[Name, Pattern]]):
     """``patterns.toml``: patterns by name."""
 
     @model_validator(mode="after")

@@ -1,6 +1,7 @@
 """The plan: everything that a run needs, resolved once and stored in ``plan.json``."""
 
 import json
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -15,6 +16,7 @@ from knitlab.cube.schema import SAMPLE, Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
 from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
+from knitlab.io.json_file import with_checksum
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
@@ -40,6 +42,7 @@ from knitlab.sweep.workflow_text import WorkflowText
 
 RECORDED = ("workflow", "title", "figures", "dims", "overrides", "inputs", "stripes", "material")
 """Attributes of a plan that its file has as they are."""
+MOST_CASES = 100_000
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,8 @@ class Plan:
         lines = (f"  {json.dumps(case_id)}: {json.dumps(case.record)}" for case_id, case in cases)
         head = json.dumps(record, indent=1).removesuffix("\n}")
         with atomic_write(path) as temporary:
-            temporary.write_text(f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n")
+            text = f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n"
+            temporary.write_text(with_checksum(text), encoding="utf-8")
 
 
 def make_plan(
@@ -141,6 +145,10 @@ def make_plan(
             designs = designs_of_stripes(pure, parameters, text.source)
     with faults:
         if parameters and read and not faults.all:
+            sets = math.prod(len(axes[name]) for name in {*axes} - {*text.paired[1:]})
+            if (number := len(designs) * sets) > MOST_CASES:
+                problem = f"asks for {number:,} cases, above {MOST_CASES:,}; give shorter lists"
+                raise fault(str(text.path), problem)
             made = {
                 case.case_id: case
                 for labels, chosen in workflow_text.combinations(read, axes, text.paired)
@@ -198,7 +206,7 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         try:
             cases[case_id] = case_of(stored)
         except (ValidationError, KeyError, TypeError) as error:
-            problem = f"was recorded by another version of knitlab ({error}); run it again"
+            problem = "was recorded by another version of knitlab; run it again"
             raise fault(f"{source}: {case_id}", problem) from error
     designs = {tuple(case.design.values()) for case in cases.values()}
     excluded = {tuple(row[:-1]): row[-1] for record in records for row in record["excluded"]}

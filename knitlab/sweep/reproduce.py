@@ -64,7 +64,7 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     try:
         return RecordedCase(case_of(record), name, folder)
     except (ValidationError, KeyError, TypeError) as error:
-        raise fault(name, f"was recorded by another version of knitlab ({error})") from error
+        raise fault(name, "was recorded by another version of knitlab; run it again") from error
 
 
 def reproduce(

@@ -10,10 +10,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
+from pydantic import BaseModel, Field, PositiveFloat, model_validator
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
 from knitlab.cube.cube_file import CUBE, design_dims, read_cube
@@ -21,12 +22,58 @@ from knitlab.cube.schema import RUN, Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint
+from knitlab.io.json_file import json_table, read_json
+from knitlab.io.names import Name, named_folder
+from knitlab.io.text_file import plain_file
 from knitlab.sweep.workflow_file import Overrides, read_overrides, workflow_file
 
 PLAN = "plan.json"
 FAILURES = "failures.jsonl"
 Design = tuple[Any, ...]
 Failure = dict[str, Any]  # an entry of `failures.jsonl`: a design that is not ok, and why
+
+
+class CaseRecord(BaseModel):
+    """What is read of the record of a case here."""
+
+    design: dict[str, int | float | str] = Field(min_length=1)
+
+
+class GaugeRecord(BaseModel):
+    """The gauge of a plan [mm]."""
+
+    stitch_width: PositiveFloat
+    stitch_height: PositiveFloat
+
+
+class PlanRecord(BaseModel):
+    """What is read of ``plan.json``."""
+
+    workflow: Name
+    title: str
+    figures: list[str]
+    dims: list[str] = Field(min_length=1)
+    overrides: dict[str, Any]
+    inputs: dict[str, str]
+    gauge: GaugeRecord
+    parameters: dict[str, Any]
+    excluded: list[Annotated[list[int | float | str], Field(min_length=1)]]
+    cases: dict[str, CaseRecord] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _has_one_grid(self) -> "PlanRecord":
+        if any(list(case.design) != self.dims for case in self.cases.values()):
+            raise ValueError("cases have other dimensions than the plan")
+        return self
+
+
+class FailureRecord(BaseModel):
+    """What is read of a line of ``failures.jsonl``."""
+
+    case_id: str
+    status: Literal["failed", "not_converged"]
+    reason: str = Field(min_length=1)
+    case: dict[str, Any] = Field(min_length=1)
 
 
 class CaseState(Enum):
@@ -96,17 +143,9 @@ def labelled(dims: Iterable[str], design: Iterable[Any]) -> str:
 def read_plan(folder: Path) -> dict[str, Any]:
     """The record of a folder's plan."""
     path = folder / PLAN
-    try:
-        record = json.loads(path.read_text())
-    except FileNotFoundError:
-        raise fault(str(path), "does not exist; plan or run the workflow first") from None
-    except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except ValueError:
-        record = None
-    if isinstance(record, dict) and {"cases", "dims", "inputs", "overrides"} <= record.keys():
-        return record
-    raise fault(str(path), "is not a plan; plan the workflow again")
+    if not path.exists():
+        raise fault(str(path), "does not exist; plan or run the workflow first")
+    return read_json(path, PlanRecord, "a plan", "plan the workflow again")
 
 
 def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
@@ -123,9 +162,10 @@ def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
 def earlier_failures(folder: Path) -> dict[str, Failure]:
     """Entries for designs that were not ok when a run last ended, by case identifier."""
     try:
-        entries = [json.loads(line) for line in (folder / FAILURES).read_text().splitlines()]
-        return {entry["case_id"]: entry for entry in entries if entry["reason"] and entry["case"]}
-    except (OSError, ValueError, TypeError, KeyError):
+        lines = plain_file(folder / FAILURES).read_text(encoding="utf-8").splitlines()
+        entries = [json_table(line, FAILURES, FailureRecord) for line in lines]
+        return {entry["case_id"]: entry for entry in entries}
+    except (OSError, ValueError, BadInput):
         return {}  # every run rewrites the file, and no result depends on it
 
 
@@ -195,7 +235,7 @@ def status(
     Raises:
         BadInput: if the workflow was never planned there.
     """
-    folder = Path(results) / Path(workflow).stem
+    folder = named_folder(Path(results), Path(workflow).stem)
     record = read_plan(folder)
     designs, changed = planned_designs(record), changed_inputs(record)
     if changed:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Event
 
 import xarray as xr
 
@@ -148,8 +149,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             if state in (CaseState.pending, CaseState.damaged)
             or (state is not CaseState.done and options.refresh)
         }
-        with workers.interrupted_by_signals():
-            done = _simulate(share, results, missing, options)
+        with workers.interrupted_by_signals() as asked:
+            done = _simulate(share, results, missing, options, asked)
         if joined := shard is None:
             cube, failures = _join(plan, results, old, states, done)
         else:
@@ -184,7 +185,7 @@ class _Simulated:
 
 
 def _simulate(
-    plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions
+    plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions, asked: Event
 ) -> _Simulated:
     """Simulate cases; a batch that was lost twice is run alone, where it can kill no other."""
     done = _Simulated()
@@ -229,6 +230,7 @@ def _simulate(
                     if options.fail_fast:
                         ok = not error and read_case(results, case_id)["status"] == Status.ok
                         done.stopped |= not ok
+                done.stopped |= asked.is_set()
                 if done.stopped:
                     return done
             batches, attempts = again, attempts + 1

@@ -6,10 +6,11 @@ Signals that end a process are handled like Ctrl-C.
 import logging
 import os
 import signal
+import socket
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -43,6 +44,7 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 logging.getLogger("distributed").setLevel(logging.CRITICAL)
 """
 """Run by dask's workers at their start: they ignore Ctrl-C and log nothing."""
+SECONDS_TO_ANSWER = 2.0  # longest time in which a scheduler begins to speak
 ENDED = ("finished", "error")  # states of a dask task, in which none is if its scheduler is gone
 
 Batch = Sequence[Case]
@@ -212,10 +214,16 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 def connected(scheduler: str) -> "Client":
     """A client of an existing scheduler; BadInput if none answers."""
     from distributed import Client
+    from distributed.comm.addressing import get_address_host_port
 
     try:
+        if scheduler.partition("://")[0] not in ("tls", "ws", "wss"):
+            # One begins to speak at once; dask would wait for a mute one for ever.
+            place = get_address_host_port(scheduler)
+            with socket.create_connection(place, SECONDS_TO_ANSWER) as line:
+                line.recv(1)
         return Client(scheduler, timeout=10)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, MemoryError) as error:  # the last of what speaks otherwise
         problem = f"no dask scheduler answers ({error}); check the address"
         raise fault(f"scheduler {scheduler}", problem) from error
 
@@ -240,37 +248,48 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
     }
     for name in ("distributed", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    with (
-        dask.config.set(settings),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            host="127.0.0.1",
-            # Any free port, so that a second run on this machine causes no warning.
-            dashboard_address="127.0.0.1:0",
-            scheduler_kwargs={"dashboard": dashboard},
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
+    with dask.config.set(settings), ExitStack() as stack:
+        try:
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                # Any free port, so that a second run on this machine causes no warning.
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": dashboard},
+                silence_logs=logging.CRITICAL,
+            )
+            client = stack.enter_context(Client(stack.enter_context(cluster)))
+        except Exception as error:  # many types, if a process is killed or there are few files
+            problem = f"cannot be started ({error}); run again, with fewer workers or 0 for none"
+            raise fault(f"workers {workers}", problem) from error
         if dashboard:
             logging.getLogger(__name__).warning("dashboard  %s", cluster.dashboard_link)
         yield client
 
 
 @contextmanager
-def interrupted_by_signals() -> Iterator[None]:
-    """Raise KeyboardInterrupt on signals that end a process; only the main thread can do so."""
+def interrupted_by_signals() -> Iterator[threading.Event]:
+    """Raise KeyboardInterrupt on signals that end a process; only the main thread can do so.
+
+    The event is set then, as Python may lose an exception that is raised within an import.
+    """
+    asked = threading.Event()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        asked.set()
+        raise KeyboardInterrupt
+
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield asked
         return
     before = {
-        number: signal.signal(number, signal.default_int_handler)
+        number: signal.signal(number, interrupt)
         for number in ENDING
         if signal.getsignal(number) is not signal.SIG_IGN
     }
     try:
-        yield
+        yield asked
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

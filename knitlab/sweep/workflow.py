@@ -13,7 +13,6 @@ from pydantic import (
     Field,
     FiniteFloat,
     PositiveFloat,
-    PositiveInt,
     ValidationError,
     field_validator,
     model_validator,
@@ -28,12 +27,14 @@ from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit
 from knitlab.fabric.stripe import STIFFENING, STRIPE_QUANTITIES, Knit
 from knitlab.io.errors import BadInput, faults_of, unknown
+from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Method
 from knitlab.sweep.declared_fields import (
     FACTOR,
+    Count,
     declared,
     factors,
     optional,
@@ -45,7 +46,7 @@ from knitlab.sweep.figure_names import FIGURE_NAMES
 from knitlab.sweep.parameters import KNITS, QUANTITIES
 from knitlab.sweep.patterns import is_pattern_name
 
-Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]  # numbers of stitches
+Sizes = Annotated[tuple[Count, ...], Field(min_length=1, strict=False)]  # numbers of stitches
 
 LARGEST_STRAIN = 10.0  # of a test; pure stripes unfold to about 2
 MOST_STEPS = 1000  # largest number of strain steps of a test
@@ -90,8 +91,8 @@ class DesignSection(StrictModel):
     n_subunit: Sizes | None = None
     pattern: Annotated[tuple[str, ...], Field(strict=False)] = ("GR", "RG")
     pattern_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
-    needles: PositiveInt | None = None
+    unit_cells: Annotated[tuple[Count, Count] | None, Field(strict=False)] = None
+    needles: Count | None = None
     aspect: PositiveFloat = 2.0
     scale: Fraction = 1.0
 
@@ -120,7 +121,7 @@ class StripesSection(StrictModel):
     knit: Annotated[tuple[Knit, ...], Field(min_length=1, strict=False)] = ("rib", "garter")
     n: Sizes | None = None
     boundaries: Annotated[tuple[Boundary, ...], Field(min_length=1, strict=False)] = ("periodic",)
-    stripe_periods: PositiveInt = 1
+    stripe_periods: Count = 1
 
 
 class ProtocolSection(StrictModel):
@@ -265,7 +266,7 @@ class GaugeSection(StrictModel):
 class Workflow(StrictModel):
     """A workflow file, with the overrides of ``--set`` applied."""
 
-    title: str = Field(min_length=1)
+    title: Line
     figures: Figures = ()
     design: DesignSection | None = None
     stripes: StripesSection | None = None

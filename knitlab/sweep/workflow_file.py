@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from knitlab.io.errors import Fault, fault, unknown
+from knitlab.io.names import named_folder
 from knitlab.io.shipped import shipped
 
 Overrides = Sequence[str] | Mapping[str, Any]
@@ -18,6 +19,7 @@ Overrides = Sequence[str] | Mapping[str, Any]
 def workflow_file(workflow: str) -> Path:
     """The file of a workflow given by its name or its path; BadInput if there is none."""
     named, path = shipped("workflows") / f"{workflow}.toml", Path(workflow)
+    named_folder(Path(), path.stem)
     if named.is_file():
         return named
     if path.is_file():
@@ -66,7 +68,7 @@ def read_value(text: str) -> Any:
     """The value of a text: a TOML value, a list of values between commas, or the text itself."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         parts = [part.strip() for part in text.split(",")]
         return text if len(parts) == 1 or text.startswith("[") else [*map(read_value, parts)]
 

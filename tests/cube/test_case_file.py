@@ -30,8 +30,8 @@ def dataset():
 
 
 def test_xarray_reads_what_was_written(dataset, tmp_path):
-    write_case_file(tmp_path, "4-16", dataset)
-    back = read_case(tmp_path, "4-16")
+    write_case_file(tmp_path, "4-16-é", dataset)
+    back = read_case(tmp_path, "4-16-é")
     for name in dataset.variables:
         np.testing.assert_array_equal(back[name], dataset[name], err_msg=str(name))
         assert back[name].dims == dataset[name].dims
@@ -39,12 +39,12 @@ def test_xarray_reads_what_was_written(dataset, tmp_path):
             np.testing.assert_array_equal(back[name].attrs[key], value)
     assert back.attrs == dataset.attrs
     assert back["status"].dtype == np.int8
-    assert read_code(tmp_path, "4-16") == "0123456789ab"
+    assert read_code(tmp_path, "4-16-é") == "0123456789ab"
 
 
 def test_stored_values_are_read_without_xarray(dataset, tmp_path):
-    write_case_file(tmp_path, "4-16", dataset)
-    path = case_path(tmp_path, "4-16")
+    write_case_file(tmp_path, "4-16-é", dataset)
+    path = case_path(tmp_path, "4-16-é")
     assert path.read_bytes().startswith(b"CDF\x02")
     values = read_values(path, [*dataset.variables, "absent"])
     assert values.keys() == set(dataset.variables)
@@ -55,12 +55,12 @@ def test_stored_values_are_read_without_xarray(dataset, tmp_path):
 def test_the_same_dataset_gives_the_same_bytes(dataset, tmp_path):
     contents = []
     for name in ("one", "other"):
-        write_case_file(tmp_path / name, "4-16", dataset.copy(deep=True))
-        contents.append(case_path(tmp_path / name, "4-16").read_bytes())
+        write_case_file(tmp_path / name, "4-16-é", dataset.copy(deep=True))
+        contents.append(case_path(tmp_path / name, "4-16-é").read_bytes())
     assert contents[0] == contents[1]
 
 
 def test_a_case_file_in_the_format_of_hdf5_is_read_too(dataset, tmp_path):
-    case_path(tmp_path, "4-16").parent.mkdir()
-    dataset.to_netcdf(case_path(tmp_path, "4-16"), engine="netcdf4")
-    assert read_code(tmp_path, "4-16") == "0123456789ab"
+    case_path(tmp_path, "4-16-é").parent.mkdir()
+    dataset.to_netcdf(case_path(tmp_path, "4-16-é"), engine="netcdf4")
+    assert read_code(tmp_path, "4-16-é") == "0123456789ab"

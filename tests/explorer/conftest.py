@@ -57,7 +57,8 @@ def troubled(tmp_path_factory):
     snapped = {"n_stripe": 6, "n_subunit": 36}
     cube["snapped"].loc[snapped | {"applied_strain": strains[6]}] = 1
     case_id = cube["case_id"].sel(failed).item()
-    entry = {"case_id": case_id, "reason": HOSTILE, "case": {"method": "equilibrium"}}
+    entry = {"case_id": case_id, "status": "failed", "reason": HOSTILE}
+    entry |= {"case": {"method": "equilibrium"}}
     (folder / "failures.jsonl").write_text(json.dumps(entry) + "\n")
     write_cube(cube, folder / "cube.nc")
     return folder

@@ -25,6 +25,8 @@ COMPUTES_NOTHING = {
     "io/atomic_write.py": "how files are written",
     "io/fingerprint.py": "this fingerprint, and who computed",
     "io/shipped.py": "where files lie",
+    "io/names.py": "paths, made of names",
+    "io/text_file.py": "how files are read",
     "__init__.py": "enables float64, without which no test passes",
 }
 """Modules that the simulation imports and whose code changes no number, and why."""

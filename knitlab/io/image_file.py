@@ -1,0 +1,27 @@
+"""Images whose pixels are patches or stitches."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+
+from knitlab.io.errors import fault
+from knitlab.io.text_file import plain_file
+
+MOST_PIXELS = 10_000_000  # more stitches than a machine knits
+
+
+def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
+    """Red, green, blue and opacity of the pixels of an image; BadInput if it cannot be used."""
+    from PIL import Image  # slow to import, and only used here
+
+    try:
+        with Image.open(plain_file(path)) as image:
+            if image.width * image.height > MOST_PIXELS:
+                problem = f"has {image.width} x {image.height} pixels; give one for each patch or"
+                raise fault(str(path), f"{problem} stitch, at most {MOST_PIXELS:,}")
+            return np.asarray(image.convert("RGBA"))
+    # A damaged image raises many types.
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        problem = f"cannot be read as an image ({error}); check the path, or save it as PNG"
+        raise fault(str(path), problem) from error

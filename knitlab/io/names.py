@@ -1,0 +1,56 @@
+"""Names that users give: one rule for all, and paths that are made of them."""
+
+import re
+import unicodedata
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from knitlab.io.errors import fault
+
+LONGEST = 100  # characters of a name; file systems take 255 bytes
+NAME = re.compile(rf"(?=.{{1,{LONGEST}}}\Z)\w(?:[\w .-]*[\w-])?")
+RULE = (
+    f"is not a name of at most {LONGEST} letters, digits, '.', '_', '-' and spaces, which begins"
+    " with a letter or a digit; choose another name"
+)
+CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t\n\r"}}
+"""Characters that a terminal obeys, as they are shown; but for tabs and ends of lines."""
+
+
+def is_name(text: str) -> bool:
+    """Whether a text keeps the rule of names."""
+    return NAME.fullmatch(unicodedata.normalize("NFC", text)) is not None
+
+
+def _name(text: str) -> str:
+    if not is_name(text):
+        raise ValueError(f"{text!r} {RULE}")
+    return text
+
+
+def _line(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError(f"{text!r} has characters that cannot be printed; remove them")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_name)]
+"""A name of a user, which may become that of a folder or a label."""
+Line = Annotated[str, Field(min_length=1), AfterValidator(_line)]
+"""A line of text, as a title."""
+
+
+def named_folder(folder: Path, name: str) -> Path:
+    """The subfolder of a name that a user gave, or a file states; BadInput if it is no name."""
+    if not is_name(name):
+        raise fault(repr(name), RULE)
+    return folder / name
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The file of a name in a folder; BadInput if it would be elsewhere."""
+    if Path(name).name != name or {*name} & {*"/\\\0"}:
+        raise fault(str(folder), f"has no place for a file named {name!r}; its name is damaged")
+    return folder / name

@@ -1,0 +1,224 @@
+"""Any name and any damaged byte of a results folder: the right numbers or a sentence."""
+
+import json
+import os
+import shutil
+from contextlib import suppress
+
+import pytest
+import xarray as xr
+from hypothesis import HealthCheck, Phase, example, given, settings
+from hypothesis import strategies as st
+
+from knitlab.cube.cube_file import open_cube, write_cube
+from knitlab.cube.query import formatted, query_cubes
+from knitlab.explorer.explorer import write_explorer
+from knitlab.io.errors import BadInput
+from knitlab.io.json_file import with_checksum
+from knitlab.io.names import is_name
+from knitlab.sweep.merge import merge_folders
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import CaseState, status
+from knitlab.sweep.run import RunOptions, run_plan
+from tests.sweep import stand_in
+
+FUZZ = settings(
+    deadline=None,
+    derandomize=True,
+    max_examples=12,
+    phases=(Phase.explicit, Phase.generate),
+    suppress_health_check=list(HealthCheck),
+)
+FEW = ("n_stripe=4", "n_subunit=16,32", "strain_max=0.06")
+
+
+def ran(folder, plan=None):
+    plan = plan or make_plan("periodic", FEW)
+    return run_plan(plan, folder, RunOptions(simulate=stand_in.simulate))
+
+
+@pytest.fixture(scope="module")
+def undamaged(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results") / "periodic"
+    return folder, ran(folder).cube
+
+
+@pytest.fixture
+def folder(undamaged, tmp_path):
+    shutil.copytree(undamaged[0], tmp_path / "periodic")
+    return tmp_path / "periodic"
+
+
+def numbers(cube):
+    return cube.drop_attrs().load()
+
+
+@FUZZ
+@given(data=st.data())
+def test_a_damaged_byte_gives_the_right_numbers_or_a_sentence(undamaged, tmp_path, data):
+    original, cube = undamaged
+    folder, merged = tmp_path / "periodic", tmp_path / "merged"
+    for old in (folder, merged):
+        shutil.rmtree(old, ignore_errors=True)
+    shutil.copytree(original, folder)
+    names = [path.relative_to(folder) for path in sorted(folder.rglob("*")) if path.is_file()]
+    path = folder / data.draw(st.sampled_from([name for name in names if "lock" not in name.name]))
+    contents = bytearray(path.read_bytes())
+    if contents:
+        contents[data.draw(st.integers(0, len(contents) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    path.write_bytes(contents)
+    wanted = query_cubes([open_cube(original)])
+
+    def read():
+        assert set(status("periodic", results=tmp_path, check=True).counts) <= {"ok", "damaged"}
+        assert query_cubes([open_cube(folder, lazily=True)]).equals(wanted)
+        xr.testing.assert_identical(numbers(merge_folders([folder], merged).cube), numbers(cube))
+
+    with suppress(BadInput):
+        read()
+    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(cube))
+    read()
+
+
+LETTERS = st.text(st.sampled_from("aé9_ .-/\\<=\x1b\n\0\u202e$'\""), max_size=12)
+
+
+@FUZZ
+@given(name=LETTERS | st.text(max_size=120))
+@example(name="my border 2.1_b-é")
+@example(name="a/../../../../../outside/evil")
+def test_a_name_works_everywhere_or_is_refused_with_its_place(tmp_path_factory, name):
+    folder = tmp_path_factory.mktemp("names")
+    patterns = folder / "patterns.toml"
+    key = json.dumps(name, ensure_ascii=False)
+    patterns.write_text(f'[{key}]\nrows = ["GR", "RG"]\n', encoding="utf-8")
+    overrides = {"pattern_files": [str(patterns)], "pattern": [name, "checkerboard"]}
+    overrides |= {"n_stripe": 4, "n_subunit": 16, "strain_max": 0.03}
+    before = {*folder.parent.iterdir()}
+    taken = name == "checkerboard" or not set(name.upper()) - set("RGP")
+    if not is_name(name) or taken:
+        with pytest.raises(BadInput, match="pattern"):
+            make_plan("periodic", overrides)
+        return
+    plan = make_plan("periodic", overrides)
+    ran(folder / "results" / "periodic", plan)
+    assert {*folder.parent.iterdir()} == before
+    assert status("periodic", results=folder / "results").counts == {"ok": 2}
+    cube = open_cube(folder / "results" / "periodic")
+    assert name in set(query_cubes([cube])["pattern"])
+    write_explorer([cube], folder / "page.html")
+
+
+@pytest.mark.parametrize("name", ["../victim", "/absolute", "", "..", "=cmd", "\x1b[31m"])
+@pytest.mark.parametrize("where", ["plan", "cube"])
+def test_a_stated_name_leads_nowhere_else(folder, tmp_path, name, where):
+    if where == "plan":
+        record = json.loads((folder / "plan.json").read_text())
+        record.pop("sha256")
+        (folder / "plan.json").write_text(json.dumps(record | {"workflow": name}))
+    else:
+        (folder / "plan.json").unlink()
+        cube = xr.load_dataset(folder / "cube.nc")
+        cube.assign_attrs(workflow=str(name)).to_netcdf(folder / "cube.nc")
+    with pytest.raises(BadInput):
+        merge_folders([folder], tmp_path / "merged" / "here")
+    assert not list(tmp_path.glob("victim*"))
+
+
+def test_exchanged_case_files_are_computed_again(folder, undamaged):
+    one, other = sorted((folder / "cases").glob("*.nc"))
+    for suffix in (".nc", ".sha256"):
+        first, second = one.with_suffix(suffix), other.with_suffix(suffix)
+        texts = first.read_bytes(), second.read_bytes()
+        own, others = (path.name.encode() for path in (one, other))
+        first.write_bytes(texts[1].replace(others, own))
+        second.write_bytes(texts[0].replace(own, others))
+    (folder / "cube.nc").unlink()
+    run = ran(folder)
+    assert set(run.states_before.values()) == {CaseState.damaged}
+    xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
+
+
+@pytest.mark.parametrize("dims", [("n_stripe",), ("n_stripe", "n_subunit"), ("foreign",)])
+def test_variables_of_other_programs_are_left_out(folder, undamaged, dims, tmp_path):
+    cube = open_cube(folder)
+    sizes = [cube.sizes.get(dim, 3) for dim in dims]
+    foreign = xr.DataArray(range(sizes[0]), dims=dims[:1]).expand_dims(
+        dict(zip(dims[1:], sizes[1:], strict=True))
+    )
+    cube = cube.assign(mine=foreign)
+    cube.to_netcdf(tmp_path / "other.nc")
+    shutil.copy(tmp_path / "other.nc", folder / "cube.nc")
+    for run in (ran(folder).cube, merge_folders([folder], tmp_path / "merged").cube):
+        xr.testing.assert_identical(numbers(run), numbers(undamaged[1]))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"cases": None},
+        {"workflow": None},
+        {"dims": 3},
+        {"dims": []},
+        {"inputs": [1]},
+        {"excluded": [None]},
+        {"gauge": {}},
+        {"figures": None},
+        {"overrides": [1]},
+        {"cases": {"a": [1]}},
+        {"cases": {"a": {"design": None}}},
+    ],
+)
+def test_a_plan_of_another_schema_is_a_sentence(folder, change, tmp_path):
+    record = json.loads((folder / "plan.json").read_text()) | change
+    text = json.dumps(record, indent=1) + "\n"
+    (folder / "plan.json").write_text(with_checksum(text))
+    for read in (
+        lambda: status("periodic", results=tmp_path),
+        lambda: merge_folders([folder], tmp_path / "merged"),
+    ):
+        with pytest.raises(BadInput, match=r"plan\.json: is not a plan"):
+            read()
+    assert not ran(folder).failures
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "9" * 5000, '{"a": ' * 5000])
+def test_a_plan_without_end_is_a_sentence(folder, tmp_path, text):
+    (folder / "plan.json").write_text(text)
+    with pytest.raises(BadInput, match=r"plan\.json: is not a plan"):
+        status("periodic", results=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "line", ["[null]", "null", '{"case_id": 5}', '"x"', '{"failures": [null]}']
+)
+def test_a_foreign_line_among_the_failures_is_ignored(folder, line, undamaged):
+    (folder / "failures.jsonl").write_text(line + "\n")
+    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
+
+
+def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
+    cube = xr.load_dataset(folder / "cube.nc")
+    cube["status"][0, 0] = 99
+    write_cube(cube, folder / "cube.nc")
+    with pytest.raises(BadInput, match="unknown status 99"):
+        open_cube(folder)
+    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
+
+
+def test_a_csv_has_no_formulas(folder):
+    cube = open_cube(folder)
+    cube["case_id"][0, 0] = "=cmd|' /C calc'!A0"
+    text = formatted(query_cubes([cube], columns=["case_id", "poisson_ratio_min"]), "csv")
+    assert "\n'=cmd" in text or "\n\"'=cmd" in text
+
+
+def test_a_file_that_never_ends_is_a_sentence(folder, tmp_path):
+    case = next((folder / "cases").glob("4-16-*.nc"))
+    for path in (case, case.with_suffix(".sha256"), folder / "plan.json", folder / "cube.nc"):
+        path.unlink()
+        os.mkfifo(path)
+        with suppress(BadInput):
+            status("periodic", results=tmp_path, check=True)
+        path.unlink()
+    assert not ran(folder).failures
