@@ -76,6 +76,12 @@ def test_a_part_as_wide_as_the_cell_is_pulled_as_in_a_test():
     assert found["gauge_factor"][0, 1] == pytest.approx((high - low) / 0.002, rel=0.01)
 
 
+def test_cloth_that_polarises_has_bare_electrodes():
+    insulated = small_test(dielectric_thickness=0.1, strains=(0.0,))
+    with pytest.raises(kl.BadInput, match="is of bare electrodes"):
+        kl.capacitance_matrix(insulated, cloth_permittivity=2.0)
+
+
 @pytest.mark.slow
 def test_rows_cross_columns_of_a_sample_with_an_insulation():
     known = kl.defaults()
