@@ -174,7 +174,7 @@ def cross_talk(
         found = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
     except NoDerivative as problem:
         raise fault(case.label, f"{problem}; take a design that relaxes to one shape") from problem
-    both, labels = ("sensor", "pulled"), [":".join(pair) for pair in sensors]
+    both, labels = ("sensor", "pulled"), ["-".join(pair) for pair in sensors]
     scale = _lengthened(of_set, relaxed, capacitor)
     own = np.diag(found.gauge_factor)
     variables = {

@@ -17,7 +17,7 @@ from knitlab.io.errors import fault
 @option("--along", "Direction that the sensor is to read.", ["warp", "weft"], default="warp")
 @flag("--free", "Cloth with free sides, not held as on a skin.")
 @repeatable("--electrode electrodes NAME", "Capacitance matrix of these: w1, c2, w1+w3, 0:4/2:6.")
-@repeatable("--sensor sensors NAME:NAME", "Cross-talk of these pairs of electrodes.")
+@repeatable("--sensor sensors NAME-NAME", "Cross-talk of these pairs of electrodes.")
 @option("--pull", "Direction of the pull at one sensor.", ["weft", "warp"], default="weft")
 @flag("--grounded", "Ground the electrodes that are not read; otherwise they float.")
 @option("--cloth-permittivity", "Of the cloth, relative.", click.FLOAT, default=1.0)
@@ -41,8 +41,9 @@ def sensing(
 ) -> None:
     """List what the knitted capacitors of CUBE read of strain and bending, along and across.
 
-    Numbers are changes of ln C: per strain, along and across the sensor, and per curvature, bent_…,
-    in mm. selectivity is the first over the second. Shapes are in the case files beside a cube.
+    Numbers are changes of ln C: per strain, along and across the sensor, and per curvature in mm,
+    bent along and across. selectivity is the first over the second. Shapes are in the case files
+    beside a cube.
 
     With --electrode it prints the capacitance matrix of one design [pF], with --sensor what one
     sensor reads while another is pulled. Electrodes are ridges along a wale (w1, w2, …) or a course
@@ -54,7 +55,7 @@ def sensing(
     from knitlab.sensing.selectivity import selectivity_table
 
     if electrodes and sensors:
-        raise fault("electrode", "and sensors give two tables; give one of them")
+        raise fault("electrodes", "gives one table and --sensor another; give one of them")
     if (electrodes or sensors) and where:
         raise fault("where", "is of a table of designs; select one design")
     cloth = {"cloth_permittivity": cloth_permittivity, "cloth_thickness": cloth_thickness}
@@ -65,7 +66,7 @@ def sensing(
         table = wide[list(electrodes)].reindex(list(electrodes), level="electrode").reset_index()
         known = bool(found["capacitance"].notnull().all())
     elif sensors:
-        pairs = [(one, other) for one, _, other in (each.partition(":") for each in sensors)]
+        pairs = [(one, other) for one, _, other in (each.partition("-") for each in sensors)]
         found = of.cross_talk(
             cube,
             pairs,
@@ -76,6 +77,7 @@ def sensing(
             **cloth,
         )
         table = found.to_dataframe().reset_index()
+        known = bool(found["reading"].notnull().all())
     else:
         found = of.selectivity(cube, output, selections, along=along, where=where)
         table = selectivity_table(found, "free" if free else "held")

@@ -223,8 +223,8 @@ class GridFabric(eqx.Module):
         if self.periodic:
             lengths = jnp.stack([x[:, -1].sum(), y[-1].sum()])
             # At the nodes of periodic fabric, that of their images is added.
-            x, y, z = (part[:-1].at[0].add(part[-1]) for part in (x, y, z))
-            x, y, z = (part[:, :-1].at[:, 0].add(part[:, -1]) for part in (x, y, z))
+            x, y, z = (each[:-1].at[0].add(each[-1]) for each in (x, y, z))
+            x, y, z = (each[:, :-1].at[:, 0].add(each[:, -1]) for each in (x, y, z))
         if walls:
             z = z + self.k_wall * self._beyond(shape.positions[2])
         return Shape((x, y, z), lengths)
@@ -255,19 +255,19 @@ def _hinged(
 
 
 def _at(vector: OnLines, rows: slice, columns: slice) -> OnLines:
-    return jax.tree.map(lambda part: part[rows, columns], vector)
+    return jax.tree.map(lambda component: component[rows, columns], vector)
 
 
 def _extended(
-    part: Lines, periodic: bool, offset_x: Array | float, offset_y: Array | float
+    grid: Lines, periodic: bool, offset_x: Array | float, offset_y: Array | float
 ) -> Lines:
     """A component with a line before the first and one after the last, or two if periodic."""
     if periodic:
-        part = jnp.concatenate([part[-1:] - offset_y, part, part[:2] + offset_y], axis=0)
-        return jnp.concatenate([part[:, -1:] - offset_x, part, part[:, :2] + offset_x], axis=1)
-    part = jnp.concatenate([2 * part[:1] - part[1:2], part, 2 * part[-1:] - part[-2:-1]], axis=0)
+        grid = jnp.concatenate([grid[-1:] - offset_y, grid, grid[:2] + offset_y], axis=0)
+        return jnp.concatenate([grid[:, -1:] - offset_x, grid, grid[:, :2] + offset_x], axis=1)
+    grid = jnp.concatenate([2 * grid[:1] - grid[1:2], grid, 2 * grid[-1:] - grid[-2:-1]], axis=0)
     return jnp.concatenate(
-        [2 * part[:, :1] - part[:, 1:2], part, 2 * part[:, -1:] - part[:, -2:-1]], axis=1
+        [2 * grid[:, :1] - grid[:, 1:2], grid, 2 * grid[:, -1:] - grid[:, -2:-1]], axis=1
     )
 
 

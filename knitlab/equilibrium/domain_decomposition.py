@@ -64,11 +64,11 @@ class SubdomainSolver:
         at: Point,
         free: FreeStiffness,
         settings: Solver,
-        force_part: float = 0.01,
+        force_fraction: float = 0.01,
     ) -> tuple[Point, float]:
         """Solve the subdomains to low accuracy, those with the largest forces first.
 
-        A fraction ``force_part`` of the largest force is accepted: most subdomains need no work
+        A fraction ``force_fraction`` of the largest force is accepted: most subdomains need no work
         while a few are far from equilibrium. Returns the state of the sample, and the number of
         iterations, each weighted by the subdomain's share of the unknowns.
         """
@@ -77,7 +77,7 @@ class SubdomainSolver:
         gradient = np.asarray(system.evaluate(at).gradient)
         forces = np.array([problem.subdomain.force(gradient) for problem in problems])
         # Forces above 1e-6 N would cost more iterations of the whole.
-        accepted = max(settings.tolerance, 1e-6, force_part * float(forces.max()))
+        accepted = max(settings.tolerance, 1e-6, force_fraction * float(forces.max()))
         settings = replace(settings, tolerance=accepted, max_iterations=300)
 
         def solved(number: int) -> State:

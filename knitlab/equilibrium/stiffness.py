@@ -77,10 +77,10 @@ class FreeStiffness:
         self, hessians: ElementHessians, threads: Threads = ALONE
     ) -> Float[np.ndarray, " nonzero"]:
         """Non-zeros of the stiffness, from the element Hessians of one configuration [N/mm]."""
-        sources = [np.ravel(part) for part in (hessians.springs, hessians.hinges, hessians.walls)]
+        sources = [np.ravel(each) for each in (hessians.springs, hessians.hinges, hessians.walls)]
 
         def summed(matrices: list[sp.csr_array]) -> Float[np.ndarray, " half"]:
-            first, *others = (a @ part for a, part in zip(matrices, sources, strict=True))
+            first, *others = (matrix @ each for matrix, each in zip(matrices, sources, strict=True))
             for other in others:
                 first += other
             return first
@@ -146,7 +146,7 @@ def _mesh_stiffness(shape: MeshShape) -> MeshStiffness:
         (net.hinges, hinge_entry, of_hinge * LANES * -(-hinges // LANES)),
     ):
         terms = zip(*_terms(elements, entry, pairs, indptr), strict=True)
-        rows, columns, values = (np.concatenate(part) for part in terms)
+        rows, columns, values = (np.concatenate(each) for each in terms)
         matrices.append(sp.csr_array((values, (rows, columns)), shape=(lower.nnz, sources)))
     diagonal = indptr[3 * nodes + 2], nodes
     matrices.append(sp.csr_array((np.ones(shape.nodes), diagonal), shape=(lower.nnz, shape.nodes)))

@@ -37,7 +37,7 @@ LEAST_FREE = 1e-12  # distance over the least allowed, less 1, below which fabri
 
 Unknowns = Float[np.ndarray, " unknown"]
 Vertices = Float[np.ndarray, "vertex 3"]
-Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Float[np.ndarray, "part 3"]]
+Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Float[np.ndarray, "kept 3"]]
 """Pairs within reach of the barrier, their collision mesh, and the positions of its vertices."""
 
 
@@ -47,7 +47,7 @@ class Pairs:
 
     mesh: ContactMesh  # whose parts they are
     parts: ipctk.CollisionMesh  # those near on the grid, or those that are not
-    kept: Int[np.ndarray, " part"]  # vertices of it among those of the whole mesh
+    kept: Int[np.ndarray, " kept"]  # vertices of it among those of the whole mesh
     at: Vertices  # positions of all vertices [mm]
     within: float  # all other pairs were at least so far apart [mm]
     candidates: ipctk.Candidates = field(default_factory=ipctk.Candidates)
@@ -56,7 +56,7 @@ class Pairs:
         """Distance up to which they are complete at another configuration [mm]."""
         return shortened(self.within, self.at, vertices)
 
-    def positions(self, vertices: Vertices) -> Float[np.ndarray, "part 3"]:
+    def positions(self, vertices: Vertices) -> Float[np.ndarray, "kept 3"]:
         """Positions of the vertices of the mesh, among those of all."""
         return np.asfortranarray(vertices[self.kept])
 

@@ -54,19 +54,19 @@ class ContactMesh:
 
     def around(
         self, chosen: Bool[np.ndarray, " vertex"]
-    ) -> tuple["ContactMesh", Int[np.ndarray, " part"]]:
+    ) -> tuple["ContactMesh", Int[np.ndarray, " kept"]]:
         """The mesh of all triangles with a chosen vertex, and the numbers of its vertices."""
         faces = self.faces[chosen[self.faces].any(axis=1)]
         kept, number = np.unique(faces, return_inverse=True)
         coordinates = (3 * kept[:, None] + np.arange(3)).ravel()
-        part = replace(
+        nearby = replace(
             self,
             grid=self.grid[kept],
             faces=number.reshape(-1, 3).astype(np.int32),
             own=self.own[kept],
             from_unknowns=self.from_unknowns[coordinates],
         )
-        return part, kept
+        return nearby, kept
 
     def vertices(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "vertex 3"]:
         """Positions of the vertices in a configuration [mm]."""

@@ -110,10 +110,10 @@ class ChunkedFabric:
     """A fabric in chunks, for repeated evaluation in NumPy arrays; threads share the work."""
 
     def __init__(self, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> None:
-        self.shape, self.parts, self._threads = shape, chunks_of(shape), threads
+        self.shape, self._by_thread, self._threads = shape, chunks_of(shape), threads
         self._fold_angle = fabric.fold_angle
         self._walls = float(fabric.z_max), float(fabric.k_wall)
-        count = self.parts[-1].chunks.stop
+        count = self._by_thread[-1].chunks.stop
         lengths = _in_chunks(fabric.rest_length, count, SPRINGS, spare=1.0)
         springs = _in_chunks((fabric.stretch_stiffness, fabric.spring_law), count, SPRINGS)
         of_hinges = fabric.rest_fold, fabric.fold_stiffness, fabric.friction
@@ -127,19 +127,19 @@ class ChunkedFabric:
         """Energy and gradient of a configuration at a stage."""
         acting = self._acting(stage)
 
-        def of_part(part: ThreadChunks) -> tuple[Float[np.ndarray, "3"], Unknowns]:
+        def of_thread(own_chunks: ThreadChunks) -> tuple[Float[np.ndarray, "3"], Unknowns]:
             """Energies of the chunks of one thread, and the gradient of their sum."""
-            vectors = part.vectors(unknowns)
+            vectors = own_chunks.vectors(unknowns)
             energies, gradient = np.zeros(3), np.empty_like(vectors)
-            for chunk, values, slopes in zip(part.chunks, vectors, gradient, strict=True):
+            for chunk, values, slopes in zip(own_chunks.chunks, vectors, gradient, strict=True):
                 of_chunk = self._parameters[chunk]
                 own, by_vectors = _evaluate(self._fold_angle, acting, of_chunk, _split(values))
                 energies += np.asarray(own)
                 for view, by_kind in zip(_split(slopes), by_vectors, strict=True):
                     view[:] = by_kind
-            return energies, part.transposed @ gradient.ravel()
+            return energies, own_chunks.transposed @ gradient.ravel()
 
-        energies, gradients = zip(*self._threads.each(of_part, self.parts), strict=True)
+        energies, gradients = zip(*self._threads.each(of_thread, self._by_thread), strict=True)
         return energy.Evaluation(
             energy.Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0)
         )
@@ -153,8 +153,8 @@ class ChunkedFabric:
             np.empty(count * HEIGHTS),
         )
 
-        def fill(part: ThreadChunks) -> None:
-            for chunk, values in zip(part.chunks, part.vectors(unknowns), strict=True):
+        def fill(own_chunks: ThreadChunks) -> None:
+            for chunk, values in zip(own_chunks.chunks, own_chunks.vectors(unknowns), strict=True):
                 own = _hessians(self._fold_angle, acting, self._parameters[chunk], _split(values))
                 springs, hinges, heights = (
                     slice(chunk * per_chunk, (chunk + 1) * per_chunk)
@@ -164,7 +164,7 @@ class ChunkedFabric:
                 filled.hinges[hinges] = own.hinges
                 filled.walls[heights] = own.walls
 
-        self._threads.each(fill, self.parts)
+        self._threads.each(fill, self._by_thread)
         return energy.ElementHessians(
             filled.springs[:, : len(net.springs.nodes)],
             filled.hinges[: -(-len(net.hinges.nodes) // energy.LANES)],

@@ -27,7 +27,7 @@ class FabricLayout:
     column_stripe: Int[np.ndarray, " grid_x"]  # number of the rib stripe
     plain: PlainKnit | None
     plain_cells: Bool[np.ndarray, "grid_y grid_x"]  # which are of plain knit
-    fold_part: Float[np.ndarray, " hinge"]  # > 0 in a mountain, < 0 in a valley, 0 if flat at rest
+    patch_fold: Float[np.ndarray, " hinge"]  # > 0 in a mountain, < 0 in a valley, 0 if flat at rest
     # rest angle of the single fold that it is on, or NaN [rad]
     single_fold: Float[np.ndarray, " hinge"]
     stiffness_factor: Float[np.ndarray, " hinge"]  # on k_t, 0 if the model options omit the hinge
@@ -35,7 +35,7 @@ class FabricLayout:
     @property
     def fold_sense(self) -> Float[np.ndarray, " hinge"]:
         """Of every hinge, > 0 in a mountain, < 0 in a valley, 0 if it is flat at rest."""
-        return np.where(np.isnan(self.single_fold), self.fold_part, np.sign(self.single_fold))
+        return np.where(np.isnan(self.single_fold), self.patch_fold, np.sign(self.single_fold))
 
     def fabric(self, stripes: StripePair) -> Fabric:
         """The fabric of given stripes; differentiable, except by k_s where both are equal."""
@@ -80,7 +80,7 @@ class FabricLayout:
             [xp.where(net.wale, values[0][cells], values[1][cells]) for cells in (before, after)]
             for values in (rest_fold, k_t)
         )
-        fold = self.fold_part * ((folds[0] + folds[1]) / 2)
+        fold = self.patch_fold * ((folds[0] + folds[1]) / 2)
         # A hinge between two cells is half a hinge of each cell in series.
         in_series = k_before * (2 * k_after / (k_before + k_after))
         return Fabric(
@@ -169,7 +169,7 @@ def fabric_layout(
         column_stripe=pattern.column_stripe[pattern.patch_of_column],
         plain=plain,
         plain_cells=plain_cells,
-        fold_part=of_knits(*patch_senses(pattern, options)),
+        patch_fold=of_knits(*patch_senses(pattern, options)),
         single_fold=single,
         stiffness_factor=factor,
     )

@@ -22,7 +22,7 @@ class Threads:
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
 
     def each(self, work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Result]:
-        """Results of ``work`` for every part, in order."""
+        """Results of ``work`` for every item, in order."""
         return list(self._pool.map(work, parts) if self._pool else map(work, parts))
 
 

@@ -2,9 +2,17 @@
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look, number, print_style
+from knitlab.figures.style import (
+    CATEGORY_COLOURS,
+    ONE_COLUMN,
+    TWO_COLUMNS,
+    Look,
+    number,
+    print_style,
+)
 
 MARKS = {"limit": ("^", "limit point: it snaps"), "branch": ("o", "branch point")}
 SHOWN = 6  # shapes
@@ -42,25 +50,59 @@ def branches_figure(points: xr.Dataset) -> Figure:
 
 @print_style()
 def shapes_figure(shapes: xr.Dataset) -> Figure:
-    """Heights of the relaxed shapes of a design, and the energies to go between them."""
+    """The lowest relaxed shape of a design, how others differ, and the energies between them.
+
+    Differences are from that shape as it is shifted, turned over or mirrored to be nearest.
+    """
     few = shapes.isel(shape=slice(SHOWN), to=slice(SHOWN))
     count = few.sizes["shape"]
-    figure = Figure(figsize=(TWO_COLUMNS, 4.6), layout="constrained")
-    grid = figure.add_gridspec(2, count, height_ratios=(1.1, 1))
-    largest = float(abs(few["height"]).max())
+    size = (TWO_COLUMNS, 4.6) if count > 1 else (ONE_COLUMN, 2.6)
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.add_gridspec(2 if count > 1 else 1, count, height_ratios=(1.1, 1)[:count])
     panels = [figure.add_subplot(grid[0, k]) for k in range(count)]
-    heights: Look = {"origin": "lower", "cmap": "RdBu", "vmin": -largest, "vmax": largest}
+    lowest, *others = few["height"].values
+    periodic = "length_x" in shapes
+    apart = [each - _nearest(lowest, each, shifted=periodic) for each in others]
+    drawn: list[tuple[list[Axes], list[np.ndarray], str]] = [(panels[:1], [lowest], "height [mm]")]
+    drawn += [(panels[1:], apart, "height, less that of shape 1 [mm]")] if apart else []
+    for together, heights, label in drawn:
+        largest = max(float(abs(each).max()) for each in heights)
+        look: Look = {"origin": "lower", "cmap": "RdBu", "vmin": -largest, "vmax": largest}
+        for panel, height in zip(together, heights, strict=True):
+            image = panel.imshow(height, **look)
+        figure.colorbar(image, ax=together, label=label, shrink=0.8)
     for k, panel in enumerate(panels):
         one = few.isel(shape=k)
-        image = panel.imshow(one["height"], **heights)
         panel.set(xticks=[], yticks=[])
         more = MICROJOULES * float(one["energy"] - shapes["energy"][0])
         panel.set_title(
             f"shape {int(one['shape'])}\n+{more:.3g} µJ, {int(one['starts'])} starts", fontsize=7
         )
-    figure.colorbar(image, ax=panels, label="height [mm]", shrink=0.8)
-    axes = figure.add_subplot(grid[1, :])
-    values = MICROJOULES * few["barrier"].values
+    hidden = shapes.sizes["shape"] - count
+    left = f"; {hidden} more" if hidden else ""
+    figure.suptitle(f"relaxed shapes of {shapes.attrs['design']}{left}", fontsize="small")
+    if count > 1:
+        _draw_barriers(figure.add_subplot(grid[1, :]), few)
+    return figure
+
+
+def _nearest(height: np.ndarray, to: np.ndarray, *, shifted: bool) -> np.ndarray:
+    """A height field mirrored, turned over and, if periodic, shifted to be nearest to another."""
+    best = height
+    for mirrored in (height, height[::-1], height[:, ::-1], height[::-1, ::-1]):
+        for field in (mirrored, -mirrored):
+            moved = field
+            if shifted:
+                overlap = np.fft.ifft2(np.fft.fft2(to) * np.fft.fft2(field).conj()).real
+                shift = np.unravel_index(int(overlap.argmax()), overlap.shape)
+                moved = np.roll(field, shift, axis=(0, 1))
+            best = min(best, moved, key=lambda each: float(((each - to) ** 2).sum()))
+    return best
+
+
+def _draw_barriers(axes: Axes, few: xr.Dataset) -> None:
+    """Energies between shapes, from rows to columns."""
+    count, values = few.sizes["shape"], MICROJOULES * few["barrier"].values
     off_diagonal = np.where(np.eye(count, dtype=bool), np.nan, values)
     # Light enough for black text.
     axes.imshow(off_diagonal, cmap="Blues", vmin=0, vmax=2 * np.nanmax([*off_diagonal.flat, 1e-9]))
@@ -71,7 +113,3 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
     axes.set_xticks(range(count), names)
     axes.set_yticks(range(count), names)
     axes.set(xlabel="to", ylabel="from", title="estimated energy to go from one to another [µJ]")
-    others = shapes.sizes["shape"] - count
-    left = f"; {others} more" if others else ""
-    figure.suptitle(f"relaxed shapes of {shapes.attrs['design']}{left}", fontsize="small")
-    return figure

@@ -84,7 +84,7 @@ def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -
         names = [f"{letter}{k + 1}" for k in range(len(ridges(letter)))]
     if len(names) < 2 or len(set(names)) < len(names):
         raise fault("electrodes", f"are {', '.join(names) or 'none'}; give two or more different")
-    letters = {part[0] for name in names for part in name.split("+")} & {"w", "c"}
+    letters = {part[:1] for name in names for part in name.split("+")} & {"w", "c"}
     if shape.periodic and letters == {"w", "c"}:
         problem = "cross those along courses, and periodic fabric repeats along one direction"
         raise fault("electrodes along wales", f"{problem}; simulate with boundary = clamped")

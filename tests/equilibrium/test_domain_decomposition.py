@@ -136,7 +136,7 @@ def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sampl
     assert not couplings(found, net.shape.unknowns).all()
     alone, shared = (
         solved_by_subdomains(
-            System(net.shape, fabric, threads), start, free, DEFAULT, force_part=0.0
+            System(net.shape, fabric, threads), start, free, DEFAULT, force_fraction=0.0
         )
         for threads in (ALONE, Threads(2))
     )
@@ -149,7 +149,7 @@ def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_su
     free = free_stiffness(net.shape, loading.free)
     system = equations(net, fabric)
     start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
-    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_part=0.0)
+    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_fraction=0.0)
     energies = [float(system.evaluate(at).energy.total) for at in (start, solved)]
     assert energies[1] < energies[0]
     assert share > 0
@@ -174,13 +174,13 @@ def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
     gradient = np.asarray(system.evaluate(at).gradient)
     accepted = 0.5 * np.abs(gradient[free.dofs]).max()
     assert [subdomain.force(gradient) > accepted for subdomain in found] == [True, *[False] * 3]
-    solved, cost = solved_by_subdomains(system, at, free, DEFAULT, force_part=0.5)
+    solved, cost = solved_by_subdomains(system, at, free, DEFAULT, force_fraction=0.5)
     changed = np.flatnonzero(solved.unknowns != unknowns)
     assert cost > 0
     assert set(changed) <= set(found[0].dofs[found[0].free.dofs])
     after = np.asarray(system.evaluate(solved).gradient)
     assert found[0].force(after) <= accepted
-    _, cost_of_all = solved_by_subdomains(system, at, free, DEFAULT, force_part=0.0)
+    _, cost_of_all = solved_by_subdomains(system, at, free, DEFAULT, force_fraction=0.0)
     assert cost_of_all > cost
 
 
@@ -345,7 +345,7 @@ def test_a_subdomain_without_a_solution_stays_as_it_was(
 
     monkeypatch.setattr(domain_decomposition, "solve_subdomain", stalling)
     system = equations(net, fabric)
-    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_part=0.0)
+    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_fraction=0.0)
     np.testing.assert_array_equal(solved.unknowns, start.unknowns)
     assert share > 0
 

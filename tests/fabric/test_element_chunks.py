@@ -66,9 +66,9 @@ def test_the_incidence_of_a_translation_is_zero():
 def test_threads_share_all_chunks_and_give_identical_results(shared):
     net, fabric = checkered(4, 4, ModelOptions(boundary="clamped", hinges="all"))
     alone, threads = (ChunkedFabric(net.shape, fabric, threads) for threads in (ALONE, Threads(2)))
-    chunks = [chunk for part in threads.parts for chunk in part.chunks]
+    chunks = [chunk for each in threads._by_thread for chunk in each.chunks]
     assert chunks == [*range(-(-net.shape.nodes // HEIGHTS))]
-    assert len(threads.parts) == 2
+    assert len(threads._by_thread) == 2
     at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
     for method in (ChunkedFabric.evaluate, ChunkedFabric.element_hessians):
         pairs = (jax.tree.leaves(method(of, PART, at)) for of in (alone, threads))

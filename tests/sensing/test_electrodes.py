@@ -79,7 +79,7 @@ def test_a_part_as_wide_as_the_cell_is_pulled_as_in_a_test():
 @pytest.mark.slow
 def test_rows_cross_columns_of_a_sample_with_an_insulation():
     known = kl.defaults()
-    layout = kl.ElectrodeLayout(within="fabric", width=1.0)
+    layout = kl.ElectrodeLayout(within="fabric", face="both", width=1.0)
     capacitor = replace(known.capacitor, layout=layout, dielectric_thickness=0.2)
     test = kl.simulate(kl.Design(4, 8, unit_cells=(1, 1)), [0], capacitor=capacitor)
     grid = [(f"w{column}", f"c{row}") for column in (1, 2) for row in (1, 2)]

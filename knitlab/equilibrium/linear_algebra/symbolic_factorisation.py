@@ -128,8 +128,8 @@ def _dissected(
         yield [region]
         return
     cuts, halves = (
-        [(top, bottom, *part) if upright else (*part, left, right) for part in parts]
-        for parts in lines
+        [(top, bottom, *span) if upright else (*span, left, right) for span in spans]
+        for spans in lines
     )
     for half in halves:
         yield from _dissected(half, vertical, horizontal)
@@ -323,9 +323,9 @@ def _extend_adds(
     breaks = np.flatnonzero((np.diff(position) != 1) | np.diff(passed)) + 1
     runs = [slice(*ends) for ends in pairwise([0, *breaks.tolist(), len(position)])]
     into = [slice(int(position[run.start]), int(position[run.stop - 1]) + 1) for run in runs]
-    part = [int(passed[run.start]) for run in runs]
+    updates = [int(passed[run.start]) for run in runs]
     return tuple(
-        ExtendAdd(part[i] + part[j], (into[i], into[j]), (runs[i], runs[j]))
+        ExtendAdd(updates[i] + updates[j], (into[i], into[j]), (runs[i], runs[j]))
         for i in range(len(runs))
         for j in range(i + 1)
     )
