@@ -133,7 +133,7 @@ def read_target(
         return given
     if isinstance(given, str):
         check_length(given, source)
-        return _target_of_text(given, f"{source} {given}", folder)
+        return _target_of_text(given.strip(), f"{source} {given}", folder)
     try:
         return CurveTable.model_validate(dict(given)).target
     except ValidationError as error:
