@@ -258,10 +258,7 @@ def test_a_workflow_that_is_too_large_is_a_sentence(tmp_path, text):
         make_plan(str(tmp_path / "large.toml"))
 
 
-@pytest.mark.parametrize(
-    "condition",
-    ["mean(a," + " " * 5000, "abs(" * 5000, "1" * 5000 + " > 0", f"n_stripe > {10**900}"],
-)
+@pytest.mark.parametrize("condition", ["abs(" * 5000, "1" * 5000 + " > 0", f"n_stripe > {10**900}"])
 def test_a_condition_that_is_too_large_is_a_sentence(folder, condition):
     with pytest.raises(BadInput, match=r"is too long|cannot be computed"):
         open_cube(folder).knitlab.query(condition)
@@ -301,6 +298,6 @@ def test_what_a_machine_lacks_is_a_sentence(error):
 
 def test_nothing_in_a_name_is_obeyed_by_a_terminal_or_a_page(capsys):
     with droppable_output():
-        click.echo("a\x1b[31mred\x9bm\tb")
+        print("a\x1b[31mred\x9bm\tb")
     assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\n"
     assert _escaped("<b>[x](y)`") == r"\<b\>\[x\](y)\`"
