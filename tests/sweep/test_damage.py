@@ -211,7 +211,10 @@ def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
     write_cube(cube, folder / "cube.nc")
     with pytest.raises(BadInput, match="unknown status 99"):
         open_cube(folder)
-    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
+    run = ran(folder)
+    xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
+    (said,) = run.remarks(run.cube["status"].dims, folder)
+    assert "cube.nc was not as it had been written; it is kept as cube-damaged.nc" in said
 
 
 def test_a_csv_has_no_formulas(folder):
