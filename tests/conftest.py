@@ -23,7 +23,7 @@ install_import_hook("knitlab", f"{checked.__module__}.{checked.__name__}")
 
 # A first example may compile a JAX program; benchmarks measure speed.
 settings.register_profile("quick", deadline=None, max_examples=20)
-settings.register_profile("thorough", deadline=None, max_examples=100)
+settings.register_profile("thorough", deadline=None, max_examples=50)
 settings.load_profile("quick")
 
 

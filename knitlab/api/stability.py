@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from knitlab.api.single_design import single_design
 from knitlab.equilibrium.loading import Y
 from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import stretch
@@ -29,7 +30,6 @@ from knitlab.stability.continuation import (
 from knitlab.stability.equations import FabricEquations
 from knitlab.stability.shapes import barriers, relaxed_shapes
 from knitlab.sweep.figure_names import check_figure_suffix
-from knitlab.sweep.plan import make_plan
 from knitlab.sweep.workflow_text import Overrides
 
 MOST_BRANCHES = 6
@@ -105,11 +105,7 @@ def _single(workflow: str | Path, overrides: Overrides, output: str | Path | Non
     """The one case of a workflow."""
     if output is not None:
         check_figure_suffix(Path(output))
-    cases = list(make_plan(str(workflow), overrides).cases.values())
-    where = f"workflow {workflow}"
-    if len(cases) != 1:
-        raise fault(where, f"has {len(cases)} designs; choose one, by n_stripe and n_subunit")
-    (case,) = cases
+    case, where = single_design(workflow, overrides, {}).case, f"workflow {workflow}"
     if case.solver is None or case.solver.drag:
         remedy = "take method = equilibrium and drag = 0"
         raise fault(where, f"has states that are no equilibria; {remedy}")

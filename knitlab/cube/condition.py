@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from knitlab.cube.schema import STRAIN, VARIABLES
-from knitlab.cube.strain_window import MOST_CHARACTERS, reduced_columns
+from knitlab.cube.strain_window import check_length, reduced_columns
 from knitlab.io.errors import fault, unknown
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
@@ -71,9 +71,7 @@ def computed(expression: str, table: pd.DataFrame, source: str) -> pd.Series:
 
 def _evaluated(expression: str, table: pd.DataFrame, where: str) -> Any:
     plain = expression.strip()
-    if len(plain) > MOST_CHARACTERS:
-        problem = f"has {len(plain)} characters; take at most {MOST_CHARACTERS}"
-        raise fault(where.partition(" ")[0], problem)
+    check_length(plain, where.partition(" ")[0])
     for number, column in enumerate(reduced_columns(plain)):
         # Under a name that Python can parse.
         plain = plain.replace(column, f"reduced_column_{number}")
@@ -84,7 +82,7 @@ def _evaluated(expression: str, table: pd.DataFrame, where: str) -> Any:
         raise fault(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
     except ZeroDivisionError as error:
         raise fault(where, "cannot be computed: it divides by zero; change the divisor") from error
-    except TypeError as error:
+    except (TypeError, OverflowError) as error:
         raise fault(where, f"cannot be computed ({error}); compare like with like") from error
     except RecursionError as error:
         raise fault(where.partition(" ")[0], "is too long; make it shorter") from error

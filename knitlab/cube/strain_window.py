@@ -133,6 +133,13 @@ MOST_CHARACTERS = 1000  # of an expression
 _COLUMN = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*(\w+)\s*,([^()]*)\)")
 
 
+def check_length(text: str, source: str) -> None:
+    """BadInput if an expression is so long that it would take long to read."""
+    if len(text) > MOST_CHARACTERS:
+        problem = f"is too long: {len(text)} characters; take at most {MOST_CHARACTERS}"
+        raise fault(source, problem)
+
+
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
     """Derivative of a reduction by the value of the curve at each strain of the window."""
     unit = np.eye(len(at))

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
 from knitlab.cube.schema import STRAIN
-from knitlab.cube.strain_window import REDUCTIONS, StrainWindow
+from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, check_length
 from knitlab.io.errors import BadInput, fault, faults_of
 from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel
@@ -132,7 +132,8 @@ def read_target(
     if isinstance(given, Target):
         return given
     if isinstance(given, str):
-        return _target_of_text(given, f"{source} {given}", folder)
+        check_length(given, source)
+        return _target_of_text(given.strip(), f"{source} {given}", folder)
     try:
         return CurveTable.model_validate(dict(given)).target
     except ValidationError as error:

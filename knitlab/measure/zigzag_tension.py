@@ -38,7 +38,7 @@ def pull_chain(
     """
     nodes = np.asarray(relaxed_chain(chain, periods))
     length = nodes[-1, 0]
-    energy, gradient, hessian = _derivatives()
+    energy, gradient, hessian, on_nodes = _derivatives()
     states: list[ChainState] = []
     for strain in applied_strain:
         stretched = nodes * np.array([length * (1 + strain) / nodes[-1, 0], 1.0])
@@ -55,7 +55,7 @@ def pull_chain(
         )
         polished = root(gradient, rough.x, system, jac=hessian, tol=1e-14)
         nodes = np.asarray(_whole(polished.x, stretched))
-        force = float(jax.grad(chain_energy, argnums=1)(chain, jnp.asarray(nodes))[-1, 0])
+        force = float(on_nodes(chain, nodes)[-1, 0])
         residual, iterations = float(np.abs(polished.fun).max()), int(rough.nit + polished.nfev)
         states.append(ChainState(nodes, force, residual, iterations, residual <= tolerance))
     return states
@@ -69,10 +69,11 @@ def _whole(
 
 @cache
 def _derivatives() -> tuple[Callable[..., np.ndarray], ...]:
-    """Compiled energy, gradient and Hessian of the free nodes."""
+    """Compiled energy, gradient and Hessian of the free nodes, and gradient of all nodes."""
 
     def energy(free: Array, chain: Zigzag, ends: Array) -> Array:
         return chain_energy(chain, _whole(free, ends))
 
-    compiled = map(jax.jit, (energy, jax.grad(energy), jax.hessian(energy)))
+    of_all = jax.grad(chain_energy, argnums=1)
+    compiled = map(jax.jit, (energy, jax.grad(energy), jax.hessian(energy), of_all))
     return tuple(lambda *x, call=call: np.asarray(call(*x)) for call in compiled)

@@ -21,7 +21,7 @@ from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import simulate_batch
 from knitlab.sweep import results_folder, workers
 from knitlab.sweep.batches import Shard, workers_that_fit
-from knitlab.sweep.cube import build_cube, previous_cube
+from knitlab.sweep.cube import DAMAGED_CUBE, build_cube, previous_cube
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.results_folder import FAILURES, PLAN, CaseState, Failure, earlier_failures
@@ -79,6 +79,7 @@ class Run:
     stopped: bool
     changed: tuple[str, ...]  # differences to the parameters of the cube before the run
     joined: bool  # whether ``cube.nc`` was written; it is left to other shards that still run
+    rebuilt: bool = False  # whether the cube before the run was damaged
 
     def left_in(self, *states: CaseState) -> set[str]:
         """The cases that were in one of some states before the run, which did not simulate them."""
@@ -100,6 +101,9 @@ class Run:
             if state is CaseState.damaged:
                 path = case_path(folder, case_id)
                 lines.append(f"damaged: {path} was not as it had been written")
+        if self.rebuilt:
+            kept = f"it is kept as {DAMAGED_CUBE}"
+            lines.append(f"damaged: {folder / CUBE} was not as it had been written; {kept}")
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
@@ -130,6 +134,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     share = plan if shard is None else plan.share(shard)
     with held(results, None if shard is None else (shard.number, shard.count)):
         with gate(results):
+            there = (results / CUBE).exists()
             old = previous_cube(plan, results / CUBE)
             # Another shard that has its lock may still wait at the gate, without a plan written.
             if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
@@ -170,7 +175,16 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                     _join(plan, results, now, states_now, done)
     changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
     simulated = tuple(sorted(done.ended))
-    return Run(cube, simulated, states, failures, done.stopped, tuple(changed), joined)
+    return Run(
+        cube,
+        simulated,
+        states,
+        failures,
+        done.stopped,
+        tuple(changed),
+        joined,
+        there and old is None,
+    )
 
 
 def _others_run(results: Path, shard: Shard) -> bool:

@@ -46,7 +46,8 @@ from knitlab.sweep.figure_names import FIGURE_NAMES
 from knitlab.sweep.parameters import KNITS, QUANTITIES
 from knitlab.sweep.patterns import is_pattern_name
 
-Sizes = Annotated[tuple[Count, ...], Field(min_length=1, strict=False)]  # numbers of stitches
+Sizes = Annotated[tuple[Count, ...], Field(min_length=1, max_length=300, strict=False)]
+"""Numbers of stitches."""
 
 LARGEST_STRAIN = 10.0  # of a test; pure stripes unfold to about 2
 MOST_STEPS = 1000  # largest number of strain steps of a test

@@ -51,6 +51,18 @@ def test_a_program_whose_process_was_killed_while_it_wrote_is_compiled_again(tmp
     assert killed.stat().st_size > before
 
 
+def test_exchanged_programs_are_dropped_and_compiled_again(tmp_path):
+    first, printed = files_after(tmp_path)
+    contents = [path.read_bytes() for path in first]
+    assert len({*contents}) > 1
+    for path, other in zip(first, contents[1:] + contents[:1], strict=True):
+        path.write_bytes(other)
+    second, again = files_after(tmp_path)  # nothing on standard error
+    assert (second, again) == (first, printed)
+    exchanged = zip(second, contents[1:] + contents[:1], strict=True)
+    assert all(path.read_bytes() != other for path, other in exchanged)
+
+
 @pytest.mark.parametrize(
     "environment", [{"JAX_ENABLE_COMPILATION_CACHE": "0"}, {"JAX_COMPILATION_CACHE_DIR": "{}/own"}]
 )

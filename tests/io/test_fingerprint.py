@@ -84,8 +84,11 @@ def package(tmp_path_factory):
     return copied
 
 
+ONE_OF_EVERY_PACKAGE = {name.partition("/")[0]: name for name in computing_files(PACKAGE)}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", computing_files(PACKAGE))
+@pytest.mark.parametrize("name", ONE_OF_EVERY_PACKAGE.values())
 def test_an_edited_module_makes_results_stale(name, package, results, monkeypatch):
     folder, designs = results
     assert set(survey(designs, folder, None, check=True).values()) == {CaseState.done}

@@ -1,18 +1,25 @@
 """Any name and any damaged byte of a results folder: the right numbers or a sentence."""
 
+import errno
 import json
 import os
 import shutil
+import socket
 from contextlib import suppress
 
+import click
 import pytest
 import xarray as xr
+from click.testing import CliRunner
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 
+from knitlab.cli.options import CommandGroup
+from knitlab.cli.output import droppable_output
 from knitlab.cube.cube_file import open_cube, write_cube
 from knitlab.cube.query import formatted, query_cubes
 from knitlab.explorer.explorer import write_explorer
+from knitlab.figures.claims_page import _escaped
 from knitlab.io.errors import BadInput
 from knitlab.io.json_file import with_checksum
 from knitlab.io.names import is_name
@@ -20,6 +27,7 @@ from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.results_folder import CaseState, status
 from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.sweep.workers import connected
 from tests.sweep import stand_in
 
 FUZZ = settings(
@@ -203,7 +211,10 @@ def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
     write_cube(cube, folder / "cube.nc")
     with pytest.raises(BadInput, match="unknown status 99"):
         open_cube(folder)
-    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
+    run = ran(folder)
+    xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
+    (said,) = run.remarks(run.cube["status"].dims, folder)
+    assert "cube.nc was not as it had been written; it is kept as cube-damaged.nc" in said
 
 
 def test_a_csv_has_no_formulas(folder):
@@ -222,3 +233,74 @@ def test_a_file_that_never_ends_is_a_sentence(folder, tmp_path):
             status("periodic", results=tmp_path, check=True)
         path.unlink()
     assert not ran(folder).failures
+
+
+MANY = [1 + k / 1000 for k in range(1000)]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "problem"),
+    [
+        ({"unit_cells": [1_000_000, 1_000_000]}, "makes a grid of"),
+        ({"unit_cells": [10**11, 1]}, "less than or equal to 1000000"),
+        ({"k_t_factor": MANY, "k_s_factor": MANY}, "asks for"),
+        ({"n_stripe": [4] * 5000, "n_subunit": [16] * 5000}, "at most 300"),
+        (("n_stripe=" + "9" * 5000,), "valid integer"),
+        (("n_stripe=" + "[" * 5000,), "valid integer"),
+    ],
+)
+def test_a_sweep_that_is_too_large_is_refused_before_it_is_expanded(overrides, problem):
+    with pytest.raises(BadInput, match=problem):
+        make_plan("periodic", overrides)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "title = " + "9" * 5000, "a = {" * 5000])
+def test_a_workflow_that_is_too_large_is_a_sentence(tmp_path, text):
+    (tmp_path / "large.toml").write_text(text)
+    with pytest.raises(BadInput, match="is not TOML"):
+        make_plan(str(tmp_path / "large.toml"))
+
+
+@pytest.mark.parametrize("condition", ["abs(" * 5000, "1" * 5000 + " > 0", f"n_stripe > {10**900}"])
+def test_a_condition_that_is_too_large_is_a_sentence(folder, condition):
+    with pytest.raises(BadInput, match=r"is too long|cannot be computed"):
+        open_cube(folder).knitlab.query(condition)
+
+
+@pytest.mark.parametrize("tolerance", ["0.05", "1e-6,1e-3"])
+def test_a_loose_tolerance_is_refused(tolerance):
+    with pytest.raises(BadInput, match=r"would change Poisson's ratio by more than 0\.001"):
+        make_plan("periodic", ("n_stripe=4", f"tolerance={tolerance}"))
+
+
+def test_a_mute_scheduler_is_a_sentence():
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(BadInput, match="no dask scheduler answers"):
+            connected(address)
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), OSError(errno.EMFILE, "Too many open files"), "\udcff".encode]
+)
+def test_what_a_machine_lacks_is_a_sentence(error):
+    @click.group(cls=CommandGroup)
+    def program():
+        pass
+
+    @program.command()
+    def fail():
+        if callable(error):
+            error()
+        raise error
+
+    said = CliRunner().invoke(program, ["fail"])
+    assert said.exit_code == 2
+    assert "this machine cannot do it" in said.stderr
+
+
+def test_nothing_in_a_name_is_obeyed_by_a_terminal_or_a_page(capsys):
+    with droppable_output():
+        print("a\x1b[31mred\x9bm\tb")
+    assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\n"
+    assert _escaped("<b>[x](y)`") == r"\<b\>\[x\](y)\`"

@@ -73,7 +73,7 @@ def uninterrupted(tmp_path_factory):
 
 @pytest.mark.slow
 def test_kills_at_any_change_of_a_file_lose_no_finished_case(tmp_path, uninterrupted):
-    command = [sys.executable, "-m", "tests.sweep.stand_in", "kills", tmp_path, "40"]
+    command = [sys.executable, "-m", "tests.sweep.stand_in", "kills", tmp_path, "60"]
     said = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
     hit = int(said.stdout.split(", ")[1].split()[0])
