@@ -61,6 +61,9 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     return with_derived(read_cube(path, lazily=lazily))
 
 
+ROUND_OFF = 1e-6  # of a force, over the largest, that counts as none
+
+
 def with_derived(cube: xr.Dataset) -> xr.Dataset:
     """The cube with force, stiffness and energy over a side of the cloth, recovery and validity.
 
@@ -106,6 +109,7 @@ def _strain_without_force(force: xr.DataArray) -> xr.DataArray:
     strain = force[STRAIN].values
 
     def last_zero(force: np.ndarray) -> float:
+        force = np.where(abs(force) < ROUND_OFF * np.nanmax(abs(force), initial=0.0), 0.0, force)
         crossed = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
         if not len(crossed):
             return np.nan

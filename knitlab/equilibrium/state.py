@@ -79,3 +79,5 @@ class TensileTest:
     history: History | None = None  # of a relaxation by dynamics
     # at the same strains, back from the last but one, as far as reached
     unloaded: tuple[State, ...] = ()
+    relaxed: State | None = None  # before the first cycle, if the states are of a later one
+    held: State | None = None  # at the largest strain, after rest angles have drifted

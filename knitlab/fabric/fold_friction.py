@@ -28,8 +28,8 @@ class Friction:
     Attributes:
         fold_friction: yield moment over k_t: the angle by which friction can shift the rest angle;
             0 for no friction [rad].
-        fold_slide: angle that a fold turns, after it is reversed, before it slips; small against
-            the angles of the test [rad].
+        fold_slide: angle over which friction builds up from none, half of what a fold turns back
+            before it slips the other way; small against the angles of the test [rad].
         fold_hardening: growth of the yield moment with the angle slipped, over k_t [1].
         fold_drift: what a rest angle takes on of the change of its fold in the first cycle, at the
             largest strain; 1/c of that in cycle c, so that the set grows with its logarithm [1].
@@ -71,6 +71,7 @@ class FoldFriction(eqx.Module):
     def _sticking(self, angle: Each) -> tuple[Each, Each]:
         """The elastic angle up to the yield moment, and what is beyond [rad]."""
         turned = angle - self.slip
+        turned = turned - 2 * np.pi * jnp.round(turned / (2 * np.pi))
         limit = self.moment / jnp.where(self.stiffness > 0, self.stiffness, 1.0)
         elastic = jnp.clip(turned, -limit, limit)
         return elastic, turned - elastic

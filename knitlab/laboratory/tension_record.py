@@ -70,7 +70,7 @@ def read_tension_record(
     """
     path = Path(path)
     sizes = {"extension": gauge_length, "force": width, "stress": thickness}
-    columns, repeats = _columns(path, sizes)
+    columns, repeats, _ = _columns(path, sizes)
     (strain, force), per_width = columns.values(), "stress" in columns or width is not None
     branches, left_out, preloads = [], 0, list[float]()
     for repeat in dict.fromkeys(repeats):
@@ -111,14 +111,18 @@ def read_cycles(
     """Read every loading and unloading of one swatch, its repeats one after another.
 
     The arguments are those of :func:`read_tension_record`. Each passage is resampled at evenly
-    spaced strains; records at negative strain are left out. BadInput has every fault of the file.
+    spaced strains; records at negative strain are left out. Under a preload of the first loading
+    all strains are counted from where the line through its first tenth has no force. BadInput has
+    every fault of the file; columns other than ``repeat`` are of several swatches, and refused.
     """
     path = Path(path)
-    columns, repeats = _columns(
-        path, {"extension": gauge_length, "force": width, "stress": thickness}
-    )
+    sizes = {"extension": gauge_length, "force": width, "stress": thickness}
+    columns, repeats, named = _columns(path, sizes)
+    if len(set(repeats)) > 1 and named != "repeat":
+        problem = "has several swatches, and cycles are of one; give one, in a column repeat"
+        raise fault(f"{path}: column {named}", problem)
     strain, force = columns.values()
-    passages = []
+    passages, stretched = list[Passage](), 0.0
     for repeat in dict.fromkeys(repeats):
         own = (np.array(repeats) == repeat) & (strain >= 0)
         number = np.arange(own.sum(), dtype=float)
@@ -133,14 +137,19 @@ def read_cycles(
                 known = np.isfinite(curve.values)
                 steps = slice(None) if loading else slice(None, None, -1)
                 middles = ((even[1:] + even[:-1]) / 2)[known]
+                if not passages:
+                    stretched = _stretched_by_preload(middles, curve.values[known])
+                middles = (1 + middles) * (1 + stretched) - 1
                 passages.append(Passage(middles[steps], curve.values[known][steps], loading))
     if not passages:
         raise fault(str(path), "has no loading; give strain that rises")
     return LoadingCycles(tuple(passages), "stress" in columns or width is not None)
 
 
-def _columns(path: Path, sizes: dict[str, float | None]) -> tuple[dict[str, Record], list[str]]:
-    """Strain and load, by the names of their columns, and the repeat of every record.
+def _columns(
+    path: Path, sizes: dict[str, float | None]
+) -> tuple[dict[str, Record], list[str], str]:
+    """Strain and load, by the names of their columns, the repeat of every record, and its name.
 
     ``sizes`` are the lengths [mm] by which columns are divided or, stress, multiplied.
     """
@@ -188,7 +197,8 @@ def _columns(path: Path, sizes: dict[str, float | None]) -> tuple[dict[str, Reco
     if faults:
         raise BadInput(faults)
     repeats = table[columns["repeat"][0]].tolist() if "repeat" in columns else ["1"] * len(table)
-    return values, repeats
+    of_repeat = headers[columns["repeat"][0]] if "repeat" in columns else ""
+    return values, repeats, name_and_unit(of_repeat)[0].lower()
 
 
 def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Points, Points, int]:

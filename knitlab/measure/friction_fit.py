@@ -17,8 +17,9 @@ from knitlab.measure.fit_statistics import Comparison, compare
 ELASTIC = ("k_s", "k_t", "theta_0")
 FITTED = (*ELASTIC, "fold_friction", "fold_drift")
 RANGES = BOUNDS | {"fold_friction": (0.0, 2.0), "fold_drift": (0.0, 1.0)}
-STARTS = ((0.05, 0.01), (0.3, 0.01), (0.05, 0.1))  # friction [rad] and drift [1]
+STARTS = ((1e-3, 1e-3), (0.05, 0.01), (0.3, 0.01), (0.05, 0.1))  # friction [rad] and drift [1]
 LOGARITHMS = 2  # of the fitted numbers, the first, are fitted as logarithms
+VAGUE = 0.5  # standard error over the number, above which that is hardly determined
 BISECTIONS = 60
 WORN_OUT = 1e-9  # angle that is left to an open fold [rad]
 
@@ -46,6 +47,8 @@ class LoadingCycles:
 @dataclass(frozen=True)
 class FrictionFit:
     """Stripe and friction whose zigzag has the measured cycles, with standard errors by name.
+
+    Errors are the larger of those of independent points and of passages that differ as wholes.
 
     ``fold_friction`` is in rad; the others are those of a calibration.
     """
@@ -122,8 +125,16 @@ def fit_friction(period: float, cycles: LoadingCycles) -> FrictionFit:
     best = min(fits, key=lambda each: each.cost)
     _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
     singular = np.maximum(singular, np.finfo(float).eps * singular[0])
+    inverse = (right.T / singular**2) @ right
     freedom = max(len(measured) - len(FITTED), 1)
-    errors = np.sqrt(2 * best.cost / freedom * ((right.T / singular) ** 2).sum(axis=1))
+    # Repeats differ as wholes: then the scores of passages, not of points, are independent.
+    ends = np.cumsum([len(each.force) for each in passages])[:-1]
+    by_passage = zip(np.split(best.jac, ends), np.split(best.fun, ends), strict=True)
+    scores = np.array([slopes.T @ residuals for slopes, residuals in by_passage])
+    several = len(passages) / (len(passages) - 1)
+    of_passages = several * inverse @ (scores.T @ scores) @ inverse
+    variances = np.maximum(np.diag(2 * best.cost / freedom * inverse), np.diag(of_passages))
+    errors = np.sqrt(variances)
     values = _numbers(best.x)
     errors[:LOGARITHMS] *= values[:LOGARITHMS]
     return FrictionFit(
@@ -235,6 +246,7 @@ def friction_report(fit: FrictionFit) -> list[str]:
     else:
         verdict = "the cycles do not decide whether there is friction or drift"
     points = sum(len(each.strain) for each in passages)
+    vague = [name for name in ELASTIC if fit.standard_errors[name] > VAGUE * fit.values[name]]
     return [
         *(
             f"{name:13s} {value:.4g} ± {fit.standard_errors[name]:.2g} {units[name]}"
@@ -244,4 +256,5 @@ def friction_report(fit: FrictionFit) -> list[str]:
         f" passages, {fit.iterations} steps",
         f"friction      {verdict} (AICc {gain.gain:+.1f}, {gain.gain_if_correlated:+.1f} if"
         " neighbours are correlated)",
+        *(f"warning       {name} is hardly determined; measure to larger strain" for name in vague),
     ]

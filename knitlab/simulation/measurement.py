@@ -104,7 +104,7 @@ def measured(
             values["row_force"] = values["reaction_force"] / case.mesh_shape.cells_x
         values |= _shapes(case, reached)
         if not case.pure:
-            values |= _relaxed_patches(case, reached[0].configuration)
+            values |= _relaxed_patches(case, (test.relaxed or reached[0]).configuration)
         if case.sensitivities:
             values |= sensitivities(case, reached)
         if case.capacitor is not None:
@@ -131,14 +131,18 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     if test.loading is None:
         return {}
     reached = [state for state in test.states if state.converged]
-    configurations = Configuration.stacked([state.configuration for state in reached])
-    corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
-    strain_xx, strain_yy = local_strain(corners[0], corners)
+    relaxed = (test.relaxed or reached[0]).configuration
+    configurations = [relaxed, *(state.configuration for state in reached)]
+    corners = unit_cell_corners(
+        case.mesh_shape, case.cell_grid, Configuration.stacked(configurations)
+    )
+    at_rest, corners = corners[0], corners[1:]
+    strain_xx, strain_yy = local_strain(at_rest, corners)
     mean_xx, mean_yy = (np.asarray(central_mean(each)) for each in (strain_xx, strain_yy))
     values: dict[str, Any] = {}
     across, along = mean_xx, mean_yy
     if case.load.kind != "warp":
-        gradient = deformation_gradient(lattice_vectors(corners[0]), lattice_vectors(corners))
+        gradient = deformation_gradient(lattice_vectors(at_rest), lattice_vectors(corners))
         values["mean_strain_xy"] = np.asarray(central_mean(gradient[..., 0, 1]))
         values["load_direction"] = case.load.angle_of_pull
         pulled = strains_in_direction(gradient, case.load.angle_of_pull)
@@ -159,7 +163,7 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
         else:
             strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
-    cell_x, cell_y = mean_cell_size(corners[0])
+    cell_x, cell_y = mean_cell_size(at_rest)
     complete = len(reached) == len(case.applied_strain)
     force = test.loading.reaction_force
     if case.load.kind == "biaxial":
@@ -168,7 +172,8 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     if case.unloading and complete:
         back = np.full(len(forces), np.nan)
         unloaded = [force(state.gradient) for state in test.unloaded]
-        back[len(back) - 1 - len(unloaded) :] = [*unloaded[::-1], forces[-1]]
+        top = force((test.held or reached[-1]).gradient)
+        back[len(back) - 1 - len(unloaded) :] = [*unloaded[::-1], top]
         values["reaction_force_unloading"] = back
     return values | {
         "reaction_force": forces,

@@ -100,8 +100,11 @@ def failure_reason(case: Case, test: TensileTest) -> str:
     strain = case.applied_strain[len(test.states) - 1]
     by_dynamics = case.method == "dynamics"
     state, steps = ("state", "time steps") if by_dynamics else ("equilibrium", "steps")
+    at = f"at applied strain {strain:g}"
+    if case.cycle > 1 and test.loading is None:
+        at = f"before cycle {case.cycle}"
     return (
-        f"no {state} at applied strain {strain:g}: {last.residual:.1e} N left after"
+        f"no {state} {at}: {last.residual:.1e} N left after"
         f" {last.iterations} {steps} ({WHY[last.outcome]})"
     )
 

@@ -380,8 +380,8 @@ def unusual_values(
         if getattr(protocol, name) is not None and all(case.load.kind != kind for case in cases):
             sentences.append(f"{name} is ignored by load = {protocol.load}; take load = {kind}")
     if protocol.cycle > 1 and not any(case.friction.acts for case in cases):
-        ignored = f"cycle = {protocol.cycle} is as the first without friction"
-        sentences.append(f"{ignored}; give fold_friction or fold_drift")
+        same = f"cycle = {protocol.cycle} is as the first without friction, unless the fabric snaps"
+        sentences.append(f"{same}; give fold_friction or fold_drift")
     if protocol.robustness and protocol.method != "equilibrium":
         ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}"
         sentences.append(f"{ignored}: siblings are tested in equilibrium only")

@@ -45,7 +45,7 @@ def test_what_has_no_meaning_is_refused(settings, problem):
 
 def test_a_second_cycle_without_friction_is_said_to_be_as_the_first():
     (sentence,) = make_plan("periodic", (*ONE, "cycle=2")).warnings
-    assert sentence.startswith("cycle = 2 is as the first without friction; give fold_friction")
+    assert sentence.startswith("cycle = 2 is as the first without friction, unless the fabric")
 
 
 def test_a_set_is_where_the_force_of_unloading_vanishes():
