@@ -64,8 +64,8 @@ def capacitance_matrix(
         named: further selections, as keywords: ``n_stripe=4``.
 
     Returns:
-        ``capacitance`` (applied_strain, electrode, to) [pF], and the smallest ``gap`` of two
-        electrodes [mm of the network]. It is missing where bare electrodes touch.
+        ``capacitance`` (applied_strain, electrode, to) [pF], without leads. It is missing where
+        electrodes touch.
 
     Raises:
         BadInput: if there is no single design with electrodes and a shape, or a name, a number or
@@ -80,8 +80,9 @@ def capacitance_matrix(
     output = _checked(output)
     polarised = _polarised(cloth_permittivity, cloth_thickness)
     case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
+    _check_cloth(polarised, capacitor)
     of_set = electrode_set(case, capacitor, electrodes)
-    matrices, gap = capacitance_matrices(of_set, states, capacitor, polarised)
+    matrices = capacitance_matrices(of_set, states, capacitor, polarised)
     names = list(of_set.names)
     table = xr.Dataset(
         {
@@ -90,7 +91,6 @@ def capacitance_matrix(
                 matrices * _lengthened(of_set, relaxed, capacitor),
                 PICOFARAD | {"long_name": "capacitance matrix"},
             ),
-            "gap": (STRAIN, gap, {"units": "mm", "long_name": "smallest gap of electrodes"}),
         },
         {
             STRAIN: (STRAIN, strains, COORDINATES[STRAIN].attributes),
@@ -166,6 +166,7 @@ def cross_talk(
         raise fault(case.label, "has contact, which this leaves out; simulate with contact = none")
     if len(strains) > 1 or strains[0] != 0:
         raise fault(STRAIN, "is 0 of parts that are pulled alone; select no strain")
+    _check_cloth(polarised, capacitor)
     names = list(dict.fromkeys(name for pair in sensors for name in pair))
     of_set = electrode_set(case, capacitor, names)
     pairs = [(names.index(one), names.index(other)) for one, other in sensors]
@@ -280,6 +281,13 @@ def _polarised(permittivity: float, thickness: float) -> float:
     if not 0 < thickness < np.inf:
         raise fault("cloth_thickness", f"is {thickness:g}; give a positive number of mm")
     return (permittivity - 1) * thickness
+
+
+def _check_cloth(polarised: float, capacitor: Capacitor) -> None:
+    """Refuse cloth that polarises where distances count as longer by an insulation."""
+    if polarised and capacitor.dielectric_thickness:
+        problem = "is of bare electrodes; leave it out, or simulate with dielectric_thickness = 0"
+        raise fault("cloth_permittivity", problem)
 
 
 def _opened(shapes: Cube) -> xr.Dataset:

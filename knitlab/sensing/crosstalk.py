@@ -58,7 +58,7 @@ def cross_talk(
     moves /= np.diag(strains)[:, None]
     signs = [start, *(start + sign * STEP * move for move in moves for sign in (1, -1))]
     states = Configuration.stacked([Configuration.of(each, shape) for each in signs])
-    matrices, _ = capacitance_matrices(of_set, states, capacitor, polarised)
+    matrices = capacitance_matrices(of_set, states, capacitor, polarised)
     found = readings(matrices, sensors, others)
     slopes = np.log(found[1::2] / found[2::2]).T / (2 * STEP)
     coupling = np.eye(len(sensors))

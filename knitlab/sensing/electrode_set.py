@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, pairwise, product
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class ElectrodeSet:
 
     def charts(self, level: int, bare: bool = False) -> PanelChart:
         """Panels of all electrodes; with number ``len(names)``, those of the cloth between them."""
-        groups = [*self.groups, *([self._bare] if bare else [])]
+        groups = [*map(self._divided, self.groups), *([self._bare] if bare else [])]
         charts = [
             panel_chart(Electrodes((group, ()), ALONG[self.along]), self.shape, level)
             for group in groups
@@ -54,6 +54,19 @@ class ElectrodeSet:
         number = np.repeat(np.arange(len(charts)), [len(chart.cell) for chart in charts])
         cells, corners = ([getattr(c, name) for c in charts] for name in ("cell", "corners"))
         return PanelChart(np.concatenate(cells), np.concatenate(corners), number)
+
+    def _divided(self, group: Group) -> Group:
+        """An electrode, divided where others cross it, for there its charge is concentrated."""
+        pieces = []
+        others = [strip for each in self.groups if each is not group for strip in each]
+        for strip in group:
+            shared = [strip, *filter(None, map(strip.shared, others))]
+            crossing = [each.extents for each in shared if each.area > 0]
+            x, y = (sorted({end for pair in crossing for end in pair[k]}) for k in (0, 1))
+            pieces += [
+                Strip(*columns, *rows) for columns, rows in product(pairwise(x), pairwise(y))
+            ]
+        return tuple(pieces)
 
     @property
     def _bare(self) -> Group:

@@ -91,7 +91,9 @@ def _with_cloth(
     Bare panels have the charge of the polarisation, which flows between neighbours as a current
     would through a sheet: the divergence of ε0 ``polarised`` times the gradient of the potential.
     """
-    middles, lengths, reach = _sides(panels)
+    following = np.roll(panels, -1, axis=1)
+    middles, lengths = (panels + following) / 2, np.linalg.norm(following - panels, axis=-1)
+    reach = np.linalg.norm(middles - panels.mean(axis=1)[:, None], axis=-1)
     points, count = middles.reshape(-1, 3), middles.size // 3
     images = [points, points + period] if period.any() else [points]
     # Panels are neighbours where the middles of two sides are one point.
@@ -114,69 +116,39 @@ def _with_cloth(
     return np.asarray(member.T @ fixed - fixed[bare].T @ free)
 
 
-def _sides(
-    panels: Float[np.ndarray, "panel 4 3"],
-) -> tuple[Float[np.ndarray, "panel 4 3"], Float[np.ndarray, "panel 4"], np.ndarray]:
-    """Middles and lengths of the sides of panels, and their distances from its centre."""
-    following = np.roll(panels, -1, axis=1)
-    middles = (panels + following) / 2
-    reach = np.linalg.norm(middles - panels.mean(axis=1)[:, None], axis=-1)
-    return middles, np.linalg.norm(following - panels, axis=-1), reach
-
-
-def around_of(
+def capacitance_matrices(
     of_set: ElectrodeSet, states: Configuration, capacitor: Capacitor, polarised: float = 0.0
-) -> Around:
-    """What surrounds electrodes on a fabric in several states."""
+) -> Matrices:
+    """Maxwell's matrices of a set in several states without leads, NaN where electrodes touch [pF].
+
+    Those of one period if periodic. Electrodes that lie on each other by design are insulated.
+    """
     ground = period = None
     if capacitor.ground == "plane":
         lowest = np.asarray(states.positions)[..., 2].min(axis=(1, 2))
         ground = lowest - capacitor.ground_distance
     if of_set.axis is not None:
         period = np.asarray(states.lengths)[:, of_set.axis]
-    return Around(of_set.axis, period, ground, capacitor.dielectric_thickness, polarised)
-
-
-def capacitance_matrices(
-    of_set: ElectrodeSet, states: Configuration, capacitor: Capacitor, polarised: float = 0.0
-) -> tuple[Matrices, Float[np.ndarray, " state"]]:
-    """Maxwell's matrices of a set in several states [pF], and the smallest gap [mm].
-
-    Those of one period if periodic. NaN where bare electrodes touch.
-    """
-    around, found = around_of(of_set, states, capacitor, polarised), []
+    around = Around(of_set.axis, period, ground, capacitor.dielectric_thickness, polarised)
+    found = []
     for level in LEVELS:
         chart = of_set.charts(level, bare=polarised > 0)
         panels = np.asarray(panels_on(chart, of_set.shape, states))
-        if level == LEVELS[0]:
-            gap = _gaps(of_set, panels, chart.electrode, around)
         found.append(matrices_of(panels, chart.electrode, len(of_set.names), around))
     gain = 1 / ((LEVELS[1] / LEVELS[0]) ** ORDER - 1)
     matrices = found[1] + gain * (found[1] - found[0])
-    closed = gap == 0 if capacitor.dielectric_thickness else gap < capacitor.clearance
-    matrices[closed] = np.nan
-    return capacitor.permittivity * matrices, gap
-
-
-def _gaps(
-    of_set: ElectrodeSet, panels: Panels, number: Int[np.ndarray, " panel"], around: Around
-) -> Float[np.ndarray, " state"]:
-    """Smallest distance of two electrodes, apart from those that lie on each other by design."""
-    pairs = [
-        pair for pair in combinations(range(len(of_set.names)), 2) if not of_set.overlapping(*pair)
-    ]
-    gaps = []
-    for k, of_state in enumerate(panels):
-        periods = np.zeros(2)
-        if around.axis is not None and around.period is not None:
-            periods[around.axis] = around.period[k]
-        reach = float(np.linalg.norm(np.ptp(of_state.reshape(-1, 3), axis=0)))
-        between = (
-            gap_between(of_state[number == i], of_state[number == j], reach / 4, (*periods,))
-            for i, j in pairs
-        )
-        gaps.append(min(between, default=reach))
-    return np.array(gaps)
+    for one, other in combinations(range(len(of_set.names)), 2):
+        if of_set.overlapping(one, other):
+            continue
+        for state, of_state in enumerate(panels):
+            first, second = (of_state[chart.electrode == number] for number in (one, other))
+            periods = [0.0, 0.0]
+            if of_set.axis is not None and period is not None:
+                periods[of_set.axis] = float(period[state])
+            gap = gap_between(first, second, capacitor.clearance, (periods[0], periods[1]))
+            if gap == 0 or (gap < capacitor.clearance and not capacitor.dielectric_thickness):
+                matrices[state] = np.nan
+    return capacitor.permittivity * matrices
 
 
 def readings(

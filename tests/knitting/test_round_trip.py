@@ -132,7 +132,7 @@ BACK_ENDS = os.environ.get("KNITOUT_BACK_ENDS")  # folder with the back ends' sc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("design", PAPER, ids=str)
+@pytest.mark.parametrize("design", PAPER[::5], ids=str)
 def test_programs_keep_the_rules_and_their_back_ends_convert_them_to_the_same_chart(
     design, tmp_path
 ):

@@ -13,6 +13,7 @@ def run(*words):
     return CliRunner().invoke(main, ["sensing", SENSOR, *words])
 
 
+@pytest.mark.slow
 def test_a_matrix_is_printed_and_drawn(tmp_path):
     file = tmp_path / "matrix.png"
     said = run(*ONE, "--electrode", "w1", "--electrode", "w2", "-o", str(file))

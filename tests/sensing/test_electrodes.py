@@ -1,11 +1,14 @@
 """Matrices and cross-talk of electrodes on a fabric: its one capacitor, signs, sums, symmetry."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import knitlab as kl
+from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
+from knitlab.simulation.case import case_of
 from tests.sensing.test_selectivity import ONE, SENSOR, small_test
 
 PAIR = ["w1", "w2"]
@@ -76,21 +79,34 @@ def test_a_part_as_wide_as_the_cell_is_pulled_as_in_a_test():
     assert found["gauge_factor"][0, 1] == pytest.approx((high - low) / 0.002, rel=0.01)
 
 
+def test_cloth_that_polarises_has_bare_electrodes():
+    insulated = small_test(dielectric_thickness=0.1, strains=(0.0,))
+    with pytest.raises(kl.BadInput, match="is of bare electrodes"):
+        kl.capacitance_matrix(insulated, cloth_permittivity=2.0)
+
+
+def of_grid(insulation):
+    """A sample whose two columns of electrodes cross two rows, and its sensors."""
+    layout = kl.ElectrodeLayout(within="fabric", face="both", width=1.0)
+    capacitor = replace(kl.defaults().capacitor, layout=layout, dielectric_thickness=insulation)
+    test = kl.simulate(kl.Design(4, 8, unit_cells=(1, 1)), [0], capacitor=capacitor)
+    return test, [(f"w{column}", f"c{row}") for column in (1, 2) for row in (1, 2)]
+
+
 @pytest.mark.slow
 def test_rows_cross_columns_of_a_sample_with_an_insulation():
-    known = kl.defaults()
-    layout = kl.ElectrodeLayout(within="fabric", face="both", width=1.0)
-    capacitor = replace(known.capacitor, layout=layout, dielectric_thickness=0.2)
-    test = kl.simulate(kl.Design(4, 8, unit_cells=(1, 1)), [0], capacitor=capacitor)
-    grid = [(f"w{column}", f"c{row}") for column in (1, 2) for row in (1, 2)]
-    found = kl.cross_talk(test, grid, others="grounded")
-    assert (found["reading"] > 0).all()
-    own = np.abs(np.diag(found["gauge_factor"]))
-    assert (own > 0).all()
-    bare = replace(capacitor, dielectric_thickness=0.0)
-    shorted = kl.simulate(kl.Design(4, 8, unit_cells=(1, 1)), [0], capacitor=bare)
+    thick, thin = (kl.cross_talk(*of_grid(d), others="grounded") for d in (0.1, 0.05))
+    case = case_of(json.loads(of_grid(0.1)[0].attrs["parameters"]))
+    fabric, (courses, wales) = case.assemble()[1], case.stitches_per_cell
+    area = fabric.cell_x[2] / wales[2] * fabric.cell_y[2] / courses[2]
+    # A thinner insulation adds that of a plate capacitor, and some at its edges.
+    added = (thin["reading"] - thick["reading"]) / (VACUUM_PERMITTIVITY * area * (1 / 0.05 - 10))
+    assert (added > 1).all()
+    assert (added < 1.3).all()
+    # The sample has a turn by half a turn as its symmetry.
+    np.testing.assert_allclose(thin["cross_talk"], thin["cross_talk"][::-1, ::-1], atol=0.01)
     with pytest.raises(kl.BadInput, match="touch, a short circuit"):
-        kl.cross_talk(shorted, grid)
+        kl.cross_talk(*of_grid(0.0))
 
 
 @pytest.mark.parametrize(
