@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
 LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
 """Errors of a machine without files, memory, processes or space left."""
+WITHOUT_JAX = ("query", "find", "status")  # commands that need little memory
+LEAST_BYTES = 3e9
 MATERIAL = "knitlab.material"  # key of the material file in the context of a command
 MOST_LINES = 20  # largest number of cases that a command lists
 
@@ -64,6 +66,18 @@ class CommandGroup(click.Group):
         finally:
             if ours:
                 signal.signal(signal.SIGINT, before)
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Find the command that is named; BadInput if JAX would abort here for lack of memory."""
+        found = super().resolve_command(ctx, args)
+        with suppress(ImportError):
+            import resource  # not on Windows
+
+            limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+            if found[0] not in WITHOUT_JAX and 0 <= limit < LEAST_BYTES:
+                problem = f"may have {limit / 1e9:.1f} GB of address space, and JAX needs some"
+                raise fault("a process", f"{problem} {LEAST_BYTES / 1e9:.0f} GB; raise ulimit -v")
+        return found
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command that is named; its work never depends on what it shows."""

@@ -3,7 +3,6 @@
 Trajectories that leave this file are in pixels with x to the right and y down, as in pictures.
 """
 
-import math
 import re
 from io import StringIO
 from pathlib import Path
@@ -12,12 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from numpy.lib.format import (
-    read_array,
-    read_array_header_1_0,
-    read_array_header_2_0,
-    read_magic,
-)
+from numpy.lib.format import open_memmap
 
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
@@ -35,7 +29,6 @@ ROWS = {
     "a picture": ("frame", "marker", "x", "y"),
 }
 """Programs that write a row for each position, and their headers in lower case."""
-HEADERS = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
 SLEAP = ("frame_idx", "track", "instance.score")
 
 
@@ -104,20 +97,14 @@ def read_tracks(
 
 def _array(path: Path) -> Tracks:
     try:
-        with plain_file(path).open("rb") as file:
-            header = HEADERS[min(read_magic(file), max(HEADERS))]
-            shape, _, kind = header(file)
-            if math.prod(shape) * kind.itemsize > path.stat().st_size:
-                raise ValueError(f"its header states the shape {shape}, but it is shorter")
-            file.seek(0)
-            tracks = read_array(file, allow_pickle=False)
+        tracks = open_memmap(plain_file(path), mode="r")  # which compares sizes
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except (ValueError, EOFError) as error:
         problem = f"is not a complete .npy array ({error}); save it with numpy.save"
         if "magic string" in str(error):
             problem = "is not an .npy array; save it with numpy.save"
-        elif "allow_pickle" in str(error):
+        elif "Python objects" in str(error):
             problem = "holds pickled objects, which may execute code; save a plain array of floats"
         raise fault(str(path), problem) from error
     if tracks.dtype.kind not in "fiu":

@@ -137,7 +137,7 @@ def kill_again_and_again(results, kills):
         if number % 2 and len(before) < len(plan.cases):
             die_within_a_case(plan, results, int(random.integers(1, 8000)))
         else:
-            kill_at_a_change(plan, results, int(random.integers(1, 60)), bool(random.integers(2)))
+            kill_at_a_change(plan, results, int(random.integers(1, 50)), bool(random.integers(2)))
         after = {
             case_id
             for case_id in plan.cases
