@@ -96,7 +96,7 @@ def selectivity_figure(selectivity: xr.Dataset) -> Figure:
 def _maps(state: xr.Dataset, values: dict[str, xr.DataArray]) -> Figure:
     """A map over n_stripe and n_subunit for each value."""
     figure = Figure(
-        figsize=(TWO_COLUMNS, 1.2 + 0.9 * state.sizes["n_stripe"]), layout="constrained"
+        figsize=(TWO_COLUMNS, 1.6 + 1.2 * state.sizes["n_stripe"]), layout="constrained"
     )
     present = xr.where(state["sensing_status"] == "", int(Status.excluded), int(Status.ok))
     panels = figure.subplots(2, 2).flat
