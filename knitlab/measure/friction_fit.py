@@ -182,21 +182,18 @@ class _Fold:
             angle = (low + high) / 2
             spring = length / np.sin(angle / 2)
             pull = self.k_s * (spring - self.cell)
-            moment = self.k_t * (angle - self.rest) + self.friction(angle)
+            turned = self.moment + self.stiffness * (angle - self.angle)
+            moment = self.k_t * (angle - self.rest) + np.clip(turned, -self.yields, self.yields)
             open_further = moment < pull * spring / np.tan(angle / 2)
             low, high = np.where(open_further, angle, low), np.where(open_further, high, angle)
         return (low + high) / 2
 
     def slack(self) -> float:
-        """The angle without force [rad]."""
-        low, high = 0.0, np.pi
-        for _ in range(BISECTIONS):
-            angle = (low + high) / 2
-            if self.k_t * (angle - self.rest) + float(self.friction(np.array(angle))) < 0:
-                low = angle
-            else:
-                high = angle
-        return (low + high) / 2
+        """The angle without force, where spring and friction balance [rad]."""
+        turned = self.k_t * self.rest + self.stiffness * self.angle - self.moment
+        sticking = turned / (self.k_t + self.stiffness)
+        spring = self.k_t * (self.rest - sticking)
+        return self.rest - min(max(spring, -self.yields), self.yields) / self.k_t
 
     def forces(self, length: Points) -> Points:
         """Tension at half lengths; none where it is slack [N]."""

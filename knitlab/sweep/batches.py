@@ -22,7 +22,7 @@ from knitlab.simulation.case import Case, Method, by_test
 BATCH_UNKNOWNS = 8_000  # unknowns that one vmapped batch may hold: about 1 GiB of element Hessians
 RELAXATION_STEPS = 10  # about the number of steps of a tensile test that its relaxation costs
 COST_POWER = 1.3  # about the power of the number of unknowns with which the cost of a step grows
-SECONDS_OF_STATE = 0.015  # at least, however small the fabric, to find and to measure it
+SECONDS_OF_STATE = 0.012  # at least, however small the fabric, to find and to measure it
 SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.018, "dynamics": 1.2e-7}  # on one core
 TIME_TO_REST = 60.0  # usual duration of a motion until a fabric is at rest [ms]
 STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over the largest k_s

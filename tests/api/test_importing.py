@@ -87,6 +87,7 @@ def test_a_low_level_function_computes_in_float64(program):
     assert printed(f"import jax\n{program}\nprint(found.dtype)", JAX_ENABLE_X64="0") == "float64"
 
 
+@pytest.mark.slow
 def test_a_new_worker_process_computes_in_float64():
     stripe = Stripe("rib", 4, period=1.41, k_s=0.8, theta_0=0.8, k_t=0.01)
     strain = np.linspace(0.1, 1, 5)

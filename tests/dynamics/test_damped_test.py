@@ -110,6 +110,7 @@ def test_few_records_reach_the_end_of_a_relaxation(snapshots, relax_time):
     assert len(relaxed.history.snapshot_time) <= 1 + snapshots
 
 
+@pytest.mark.slow
 def test_a_given_sheet_is_released_in_place_of_the_flat_one():
     fabrics = moving([(8, 1)], PERIODIC, replace(SETTINGS, ending="time", relax_time=0.02))
     net, (fabric,) = network(fabrics.shape), fabrics.fabrics

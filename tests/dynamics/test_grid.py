@@ -84,6 +84,7 @@ def test_energy_and_gradient_are_those_of_the_network(boundary, fold_angle, hing
     assert_equals_the_network(*checkered(options, unit_cells=(2, 1)), range(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("boundary", "weft", "warp"),
     [

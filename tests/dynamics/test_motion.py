@@ -132,6 +132,7 @@ def test_a_node_that_presses_on_a_wall_rests_at_force_over_stiffness_beyond_it()
     assert batch.steps[0] < steps_of_the_wall / 10
 
 
+@pytest.mark.slow
 @BOUNDARIES
 @pytest.mark.parametrize("clamped", [False, True], ids=["free", "held"])
 def test_the_highest_frequency_is_nearly_that_of_the_dense_matrix(options, clamped):

@@ -53,6 +53,7 @@ def test_a_second_run_prints_the_same_and_writes_nothing(results):
     assert written(results) == before
 
 
+@pytest.mark.slow
 def test_a_second_run_imports_none_of_the_slow_libraries(results):
     words = [*WORDS, "--results", str(results)]
     program = (

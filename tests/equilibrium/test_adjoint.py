@@ -273,6 +273,7 @@ def test_results_do_not_depend_on_the_pose_before_the_rigid_alignment(clamped):
     )
 
 
+@pytest.mark.slow
 def test_derivatives_are_missing_without_a_stable_equilibrium(periodic):
     flat = flat_sheet(periodic.layout.net, periodic.layout.fabric(periodic.stripes))
     squeezed = Configuration(

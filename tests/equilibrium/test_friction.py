@@ -142,6 +142,7 @@ def test_the_work_of_a_closed_cycle_is_lost_in_the_folds():
     assert work > 0.05 * np.trapezoid(there, strains) * test.loading.length
 
 
+@pytest.mark.slow
 def test_drift_relaxes_the_force_and_leaves_a_set():
     net, fabric = checkered(4, 1, PERIODIC)
     strains = [0.0, 0.1, 0.2]
@@ -175,6 +176,7 @@ def test_elements_follow_the_scalar_mapping_and_lose_energy_only(moment, slide, 
         assert after - before <= step + 1e-12
 
 
+@pytest.mark.slow
 def test_forces_and_stiffness_with_friction_are_derivatives_of_the_energy():
     net, fabric = checkered(4, 1, PERIODIC)
     slip = 0.3 * np.random.default_rng(3).normal(size=len(fabric.rest_fold))

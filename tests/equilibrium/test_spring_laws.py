@@ -221,6 +221,7 @@ def test_tension_has_the_slopes_that_differences_give():
 TENSION = jax.jit(tension)
 
 
+@pytest.mark.slow
 @given(
     k_s=st.floats(0.1, 10),
     k_t=st.floats(1e-3, 0.5),

@@ -103,6 +103,7 @@ def test_only_the_part_of_a_step_within_the_step_limit_meets_walls(squeezed):
     np.testing.assert_allclose(step, newton, rtol=0, atol=1e-9 * np.abs(newton).max())
 
 
+@pytest.mark.slow
 def test_searches_reach_the_same_states_with_fewer_factorisations(squeezed, monkeypatch):
     net, fabric, relaxed = squeezed
     loading = loading_of(net.shape, relaxed.configuration)

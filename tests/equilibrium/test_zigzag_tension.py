@@ -28,6 +28,7 @@ def test_every_period_carries_the_same_force():
     assert three == pytest.approx(one, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_reaction_is_the_slope_of_the_energy():
     chain, step = zigzag(stripe("garter", 12)), 1e-5
     before, at, after = pull_chain(chain, 2, [0.8 - step, 0.8, 0.8 + step])

@@ -39,6 +39,7 @@ def test_a_second_process_compiles_nothing_anew(tmp_path):
     assert times == [path.stat().st_mtime_ns for path in second]
 
 
+@pytest.mark.slow
 def test_a_program_whose_process_was_killed_while_it_wrote_is_compiled_again(tmp_path):
     first, printed = files_after(tmp_path)
     killed, *complete = first
@@ -72,6 +73,7 @@ def test_the_users_own_settings_are_kept(tmp_path, environment):
     assert not any("knitlab" in str(path.relative_to(tmp_path)) for path in files)
 
 
+@pytest.mark.slow
 def test_programs_of_another_number_of_threads_are_not_used(tmp_path):
     one, printed = files_after(tmp_path, PJRT_NPROC="1")
     both, again = files_after(tmp_path, PJRT_NPROC="2")

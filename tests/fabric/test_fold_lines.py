@@ -42,6 +42,7 @@ def test_a_stripe_has_the_same_compliance_and_the_same_folds_on_any_grid(cells, 
         assert np.abs(parts).sum() == pytest.approx(4)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(FINER, FRACTIONS, st.floats(0.3, 3.0))
 def test_the_angle_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):

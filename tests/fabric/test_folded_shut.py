@@ -76,6 +76,7 @@ def test_flanks_of_a_stripe_folded_shut_keep_a_thickness(cells_per_period):
     assert THICKNESS < held.gap < ROOM * THICKNESS
 
 
+@pytest.mark.slow
 def test_pressure_only_decides_where_between_thickness_and_range_flanks_lie():
     gaps = [Folded(pressure).gap for pressure in (0.01, 0.1, 1.0)]
     assert gaps == sorted(gaps)

@@ -125,6 +125,7 @@ def test_a_plain_sheet_rests_flat_and_stretches_as_its_springs_do():
     np.testing.assert_allclose(stiffness, expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_bending_a_plain_sheet_takes_its_bending_stiffness():
     options = ModelOptions(boundary="clamped")
     layout, fabric = assembled(["P"], options=options, periods=2)

@@ -36,6 +36,7 @@ def moved(numbers, shape, configuration):
     return Configuration(nodes, configuration.lengths * stretch)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periodic", [False, True])
 @settings(max_examples=30)
 @given(seed=SEEDS)

@@ -79,6 +79,7 @@ def test_force_and_slope_have_no_jump(law):
         np.testing.assert_allclose(before, after, rtol=limit, atol=limit)
 
 
+@pytest.mark.slow
 def test_a_table_from_rest_is_continued_as_an_odd_function_and_linearly():
     law = LAWS["tabulated"]
     strain = jnp.linspace(0.01, 2, 50)
@@ -97,6 +98,7 @@ def increasing(least):
     return steps.map(lambda found: tuple(np.concatenate([[0.0], np.cumsum(found)]).tolist()))
 
 
+@pytest.mark.slow
 @given(strain=increasing(1), slope=st.floats(1e-3, 1e3))
 def test_a_straight_table_is_the_linear_law(strain, slope):
     curve = SpringCurve(strain, tuple(slope * at for at in strain))
@@ -143,6 +145,7 @@ def test_an_invalid_spring_curve_is_refused(strain, force, problems):
     assert all(problem in str(refused.value) for problem in problems)
 
 
+@pytest.mark.slow
 def test_each_spring_has_the_law_of_its_stripe_and_diagonals_that_of_the_softer():
     rib = replace(stripe("rib", 4), spring_curve=CURVE)
     garter = replace(stripe("garter", 8), stiffening_strain=0.1)

@@ -258,6 +258,7 @@ def test_a_target_has_the_size_of_the_sample_and_the_requested_errors(case, trut
     np.testing.assert_allclose(target.errors, 0.01 * largest * np.ones(len(STRAINS) - 1))
 
 
+@pytest.mark.slow
 def test_experiments_that_cannot_be_fitted_are_refused(case, truth):
     plan = make_plan("laboratory", PERIODIC)
     cube = experiment(case, truth)

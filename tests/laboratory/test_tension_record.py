@@ -134,6 +134,7 @@ def raw_record(tmp_path, seed=0, repeats=5, peaks=(0.6, 2.0, 2.0), noise=0.01, s
     return path
 
 
+@pytest.mark.slow
 def test_a_raw_record_gives_the_stripe_that_it_was_made_of(tmp_path):
     record = read_tension_record(
         raw_record(tmp_path), gauge_length=GAUGE_LENGTH, width=WIDTH, cycle=2
@@ -166,6 +167,7 @@ def test_of_cycles_one_loading_branch_is_taken(tmp_path):
     assert curves[1] < 0.62 < 1.9 < curves[2]
 
 
+@pytest.mark.slow
 def test_forces_over_the_width_are_those_of_rows_as_wide_as_cells_are_long():
     strain = np.linspace(0.0, 2.0, 30)
     force = np.asarray(compiled_tension(zigzag(RIB), jnp.asarray(strain)))

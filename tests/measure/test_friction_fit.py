@@ -81,6 +81,7 @@ def test_numbers_are_found_again(passages, within):
         assert abs(fit.values[name] - true) < 4 * fit.standard_errors[name]
 
 
+@pytest.mark.slow
 def test_the_repeats_of_swatches_tell_little():
     """Loading alone: friction is not seen, and drift at a few standard errors."""
     for knit in ("rib", "garter"):
@@ -91,6 +92,7 @@ def test_the_repeats_of_swatches_tell_little():
         assert fit.values["fold_friction"] < 2 * fit.standard_errors["fold_friction"]
 
 
+@pytest.mark.slow
 def test_repeats_that_only_scatter_have_no_drift():
     """Repeats that differ as wholes by 4 %: errors of independent points would often deny it."""
     noise = np.random.default_rng(1)

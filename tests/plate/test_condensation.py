@@ -129,6 +129,7 @@ def check_by_rolled_up_cells(state_number, z_max, trials):
         assert second == pytest.approx(deformation @ plate.stiffness @ deformation, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_stiffness_is_the_curvature_of_the_energy_of_rolled_up_cells():
     check_by_rolled_up_cells(1, 6.0, 2)
 

@@ -14,6 +14,7 @@ from tests.sensing.test_selectivity import ONE, SENSOR, small_test
 PAIR = ["w1", "w2"]
 
 
+@pytest.mark.slow
 def test_two_electrodes_have_the_capacitance_of_the_sensor():
     found = kl.capacitance_matrix(SENSOR, PAIR, applied_strain=[0, 0.1], **ONE)
     curve = kl.open_cube(SENSOR).sel(ONE)["capacitance"].sel(applied_strain=[0, 0.1]).values
@@ -79,6 +80,7 @@ def test_a_part_as_wide_as_the_cell_is_pulled_as_in_a_test():
     assert found["gauge_factor"][0, 1] == pytest.approx((high - low) / 0.002, rel=0.01)
 
 
+@pytest.mark.slow
 def test_cloth_that_polarises_has_bare_electrodes():
     insulated = small_test(dielectric_thickness=0.1, strains=(0.0,))
     with pytest.raises(kl.BadInput, match="is of bare electrodes"):

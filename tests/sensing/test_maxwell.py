@@ -40,6 +40,7 @@ def test_three_wires_have_the_matrix_of_their_line_charges():
     np.testing.assert_allclose(found.sum(axis=1), 0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_two_wires_over_a_plane_have_the_matrix_of_their_images():
     radius, height, apart = 0.3, 5.0, 6.0
     own = np.log(2 * height / radius)
@@ -65,6 +66,7 @@ def of_film(polarised, count):
     return -matrix(*conductors, bare=[film] * (polarised > 0), **around)[0, 1] / LENGTH
 
 
+@pytest.mark.slow
 def test_strips_on_a_film_have_their_closed_forms():
     k = 2.0 / 8.0
     in_air = VACUUM_PERMITTIVITY * ellipk(1 - k**2) / ellipk(k**2)

@@ -113,6 +113,7 @@ def test_bent_sensors_are_those_of_rolled_up_cells(along):
         assert gauge[axis] == pytest.approx(scale * wanted, rel=0.03, abs=0.004 * scale)
 
 
+@pytest.mark.slow
 def test_a_kept_design_has_the_slope_of_its_curve():
     cube = open_cube(SENSOR).sel(ONE)
     curve = cube["capacitance"].values

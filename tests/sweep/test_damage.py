@@ -61,6 +61,7 @@ def numbers(cube):
     return cube.drop_attrs().load()
 
 
+@pytest.mark.slow
 @FUZZ
 @given(data=st.data())
 def test_a_damaged_byte_gives_the_right_numbers_or_a_sentence(undamaged, tmp_path, data):

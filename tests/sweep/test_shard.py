@@ -53,6 +53,7 @@ def test_a_share_is_a_plan_of_its_own():
     assert PLAN.share(Shard(1, 1)).cases == PLAN.cases
 
 
+@pytest.mark.slow
 def test_the_split_does_not_depend_on_the_process():
     program = (
         "from tests.sweep.test_shard import PLAN, Shard\nprint(*PLAN.share(Shard(2, 7)).cases)"

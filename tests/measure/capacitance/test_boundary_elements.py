@@ -98,6 +98,7 @@ def test_a_disc_has_its_closed_form():
     assert extrapolated(*found) == pytest.approx(exact, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_a_cube_has_its_known_capacitance():
     found = [maxwell(cube(crowded(count), 2.0))[0, 0] for count in (4, 8)]
     # Hwang and Mascagni, J. Appl. Phys. 95, 3798 (2004).

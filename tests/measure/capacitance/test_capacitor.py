@@ -133,6 +133,7 @@ def test_unresolved_capacitances_are_reported():
     assert found.error[0] > 1e-5
 
 
+@pytest.mark.slow
 def test_permittivity_multiplies_the_capacitance():
     assert measured([1.0], permittivity=2.5).capacitance == pytest.approx(
         2.5 * measured([1.0]).capacitance

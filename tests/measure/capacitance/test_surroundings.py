@@ -75,6 +75,7 @@ def test_a_wire_above_a_plane_has_its_closed_form(height):
     assert extrapolated(*found) == pytest.approx(exact, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [None, pytest.param(LENGTH, marks=pytest.mark.slow)])
 def test_a_plane_acts_as_mirrored_conductors_of_opposite_potential(period):
     """Up to which pairs of panels are near enough for the closed form, which is not the same."""
