@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from knitlab.cube.condition import holds
@@ -217,6 +217,8 @@ def test_strains_between_those_of_the_cube_are_interpolated_as_in_windows(share,
     cube = made_up_cube()
     strains = cube["applied_strain"].values
     at = float(strains[1] + share * (strains[-1] - strains[1]))
+    # A strain that is nearer to one of the cube is that one to a query.
+    assume(not 0 < abs(strains - at).min() < 1e-6)
     table = query_cubes([cube], {"applied_strain": at}, columns=["poisson_ratio", "n_stripe"])
     reduced = query_cubes([cube], columns=[f"mean(poisson_ratio, {at}:{at})"])
     np.testing.assert_allclose(
