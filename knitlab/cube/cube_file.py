@@ -126,7 +126,13 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """
     path = cube_path(path)
     try:
-        sealed = has_seal(path)
+        try:
+            sealed = has_seal(path)
+        except ValueError:
+            # Of a file that another program has open, which is named as that.
+            with suppress(OSError, RuntimeError):
+                _opened(path).close()
+            raise
         cube = _opened(path)
         # One without a seal may be damaged anywhere.
         if not (lazily and sealed):

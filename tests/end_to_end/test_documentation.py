@@ -224,7 +224,7 @@ STANDS_FOR = {
     "DESCRIPTION.toml": "workflows/laboratory/synthetic_4_16.toml",
 }
 """What the placeholders of the pages stand for."""
-FURTHER = {"run": ("--workers", "0"), "design": ("--budget", "2")}
+FURTHER = {"run": ("--workers", "0"), "design": ("--budget", "2"), "shapes": ("--starts", "3")}
 TESTED_ELSEWHERE = {
     "fit": "laboratory/test_fit.py",
     "fitted.toml": "laboratory/test_fit.py",
