@@ -159,7 +159,9 @@ def test_drift_relaxes_the_force_and_leaves_a_set():
 friction_numbers = st.floats(0.01, 0.5)
 
 
-@given(friction_numbers, friction_numbers, st.floats(0, 1), st.lists(st.floats(-1.4, 1.4), min_size=1))
+@given(
+    friction_numbers, friction_numbers, st.floats(0, 1), st.lists(st.floats(-1.4, 1.4), min_size=1)
+)
 def test_elements_follow_the_scalar_mapping_and_lose_energy_only(moment, slide, hardening, angles):
     friction = Friction(moment, slide, hardening)
     element, hinge = friction.begun(np.ones(1), np.zeros(1)), Hinge(friction, 1.0)
