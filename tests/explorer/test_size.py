@@ -64,7 +64,7 @@ def folder(tmp_path_factory):
             case_id = f"{n_stripe}-{2 * n_stripe * p}"
             record = case.attrs["parameters"].replace('"periods": 4', f'"periods": {p}')
             one = enlarged(case.assign_attrs(parameters=record), 8 * p, rng)
-            write_case_file(folder, case_id, one)
+            write_case_file(folder, case_id, one.assign(case_id=case_id))
             cube["case_id"].loc[design] = case_id
             cube["status"].loc[design] = Status.ok
             for name, variable in cube.data_vars.items():
