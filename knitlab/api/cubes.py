@@ -34,6 +34,19 @@ def opened(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
     return open_cube(cube, lazily=lazily) if isinstance(cube, str | Path) else cube
 
 
+def opened_with_shapes(shapes: Cube) -> xr.Dataset:
+    """A cube that was read from a file, beside which its case files lie, or a test with shapes."""
+    cube = opened(shapes)
+    if "status" not in cube:
+        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
+    if is_case(cube) and "position" not in cube:
+        raise fault("shapes", "has no node positions; give a dataset of knitlab.simulate")
+    if not is_case(cube) and "source" not in cube.encoding:
+        problem = "is a cube that was not opened from a file, beside which shapes lie"
+        raise fault("shapes", f"{problem}; give its path")
+    return cube
+
+
 def query(
     *cubes: Cube,
     where: str | None = None,

@@ -6,7 +6,7 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.api.cubes import Cube, opened
+from knitlab.api.cubes import Cube, opened_with_shapes
 from knitlab.cube.case_file import in_cloth
 from knitlab.cube.cube_file import is_case
 from knitlab.cube.schema import STRAIN
@@ -60,19 +60,12 @@ def plate_stiffness(
     selections = {**selections, **named}
     if output is not None:
         check_card(output := Path(output))
-    cube = opened(shapes)
-    if "status" not in cube:
-        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
+    cube = opened_with_shapes(shapes)
     if is_case(cube):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        if "position" not in cube:
-            raise fault("shapes", "has no node positions; give a dataset of knitlab.simulate")
         if where is not None:
             raise fault("where", "is a condition on designs, and a test is one; leave it out")
         plates = plates_of_case(in_cloth(cube, cube), selections)
-    elif "source" not in cube.encoding:
-        remedy = "beside which shapes lie; give its path"
-        raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")
     else:
         plates = plates_of_cube(cube, Path(cube.encoding["source"]).parent, selections, where)
     if output is not None:

@@ -9,8 +9,8 @@ from typing import Any, get_args
 import numpy as np
 import xarray as xr
 
-from knitlab.api.cubes import Cube, opened
-from knitlab.cube.case_file import LENGTH_FACTOR, configurations, in_cloth
+from knitlab.api.cubes import Cube, opened_with_shapes
+from knitlab.cube.case_file import in_cloth, network_configurations
 from knitlab.cube.cube_file import design_dims, is_case
 from knitlab.cube.schema import COORDINATES, STRAIN
 from knitlab.cube.selection import refuse_others, selections_along
@@ -22,7 +22,7 @@ from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.meshes.chosen_case import chosen_case, chosen_cases, chosen_strains
 from knitlab.sensing.crosstalk import cross_talk as cross_talk_of
-from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set
+from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set, sensor_case
 from knitlab.sensing.maxwell import Others, capacitance_matrices
 from knitlab.sensing.selectivity import DIRECTIONS, STATUS, selectivity_of_case
 from knitlab.simulation.case import Case, case_of
@@ -244,7 +244,7 @@ def selectivity(
     output, selections = _checked(output), {**selections, **named}
     if along not in DIRECTIONS:
         raise fault("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
-    cube = _opened(shapes)
+    cube = opened_with_shapes(shapes)
     if is_case(cube):
         if where is not None:
             raise fault("where", "is a condition on designs, and a test is one; leave it out")
@@ -290,19 +290,6 @@ def _check_cloth(polarised: float, capacitor: Capacitor) -> None:
         raise fault("cloth_permittivity", problem)
 
 
-def _opened(shapes: Cube) -> xr.Dataset:
-    """A cube that was read from a file, or a test with its shapes."""
-    cube = opened(shapes)
-    if "status" not in cube:
-        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
-    if is_case(cube) and "position" not in cube:
-        raise fault("shapes", "has no node positions; give a dataset of knitlab.simulate")
-    if not is_case(cube) and "source" not in cube.encoding:
-        problem = "is a cube that was not opened from a file, beside which shapes lie"
-        raise fault("shapes", f"{problem}; give its path")
-    return cube
-
-
 def _states(
     shapes: Cube, selections: Mapping[str, Any]
 ) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
@@ -310,7 +297,7 @@ def _states(
 
     Lengths are in mm of the network.
     """
-    cube = _opened(shapes)
+    cube = opened_with_shapes(shapes)
     if is_case(cube):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
         case_file = cube
@@ -318,16 +305,10 @@ def _states(
         case_file = chosen_case(cube, Path(cube.encoding["source"]).parent, selections)
     several = STRAIN in selections
     chosen = chosen_strains(case_file, selections_along(selections, [STRAIN]), several)
-    case = case_of(json.loads(case_file.attrs["parameters"]))
-    if case.capacitor is None:
-        raise fault(case.label, "has no electrodes; simulate it with layout = checkerboard")
-    if "length_shear" in case_file:
-        raise fault(case.label, "was sheared; simulate it with load = warp, weft or biaxial")
-    factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
-    every = configurations(case_file)
-    every = Configuration(every.positions / factor, every.lengths / factor)
+    case, capacitor = sensor_case(case_file)
+    every = network_configurations(case_file)
     strains = case_file[STRAIN].values[chosen].tolist()
-    return case, case.capacitor, every[chosen], strains, every[0]
+    return case, capacitor, every[chosen], strains, every[0]
 
 
 def _lengthened(of_set: ElectrodeSet, relaxed: Configuration, capacitor: Capacitor) -> float:

@@ -146,3 +146,11 @@ def configurations(case: xr.Dataset) -> "Configuration":
     names = ["length_x", "length_y", *(["length_shear"] if "length_shear" in case else [])]
     lengths = [case[name].values if name in case else none for name in names]
     return Configuration(positions, np.stack(lengths, axis=-1))
+
+
+def network_configurations(case: xr.Dataset) -> "Configuration":
+    """The same in mm of the network, in which energies are, whatever the lengths of the case."""
+    from knitlab.fabric.fabric import Configuration
+
+    factor, states = float(case.attrs.get(LENGTH_FACTOR, 1.0)), configurations(case)
+    return Configuration(states.positions / factor, states.lengths / factor)

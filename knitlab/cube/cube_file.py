@@ -21,6 +21,7 @@ from knitlab.io.seal import has_seal, seal
 CUBE = "cube.nc"
 ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
 OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
+ROUND_OFF = 1e-6  # force over the largest that counts as none
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
 
 
@@ -59,9 +60,6 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         BadInput: if there is no such file, or it is not a cube.
     """
     return with_derived(read_cube(path, lazily=lazily))
-
-
-ROUND_OFF = 1e-6  # of a force, over the largest, that counts as none
 
 
 def with_derived(cube: xr.Dataset) -> xr.Dataset:

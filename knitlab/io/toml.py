@@ -22,10 +22,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The table in a TOML file; BadInput if it cannot be read, or is not TOML."""
     try:
         return tomllib.loads(read_text(path))
-    except (
-        ValueError,
-        RecursionError,
-    ) as error:  # the last of nested lists
+    except (ValueError, RecursionError) as error:  # the second of nested lists
         raise fault(str(path), f"is not TOML ({error}); correct that line") from error
 
 

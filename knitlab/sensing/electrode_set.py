@@ -1,5 +1,6 @@
 """Any number of electrodes on a fabric, by the ridges or the grid cells that they cover."""
 
+import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,6 +8,7 @@ from functools import partial
 from itertools import combinations, pairwise, product
 
 import numpy as np
+import xarray as xr
 
 from knitlab.fabric.electrodes import ElectrodeLayout, Electrodes, Strip, ridge_lines
 from knitlab.fabric.network import MeshShape
@@ -14,11 +16,21 @@ from knitlab.fabric.pattern import Along
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.capacitance.panels import PanelChart, panel_chart
-from knitlab.simulation.case import Case
+from knitlab.simulation.case import Case, case_of
 
 ALONG: tuple[Along, Along] = ("course", "wale")  # by axis
 Group = tuple[Strip, ...]
 REMEDY = "give ridges such as w1 or c2, joined as w1+w3, or grid cells such as 0:2/4:8"
+
+
+def sensor_case(case_file: xr.Dataset) -> tuple[Case, Capacitor]:
+    """The case of a case file, and its capacitor; BadInput if it has none, or was sheared."""
+    case = case_of(json.loads(case_file.attrs["parameters"]))
+    if case.capacitor is None:
+        raise fault(case.label, "has no electrodes; simulate it with layout = checkerboard")
+    if "length_shear" in case_file:
+        raise fault(case.label, "was sheared; simulate it with load = warp, weft or biaxial")
+    return case, case.capacitor
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ with the mean deformation, and besides as the unit cell relaxes. Capacitances of
 either side of a state give the derivative of the logarithm of the capacitance.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -17,7 +16,7 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import Float
 
-from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
+from knitlab.cube.case_file import LENGTH_FACTOR, length_unit, network_configurations
 from knitlab.cube.schema import COORDINATES, STRAIN
 from knitlab.cube.selection import chosen_indices, selections_along
 from knitlab.fabric.fabric import Configuration
@@ -27,9 +26,9 @@ from knitlab.measure.capacitance.panels import panels_on
 from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.meshes.chosen_case import has_shape
 from knitlab.plate.condensation import PlateSolver, deformed
-from knitlab.sensing.electrode_set import ElectrodeSet
+from knitlab.sensing.electrode_set import ElectrodeSet, sensor_case
 from knitlab.sensing.maxwell import LEVELS, Around, matrices_of, readings
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import Case
 
 CHANGES = ("strain_x", "strain_y", "curvature_x", "curvature_y")
 COMPONENTS = (0, 1, 3, 4)  # those of a plate that the changes are
@@ -58,19 +57,11 @@ def selectivity_of_case(
     Lengths are those of the case. BadInput if it is clamped, has no electrodes, contact, or a
     grounded plane.
     """
-    case = case_of(json.loads(case_file.attrs["parameters"]))
-    capacitor = case.capacitor
-    if capacitor is None:
-        raise fault(case.label, "has no electrodes; simulate it with layout = checkerboard")
+    case, capacitor = sensor_case(case_file)
     for wrong, problem, remedy in (
         (case.options.boundary != "periodic", "is a clamped sample", "boundary = periodic"),
-        (
-            case.options.contact != "none",
-            "has contact, which this leaves out",
-            "contact = none",
-        ),
+        (case.options.contact != "none", "has contact, which this leaves out", "contact = none"),
         (capacitor.ground != "none", "has a plane that does not bend with it", "ground = none"),
-        ("length_shear" in case_file, "was sheared", "load = warp, weft or biaxial"),
     ):
         if wrong:
             raise fault(case.label, f"{problem}; simulate it with {remedy}")
@@ -87,8 +78,7 @@ def selectivity_of_case(
             continue
         status.append(CapacitorStatus(int(case_file["capacitor_status"][index])).name)
         if status[-1] == CapacitorStatus.measured.name:
-            state = configurations(case_file.isel({STRAIN: [index]}))[0]
-            state = Configuration(state.positions / factor, state.lengths / factor)
+            state = network_configurations(case_file.isel({STRAIN: [index]}))[0]
             # Leads and their capacitance do not change.
             part = (whole - capacitor.lead_capacitance) / whole
             known = solver.gauges(state)
