@@ -15,6 +15,7 @@ from knitlab.fabric.fold_angle import (
     HingeVectors,
     Vector,
     by_hinge_vectors,
+    fold_and_slope,
     fold_from_normals,
     fold_from_rest,
 )
@@ -87,6 +88,14 @@ def element_vectors(
         shear = configuration.lengths[2] * periods[:, 1:]
         across_seam = across_seam + xp.pad(shear, ((0, 0), (0, 1), (0, 0)))
     return xp.stack(vectors) + xp.pad(across_seam, ((0, 0), (0, 1), (0, 0)))
+
+
+def folds_from_rest(
+    net: Network, fabric: Fabric, configuration: Configuration
+) -> Float[np.ndarray, " hinge"]:
+    """Fold angles of all hinges minus their rest values, between ±π, in NumPy [rad]."""
+    vectors, rest = element_vectors(net.hinges, configuration), np.asarray(fabric.rest_fold)
+    return np.asarray(fold_and_slope(vectors, rest, fabric.fold_angle)[0])
 
 
 def spring_energy(

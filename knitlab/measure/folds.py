@@ -3,9 +3,8 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.fabric.energy import element_vectors
+from knitlab.fabric.energy import folds_from_rest
 from knitlab.fabric.fabric import Configuration, Fabric
-from knitlab.fabric.fold_angle import fold_and_slope
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.pattern import KNIT_OF_LETTER, PatchGrid
 from knitlab.measure.unit_cells import CellGrid, nodes_at
@@ -23,8 +22,8 @@ def fold_angles(
     states, rest = lengths.shape[:-1], np.asarray(fabric.rest_fold)
     angles = np.empty((*states, len(rest)))
     for state in np.ndindex(*states):
-        vectors = element_vectors(net.hinges, Configuration(positions[state], lengths[state]))
-        angles[state] = rest + fold_and_slope(vectors, rest, fabric.fold_angle)[0]
+        one = Configuration(positions[state], lengths[state])
+        angles[state] = rest + folds_from_rest(net, fabric, one)
     return angles
 
 

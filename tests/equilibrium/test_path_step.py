@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.equilibrium.settings import Solver
-from knitlab.equilibrium.tensile_test import EASY, HARD, LONGEST, PathStep
+from knitlab.equilibrium.strain_path import EASY, HARD, LONGEST, PathStep
 
 SETTINGS = Solver(path_step=0.01)
 FIRST = PathStep(SETTINGS, SETTINGS.path_step)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.equilibrium import tensile_test
+from knitlab.equilibrium import strain_path
 from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import loading_of
 from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import Outcome
-from knitlab.equilibrium.tensile_test import _Path, stretch
+from knitlab.equilibrium.strain_path import StrainPath
+from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.fabric import Configuration, flat_sheet
@@ -158,7 +159,7 @@ def test_a_fabric_that_does_not_relax_is_reported():
 
 @pytest.mark.slow
 def test_a_step_that_fails_is_halved(monkeypatch):
-    monkeypatch.setattr(tensile_test, "ROUGH", np.inf)  # so that a step is one search
+    monkeypatch.setattr(strain_path, "ROUGH", np.inf)  # so that a step is one search
     net, fabric = checkered(4, 1, PERIODIC)
     whole = Solver(path_step=1.0, ramp_steps=60, branch_limit=1e9)
     iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
@@ -183,7 +184,7 @@ def test_a_rough_step_ends_where_a_smooth_one_does(options, monkeypatch):
     net, fabric = checkered(4, 1, options)
     ways = []
     for iterations in (-1, np.inf):
-        monkeypatch.setattr(tensile_test, "ROUGH", iterations)
+        monkeypatch.setattr(strain_path, "ROUGH", iterations)
         ways.append(stretched(net, fabric, [0.0, 0.01, 0.02, 0.03]).states)
     for rough, smooth in zip(*ways, strict=True):
         assert rough.converged
@@ -244,7 +245,7 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
 
     monkeypatch.setattr(tensile_test, "find_equilibrium", found)
     passed_states = [(0.0, replace(before, unknowns=off)), (0.01, last)]
-    path = _Path(equations(net, fabric), loading, passed_states, DEFAULT)
+    path = StrainPath(equations(net, fabric), loading, passed_states, DEFAULT)
     assert path.to(0.02).converged
     passed = [(0.0, off), (0.01, last.unknowns)]
     near, far = (loading.ahead(of, 0.02) for of in (passed[1:], passed))
