@@ -243,7 +243,7 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
         starts.append(start)
         return find_equilibrium(system, start, *rest)
 
-    monkeypatch.setattr(tensile_test, "find_equilibrium", found)
+    monkeypatch.setattr(strain_path, "find_equilibrium", found)
     passed_states = [(0.0, replace(before, unknowns=off)), (0.01, last)]
     path = StrainPath(equations(net, fabric), loading, passed_states, DEFAULT)
     assert path.to(0.02).converged
