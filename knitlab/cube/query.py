@@ -13,13 +13,14 @@ from pandas.api.types import is_numeric_dtype
 from knitlab.cube.condition import computed, holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path, with_derived
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
-from knitlab.cube.selection import refuse_others, selected, selections_along
+from knitlab.cube.selection import refuse_others, selectable, selected, selections_along
 from knitlab.cube.strain_window import with_columns
 from knitlab.io.errors import BadInput, Fault
 
 MAIN_COLUMNS = (
-    *("poisson_ratio", "force_per_width", "poisson_ratio_min", "applied_strain_at_min"),
-    *("intersections_at_min", "sensitivity", "working_range", "knit_cell_x", "knit_cell_y"),
+    *("applied_strain", "jumped", "poisson_ratio", "force_per_width", "poisson_ratio_min"),
+    *("applied_strain_at_min", "intersections_at_min", "sensitivity", "working_range"),
+    *("knit_cell_x", "knit_cell_y"),
 )  # that the command line shows unless asked for others, after what tells rows apart
 MOST_MAIN_COLUMNS = 8
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a text begins that a spreadsheet computes
@@ -41,7 +42,9 @@ class KnitlabAccessor:
         """The cube at selected values of its coordinates; all dimensions are kept.
 
         Args:
-            selections: a value or a list of values for each coordinate: ``n_stripe=[4, 6]``.
+            selections: a value or a list of values for each coordinate: ``n_stripe=[4, 6]``. A
+                ``reaction_force`` [N] or ``force_per_width`` [N/mm] takes the place of the applied
+                strain: the states of a test that controls the force.
 
         Returns:
             The slice of the cube.
@@ -112,9 +115,10 @@ def query_cubes(
 def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
     """One row for each design and each selected value of further dimensions; none if excluded."""
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
-    shown = [name for name, each in cube.data_vars.items() if set(each.dims) <= set(rows)]
+    chosen = selected(cube, selections)
+    shown = [name for name, each in chosen.data_vars.items() if set(each.dims) <= set(rows)]
     shown.sort(key=lambda name: name != "status")  # a file may have them in any order
-    chosen = selected(cube, selections)[shown]
+    chosen = chosen[shown]
     table = chosen.to_dataframe([name for name in rows if name in chosen.dims]).reset_index()
     table = table[table["status"] != Status.excluded].reset_index(drop=True)
     table.attrs["dims"] = {str(name): each.dims for name, each in cube.data_vars.items()}
@@ -131,12 +135,12 @@ def designs_of_all(cubes: Sequence[xr.Dataset], selections: Mapping[str, Any] = 
     """The concatenated tables of cubes, each sliced along its own dimensions, with their source."""
     if len(cubes) == 1:
         return designs_table(cubes[0], selections)
-    known = {str(name): None for cube in cubes for name in cube.indexes}
+    known = {name: None for cube in cubes for name in selectable(cube)}
     remedy = f"select along {', '.join(known)}"
     refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
     tables = []
     for cube, name in zip(cubes, _distinct_names(cubes), strict=True):
-        table = designs_table(cube, selections_along(selections, cube.indexes))
+        table = designs_table(cube, selections_along(selections, selectable(cube)))
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
         origin = {SOURCE: source, "cube": name} | _differing_options(cube, cubes)
         for index, (column, value) in enumerate(origin.items(), start=len(design_dims(cube))):

@@ -1,6 +1,7 @@
 """Selections: a value or a sequence of values by coordinate, along which a cube is sliced.
 
-Applied strains between those of the cube are interpolated, as in windows of strain.
+Applied strains between those of the cube are interpolated, as in windows of strain. In place of
+them a force may be selected.
 """
 
 from collections.abc import Hashable, Iterable, Mapping
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from knitlab.cube.force_control import controllable, under_force
 from knitlab.cube.schema import INTEGERS, STRAIN
 from knitlab.cube.strain_window import interpolated
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
@@ -19,8 +21,15 @@ MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """Keep the selected values of coordinates and all dimensions; BadInput if one is not there.
 
-    Curves are linear between two strains; codes and counts are missing unless both agree.
+    Curves are linear between two strains; codes and counts are missing unless both agree. Under a
+    selected force, that is a dimension in place of the applied strain.
     """
+    controlled = [name for name in controllable(cube) if name in selections]
+    if len({*controlled, *selections} & {STRAIN, *controlled}) > 1:
+        names = " and ".join(name for name in selections if name in (STRAIN, *controlled))
+        raise fault("selections", f"{names} exclude each other; select one of them")
+    for name in controlled:
+        cube = under_force(cube, name, _values(selections[name]))
     if STRAIN in selections and STRAIN in cube.dims:
         cube = _with_strains(cube, _values(selections[STRAIN]))
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
@@ -67,6 +76,11 @@ def selections_along(selections: Mapping[str, Any], names: Iterable[Hashable]) -
     """The selections along coordinates of these names."""
     known = set(names)
     return {name: value for name, value in selections.items() if name in known}
+
+
+def selectable(cube: xr.Dataset) -> list[str]:
+    """Names along which a cube can be selected: its coordinates, and forces."""
+    return [*map(str, cube.coords), *controllable(cube)]
 
 
 def as_given(selections: Mapping[str, Any]) -> list[str]:

@@ -15,7 +15,14 @@ from knitlab.cube import cube_file
 from knitlab.cube.case_file import case_path, in_cloth, read_case
 from knitlab.cube.cube_file import base_dims, is_measured, swept_dims, with_derived
 from knitlab.cube.schema import VARIABLES
-from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
+from knitlab.cube.selection import (
+    as_given,
+    choices,
+    refuse_others,
+    selectable,
+    selected,
+    selections_along,
+)
 from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
@@ -116,7 +123,7 @@ def draw(
     problem = f"is not a coordinate of {name}; select along {', '.join(known)}"
     refuse_others(selections, known, problem)
     folder = Path(cubes[0].encoding.get("source", "")).parent
-    cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
+    cubes = [selected(cube, selections_along(selections, selectable(cube))) for cube in cubes]
     slices = dict[str, None]()
     if name not in COMPARING:
         for cube in cubes:

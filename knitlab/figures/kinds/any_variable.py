@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, design_dims, swept_dims
+from knitlab.cube.force_control import FORCES
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.cube.strain_window import with_columns
@@ -143,7 +144,13 @@ def _plane(
     # A grid that shows no dimension of the designs shows one of them.
     flat = [dim for dim in design_dims(cube) if dim not in (x, y)]
     status = cube["status"].isel(dict.fromkeys(flat, 0)).broadcast_like(plane).transpose(y, x)
-    fixed = [f"{dim} = {_text(cube[dim].values[0])}" for dim in others if dim in cube.coords]
+    fixed = [
+        f"{dim} = {_text(cube[dim].values[0])} {cube[dim].attrs.get('units', '1')}".removesuffix(
+            " 1"
+        )
+        for dim in others
+        if dim in cube.coords
+    ]
     return plane, status, fixed
 
 
@@ -214,7 +221,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     return figure
 
 
-SLICED = ("applied_strain", "stripe_parameter")
+SLICED = ("applied_strain", *FORCES, "stripe_parameter")
 FIGURES = {
     "grid": FigureKind(value_grid, None, coordinates=SLICED, options=("x", "y", "of")),
     "swept": FigureKind(swept_values, None, options=("of",)),

@@ -1,0 +1,108 @@
+"""Control by force: the states of a tensile test at forces instead of at applied strains.
+
+A force that grows slowly leads through the same equilibria as a displacement that grows slowly, up
+to where the force has a maximum. There a test that controls the force jumps to the next state that
+carries more; the recorded path contains it unless the jump ends on another branch.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float, Int
+
+from knitlab.cube.schema import INTEGERS, STRAIN
+from knitlab.cube.strain_window import without_gap_at_zero
+from knitlab.io.errors import fault
+
+FORCES = ("reaction_force", "force_per_width")  # variables that a test may control
+
+
+def controllable(cube: xr.Dataset) -> list[str]:
+    """The forces of a cube at which it can be read."""
+    return [force for force in FORCES if force in cube.data_vars and STRAIN in cube[force].dims]
+
+
+def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Dataset:
+    """The cube along a force in place of the applied strain, which becomes a variable.
+
+    Args:
+        cube: a cube with a curve of the force.
+        name: ``reaction_force`` [N] or ``force_per_width`` [N/mm].
+        forces: values at which to read, in the unit of the variable.
+
+    Returns:
+        Every variable along the strain, linear between two strains, in the first state that carries
+        each force; missing if none does. ``jumped`` is 1 where the force fell before, so that a
+        test that controls it jumps to that state.
+
+    Raises:
+        BadInput: if a force is no number from 0 on.
+    """
+    curve = cube[name].astype(float).transpose(..., STRAIN)
+    wanted = _checked(name, forces)
+    upper, fraction = _first_to_carry(curve.values, wanted)
+    dims = (*curve.dims[:-1], name)
+    above = xr.Variable(dims, upper)
+    below = xr.Variable(dims, np.maximum(upper - 1, 0))
+    along = xr.Variable(dims, fraction)
+    strain = xr.Variable(STRAIN, cube[STRAIN].values.astype(float), cube[STRAIN].attrs)
+
+    def read(name: str, variable: xr.Variable) -> xr.Variable:
+        if name not in INTEGERS:
+            moved = variable.astype(float).transpose(..., STRAIN)
+            variable = moved.copy(data=without_gap_at_zero(strain.values, moved.values))
+        low, high = variable.isel({STRAIN: below}), variable.isel({STRAIN: above})
+        if name in INTEGERS:
+            values = low.where((low == high) & np.isfinite(along))
+        else:  # a neighbour of which nothing is used may be missing
+            values = low.where(along < 1, 0.0) * (1 - along) + high.where(along > 0, 0.0) * along
+        others = [dim for dim in variable.dims if dim != STRAIN]
+        first = [dim for dim in others if dim in dims]
+        values = values.transpose(*first, ..., missing_dims="ignore")
+        return xr.Variable(values.dims, values.values, variable.attrs)
+
+    fell = np.diff(curve.values, axis=-1, prepend=curve.values[..., :1]) < 0
+    before = np.arange(len(strain)) < upper[..., None]
+    jumped = (fell[..., None, :] & before).any(axis=-1) & np.isfinite(fraction)
+    moved = {
+        str(each): read(str(each), values.variable)
+        for each, values in cube.data_vars.items()
+        if STRAIN in values.dims and each != name
+    }
+    about = {"units": "1", "long_name": "whether the force fell before, so that the test jumps"}
+    moved[STRAIN] = read(STRAIN, strain)
+    return (
+        cube.drop_vars([*cube.data_vars.keys() & moved.keys(), name, STRAIN])
+        .assign(moved)
+        .assign(jumped=(dims, jumped.astype(float), about))
+        .assign_coords({name: (name, wanted, cube[name].attrs)})
+    )
+
+
+def _checked(name: str, forces: Sequence[Any]) -> Float[np.ndarray, " force"]:
+    values = []
+    for force in forces:
+        try:
+            values.append(float(force))
+        except (TypeError, ValueError, OverflowError):
+            raise fault(f"selections {name}", f"{force!r} is not a number; give one") from None
+        if not 0 <= values[-1] < np.inf:
+            raise fault(f"selections {name}", f"{force} is no pull; give a force from 0 on")
+    if not values:
+        raise fault(f"selections {name}", "has no value; give one")
+    return np.array(list(dict.fromkeys(values)))
+
+
+def _first_to_carry(
+    curves: Float[np.ndarray, "*case strain"], forces: Float[np.ndarray, " force"]
+) -> tuple[Int[np.ndarray, "*case force"], Float[np.ndarray, "*case force"]]:
+    """Index of the first strain whose force is as large, and how far it is from the last [0, 1]."""
+    carried = curves[..., None, :] >= forces[:, None]
+    upper = carried.argmax(axis=-1)
+    high = np.take_along_axis(curves, upper, axis=-1)
+    low = np.take_along_axis(curves, np.maximum(upper - 1, 0), axis=-1)
+    rise = np.where(high > low, high - low, 1.0)
+    fraction = np.where(upper == 0, 0.0, (forces - low) / rise)
+    return upper, np.where(carried.any(axis=-1), fraction, np.nan)
