@@ -10,11 +10,14 @@ Example:
     4
 """
 
+import sys
 from importlib.metadata import version
+from pathlib import PurePath
 
 import lazy_loader
 
-import knitlab.cube.query  # noqa: F401, registers cube.knitlab
+if [PurePath(word).stem for word in sys.argv[:1]] != ["knitlab"]:  # its help needs no pandas
+    import knitlab.cube.query  # noqa: F401, registers cube.knitlab
 
 # Names are stated in __init__.pyi, and imported when first used: a query needs no JAX.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -44,6 +44,16 @@ print(sorted({"jax", "scipy", "matplotlib", "dask"} & set(sys.modules)))
     assert printed(program) == "[]"
 
 
+def test_the_command_line_begins_without_tables():
+    program = """
+import sys
+sys.argv = ["/usr/bin/knitlab", "--help"]
+import knitlab.cli
+print(sorted({"jax", "pandas", "xarray", "matplotlib"} & set(sys.modules)))
+"""
+    assert printed(program) == "[]"
+
+
 def test_it_leaves_the_settings_of_jax_and_the_users_folder_as_they_are(tmp_path):
     program = """
 import jax
