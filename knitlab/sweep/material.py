@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from statistics import geometric_mean
 from typing import Annotated, Any
 
 import tomli_w
 from pydantic import PositiveFloat, ValidationError
 from scipy.interpolate import interp1d
-from scipy.stats import gmean
 
 from knitlab.fabric.settings import PlainKnit, Unit
 from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
@@ -222,7 +222,7 @@ def period_ratio(stripes: Sequence[Stripe], reference: StripeTables) -> float:
         periods = [reference.stripe(stripe.knit, n).period for n in sizes]
         period_at = interp1d(sizes, periods, fill_value="extrapolate")
         ratios.append(stripe.period / float(period_at(stripe.n)))
-    return float(gmean(ratios))
+    return geometric_mean(ratios)
 
 
 def with_material(parameters: Parameters, material: Material) -> Parameters:
