@@ -77,8 +77,9 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
         say("  of it the stand-in, a case", 1e3 * stand_in.seconds / len(plan.cases), "ms")
         say("  overhead, a case", 1e3 * (whole - stand_in.seconds) / len(plan.cases), "ms")
         say("  cube", (results / "periodic" / CUBE).stat().st_size / 1e6, "MB")
-        timed("run again, nothing to do", lambda: run_plan(plan, results / "periodic", options))
+        again = [word for setting in overrides for word in ("--set", setting)]
         for words in (
+            ("run", "periodic", *again, "--results", str(results)),
             ("status", "periodic", "--results", str(results)),
             ("query", str(results / "periodic"), "--where", "poisson_ratio_min < -2"),
             ("query", str(results / "periodic"), "--select", "k_t_factor=1", "--sort", "periods"),
@@ -90,7 +91,8 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
                 run_plan(plan, results / f"shard-{number}" / "periodic", part)
             shards = sorted(results.glob("shard-*"))
             timed(f"merge of {OWN_FOLDERS} folders", lambda: merge_folders(shards, results / "all"))
-        say("largest memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, "GB")
+        for of, who in (("", resource.RUSAGE_SELF), (" of commands", resource.RUSAGE_CHILDREN)):
+            say(f"largest memory{of}", resource.getrusage(who).ru_maxrss / 1e6, "GB")
 
 
 def timed(what: str, call: Callable[[], Any]) -> Any:
@@ -110,7 +112,7 @@ def cold(*words: str) -> None:
         wall = time.perf_counter() - began
         found.append((processor_seconds() - before, wall))
     used, wall = min(found)
-    shown = " ".join(word for word in words if not word.startswith("/"))
+    shown = " ".join(word for word in words if not word.startswith("/") and len(word) < 100)
     say(f"knitlab {shown.replace(' --results', '')}", used, "s", wall=wall)
 
 

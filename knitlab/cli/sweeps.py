@@ -165,13 +165,15 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     if record is None:
         return False
     folder = results / record["workflow"]
-    figures = requested_figures(record["figures"], open_cube(folder, lazily=True), folder)
+    cube = open_cube(folder, lazily=True)
+    figures, faults = requested_figures(record["figures"], cube, folder)
     if any(figure.missing for figure in figures):
         return False
     excluded = {tuple(design): reason for *design, reason in record["excluded"]}
     _echo_excluded(record["dims"], excluded)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
     _echo_files(folder, (output for figure in figures for output in figure.outputs))
+    options.echo_report([], warnings=faults)
     return True
 
 

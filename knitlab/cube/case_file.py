@@ -14,7 +14,6 @@ import xarray as xr
 from knitlab.cube.schema import INTEGERS, MISSING, encoding
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
-from knitlab.io.fingerprint import file_digest
 from knitlab.io.names import inside
 from knitlab.io.text_file import plain_file
 
@@ -69,13 +68,14 @@ def check_case_file(results: Path, case_id: str) -> StoredCase:
     path = case_path(results, case_id)
     try:
         stated = plain_file(checksum_path(results, case_id)).read_bytes().split(b" ")[0]
-        digest = file_digest(path).encode()
-        own_id: Any = read_values(path, ["case_id"]).get("case_id")
+        contents = plain_file(path).read_bytes()
     except FileNotFoundError:
         return StoredCase.damaged if path.exists() else StoredCase.nothing
-    except UNREADABLE:
+    except OSError:
         return StoredCase.damaged
-    return StoredCase.sound if (digest, own_id) == (stated, case_id) else StoredCase.damaged
+    # To open the file would take far longer; another case has no such identifier in it.
+    sound = hashlib.sha256(contents).hexdigest().encode() == stated and case_id.encode() in contents
+    return StoredCase.sound if sound else StoredCase.damaged
 
 
 def read_code(results: Path, case_id: str) -> str | None:

@@ -1,6 +1,6 @@
 """Drawing figures by name."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -34,7 +34,6 @@ FIGURES: dict[str, FigureKind] = {}
 for _module in iter_modules(kinds.__path__):
     FIGURES |= import_module(f"{kinds.__name__}.{_module.name}").FIGURES
 FIGURES = dict(sorted(FIGURES.items()))
-MOST_SLICES = 8  # largest number of values of swept settings for which a run draws figures
 NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into this folder"
 
 
@@ -60,19 +59,13 @@ def draw_figure(
     return output
 
 
-def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
+def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, unless they are up to date.
 
     Returned are the files, and why some could not be drawn. CannotWrite if one cannot be written.
     """
-    files, faults = list[Path](), list[Fault]()
-    cube = cube_file.open_cube(folder)
-    requested = figure_files.requested_figures(names, cube, folder)
-    slices = {tuple(each.selections.items()) for each in requested if each.kind not in COMPARING}
-    if len(slices) > MOST_SLICES:
-        problem = f"{len(slices)} slices are too many to draw in a run; draw one by knitlab map"
-        faults.append(Fault("figures", problem))
-        requested = [figure for figure in requested if figure.kind in COMPARING]
+    files, cube = list[Path](), cube_file.open_cube(folder)
+    requested, faults = figure_files.requested_figures(names, cube, folder)
     for figure in requested:
         try:
             if missing := figure.missing:

@@ -5,7 +5,8 @@ Matplotlib is imported only to write, so that a run with nothing to do is fast.
 
 import hashlib
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +17,7 @@ import xarray as xr
 from knitlab.cube.cube_file import cube_path, swept_dims
 from knitlab.cube.selection import as_given
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import Fault
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.io.names import inside
 from knitlab.sweep.figure_names import COMPARING
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARK = "knitlab-drawn-of:"  # prefix of the fingerprint that is stored in the file of every figure
+MOST_SLICES = 8  # largest number of values of swept settings for which a run draws figures
 RUN_SUFFIXES = (".pdf", ".png")  # formats of the figures of a run
 PALETTE = 256  # colours of a PNG, which is a third as large, and no difference can be seen
 
@@ -44,20 +47,28 @@ class RequestedFigure:
 
 
 def requested_figures(
-    kinds: Iterable[str], cube: xr.Dataset, folder: Path
-) -> list[RequestedFigure]:
-    """The figures of a workflow, one for each value of swept settings unless it compares them."""
-    swept = swept_dims(cube)
-    values = itertools.product(*(cube[dim].values for dim in swept))
-    slices: list[dict[str, Any]] = [dict(zip(swept, each, strict=True)) for each in values]
+    kinds: Sequence[str], cube: xr.Dataset, folder: Path
+) -> tuple[list[RequestedFigure], list[Fault]]:
+    """The figures of a workflow, one for each value of swept settings unless it compares them.
+
+    Those of many values are left out, with a fault.
+    """
+    swept, faults = swept_dims(cube), list[Fault]()
+    number = math.prod(cube.sizes[dim] for dim in swept)
+    if number > MOST_SLICES and not set(kinds) <= set(COMPARING):
+        problem = f"{number} slices are too many to draw in a run; draw one by knitlab map"
+        faults.append(Fault("figures", problem))
+        kinds = [kind for kind in kinds if kind in COMPARING]
     requested = []
     for kind in kinds:
-        for selections in [{}] if kind in COMPARING else slices:
+        compared = () if kind in COMPARING else swept
+        for values in itertools.product(*(cube[dim].values for dim in compared)):
+            selections = dict(zip(compared, values, strict=True))
             stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
             outputs = tuple(inside(folder / "figures", stem + suffix) for suffix in RUN_SUFFIXES)
             fingerprint = fingerprint_of_figure(kind, [folder], selections)
             requested.append(RequestedFigure(kind, selections, outputs, fingerprint))
-    return requested
+    return requested, faults
 
 
 def fingerprint_of_figure(
