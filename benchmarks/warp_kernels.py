@@ -1,4 +1,5 @@
-# mypy: ignore-errors  # as the types of Warp do not know the language of its kernels
+# The types of Warp do not know the language of its kernels.
+# mypy: ignore-errors
 """The same leapfrog as :mod:`benchmarks.compiled_loop` as kernels of NVIDIA Warp.
 
 A kernel runs for every node or cell and knows nothing of the others, as on a graphics processor:
