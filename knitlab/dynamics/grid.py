@@ -131,47 +131,44 @@ class Hinges(eqx.Module):
     ) -> tuple[Component, ...]:
         """Numbers of every hinge that the derivatives of its energy share.
 
-        The first is 1 over the length of the edge. Others depend on the definition of the angle:
-        derivatives by sine and cosine, and the sine; or components of normals along the edge, and
-        moments over the squares of those across.
+        They depend on the definition of the angle. With whole normals they are the derivatives by
+        sine and by cosine, and the sine, the first and the last over the length of the edge. Across
+        the edge they are the moment over the square of each normal, and the component of each along
+        the edge, all over the length of the edge.
         """
         sine, cosine = self._sine_and_cosine(edge, length, before, after)
         moment = self.stiffness * self._from_rest(sine, cosine)
-        per_length = 1 / length
         if self.of == "across_edge":
-            along = scale(per_length, edge)
-            one, other = dot(before, along), dot(after, along)
-            before = subtract(before, scale(one, along))
-            after = subtract(after, scale(other, along))
-            return per_length, moment / dot(before, before), moment / dot(after, after), one, other
-        turn = moment / (sine**2 + cosine**2)
-        return per_length, turn * cosine, -turn * sine, sine
+            one, other = (dot(normal, edge) / length**2 for normal in (before, after))
+            before = subtract(before, scale(one, edge))
+            after = subtract(after, scale(other, edge))
+            moment = moment / length
+            return moment / dot(before, before), moment / dot(after, after), one, other
+        turn, per_length = moment / (sine**2 + cosine**2), 1 / length
+        return turn * cosine * per_length, -turn * sine, sine * per_length
 
     def by_normals(
         self, turned: tuple[Component, ...], edge: Vector, before: Vector, after: Vector
     ) -> tuple[Vector, Vector]:
         """Derivatives of the energy by normals, see :mod:`knitlab.fabric.fold_angle`."""
-        per_length, one, other, *_ = turned
-        along = scale(per_length, edge)
+        one, other, *_ = turned
         if self.of == "across_edge":
-            return scale(one, cross(before, along)), scale(other, cross(along, after))
+            return scale(one, cross(before, edge)), scale(other, cross(edge, after))
         return (
-            add(scale(one, cross(after, along)), scale(other, after)),
-            add(scale(one, cross(along, before)), scale(other, before)),
+            add(scale(one, cross(after, edge)), scale(other, after)),
+            add(scale(one, cross(edge, before)), scale(other, before)),
         )
 
     def by_edge(
         self, turned: tuple[Component, ...], edge: Vector, before: Vector, after: Vector
     ) -> Vector:
         """Derivative of the energy by edges."""
-        per_length = turned[0]
         if self.of == "across_edge":
             by_before, by_after = self.by_normals(turned, edge, before, after)
-            *_, one, other = turned
-            return scale(-per_length, add(scale(one, by_before), scale(other, by_after)))
-        _, by_sine, _, sine = turned
-        across = subtract(cross(before, after), scale(sine * per_length, edge))
-        return scale(by_sine * per_length, across)
+            _, _, one, other = turned
+            return subtract(scale(-one, by_before), scale(other, by_after))
+        by_sine, _, sine = turned
+        return scale(by_sine, subtract(cross(before, after), scale(sine, edge)))
 
     def _from_rest(self, sine: Component, cosine: Component) -> Component:
         """Fold angle minus its rest value [rad]."""
