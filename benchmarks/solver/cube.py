@@ -71,6 +71,8 @@ LIBRARIES = [
     "xarray",
     "netCDF4",
     "cvxopt",
+    "numba",
+    "warp-lang",
     "mkl",
     "pypardiso",
 ]

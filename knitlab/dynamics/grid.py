@@ -8,16 +8,19 @@ Periodic fabric is extended by the image of its first row and column of nodes, s
 fabric have one more line of nodes than of cells. What lies on the images counts once.
 
 Vectors are three arrays, whose operations XLA fuses into one loop over the grid. With the
-components along an axis of one array it would write every intermediate vector to memory.
+components along an axis of one array it would write every intermediate vector to memory. It would
+also compute again what several loops need; :func:`kept` says what to write to memory instead.
 """
 
-from functools import reduce
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import reduce, wraps
+from typing import NamedTuple, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.experimental.xla_metadata import set_xla_metadata
 from jaxtyping import Array, Float
 
 from knitlab.fabric.energy import Energy
@@ -50,6 +53,32 @@ Component = Float[Array, "*grid"]
 Vector = tuple[Component, Component, Component]  # x, y and z everywhere on a grid
 Lines = Float[Array, "_ _"]  # on some lines of the grid, whose number differs
 OnLines = tuple[Lines, Lines, Lines]
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def kept(stage: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Decorator of a function whose results a program for the processor keeps in memory.
+
+    Otherwise XLA fuses it into every loop that uses a result: each of three components of a force
+    then computes most of all eight vectors around a node. An optimisation barrier does not help,
+    since XLA removes it before it fuses.
+    """
+
+    @jax.jit
+    def inlining(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        # The metadata of a call are those of all calls in it.
+        with set_xla_metadata(inlineable="true"):
+            return stage(*arguments, **named)
+
+    @wraps(stage)
+    def called(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        if jax.default_backend() != "cpu":
+            return stage(*arguments, **named)
+        with set_xla_metadata(inlineable="false"):
+            return inlining(*arguments, **named)
+
+    return called
 
 
 class Shape(NamedTuple):
@@ -57,6 +86,14 @@ class Shape(NamedTuple):
 
     positions: Vector  # components of the position of every node [mm]
     lengths: Float[Array, "2"]  # L_x and L_y of periodic fabric; without effect on a sample [mm]
+
+
+class Surroundings(NamedTuple):
+    """What forces depend on, also on lines around the fabric."""
+
+    edges: tuple[OnLines, ...]  # along the weft, along the warp, and along both diagonals [mm]
+    lengths: tuple[Lines, ...]  # of the edges [mm]
+    normals: OnLines  # of the cells, cross products of their diagonals [mm²]
 
 
 class Springs(eqx.Module):
@@ -70,9 +107,9 @@ class Springs(eqx.Module):
         """Energy of all springs, given the vectors along them [N mm]."""
         return jnp.sum(self.stiffness * self.law.stored(norm(along), self.rest_length))
 
-    def gradient(self, along: Vector) -> Vector:
+    def gradient(self, along: Vector, length: Component) -> Vector:
         """Derivative of the energy with respect to the vectors along them [N]."""
-        pull_over_length = self.law.pull_over_length(norm(along), self.rest_length)
+        pull_over_length = self.law.pull_over_length(length, self.rest_length)
         return scale(self.stiffness * pull_over_length, along)
 
 
@@ -84,49 +121,68 @@ class Hinges(eqx.Module):
     rest: Float[Array, "row column"]  # signed fold angle at rest [rad]
     of: FoldAngle = eqx.field(static=True)  # definition of the fold angle, a model option
 
-    def from_rest(self, edge: Vector, before: Vector, after: Vector) -> Component:
-        """Fold angle minus its rest value [rad], from edges [mm] and normals of cells [mm²]."""
-        sine, cosine = self._sine_and_cosine(edge, before, after)
+    def energy(self, edge: Vector, before: Vector, after: Vector) -> Component:
+        """Energy of every hinge [N mm], from edges [mm] and normals of cells [mm²]."""
+        angle = self._from_rest(*self._sine_and_cosine(edge, norm(edge), before, after))
+        return 0.5 * self.stiffness * angle**2
+
+    def turned(
+        self, edge: Vector, length: Component, before: Vector, after: Vector
+    ) -> tuple[Component, ...]:
+        """Numbers of every hinge that the derivatives of its energy share.
+
+        They depend on the definition of the angle. With whole normals they are the derivatives by
+        sine and by cosine, and the sine, the first and the last over the length of the edge. Across
+        the edge they are the moment over the square of each normal, and the component of each along
+        the edge, all over the length of the edge.
+        """
+        sine, cosine = self._sine_and_cosine(edge, length, before, after)
+        moment = self.stiffness * self._from_rest(sine, cosine)
+        if self.of == "across_edge":
+            one, other = (dot(normal, edge) / length**2 for normal in (before, after))
+            before = subtract(before, scale(one, edge))
+            after = subtract(after, scale(other, edge))
+            moment = moment / length
+            return moment / dot(before, before), moment / dot(after, after), one, other
+        turn, per_length = moment / (sine**2 + cosine**2), 1 / length
+        return turn * cosine * per_length, -turn * sine, sine * per_length
+
+    def by_normals(
+        self, turned: tuple[Component, ...], edge: Vector, before: Vector, after: Vector
+    ) -> tuple[Vector, Vector]:
+        """Derivatives of the energy by normals, see :mod:`knitlab.fabric.fold_angle`."""
+        one, other, *_ = turned
+        if self.of == "across_edge":
+            return scale(one, cross(before, edge)), scale(other, cross(edge, after))
+        return (
+            add(scale(one, cross(after, edge)), scale(other, after)),
+            add(scale(one, cross(edge, before)), scale(other, before)),
+        )
+
+    def by_edge(
+        self, turned: tuple[Component, ...], edge: Vector, before: Vector, after: Vector
+    ) -> Vector:
+        """Derivative of the energy by edges."""
+        if self.of == "across_edge":
+            by_before, by_after = self.by_normals(turned, edge, before, after)
+            _, _, one, other = turned
+            return subtract(scale(-one, by_before), scale(other, by_after))
+        by_sine, _, sine = turned
+        return scale(by_sine, subtract(cross(before, after), scale(sine, edge)))
+
+    def _from_rest(self, sine: Component, cosine: Component) -> Component:
+        """Fold angle minus its rest value [rad]."""
         angle = arctan2(sine, cosine) - self.rest
         return angle - 2 * np.pi * jnp.round(angle / (2 * np.pi))
 
-    def energy(self, edge: Vector, before: Vector, after: Vector) -> Component:
-        """Energy of every hinge [N mm]."""
-        return 0.5 * self.stiffness * self.from_rest(edge, before, after) ** 2
-
-    def gradient(
-        self, edge: Vector, before: Vector, after: Vector
-    ) -> tuple[Vector, Vector, Vector]:
-        """Derivatives of the energy by edges and normals, see :mod:`knitlab.fabric.fold_angle`."""
-        sine, cosine = self._sine_and_cosine(edge, before, after)
-        moment = self.stiffness * self.from_rest(edge, before, after)
-        per_length = 1 / norm(edge)
-        along = scale(per_length, edge)
-        if self.of == "across_edge":
-            one, other = dot(before, along), dot(after, along)
-            before = subtract(before, scale(one, along))
-            after = subtract(after, scale(other, along))
-            by_before = scale(moment / dot(before, before), cross(before, along))
-            by_after = scale(moment / dot(after, after), cross(along, after))
-            turned = add(scale(one, by_before), scale(other, by_after))
-            return scale(-per_length, turned), by_before, by_after
-        turn = moment / (sine**2 + cosine**2)
-        by_sine, by_cosine = turn * cosine, -turn * sine
-        crossed = cross(before, after)
-        return (
-            scale(by_sine * per_length, subtract(crossed, scale(dot(crossed, along), along))),
-            add(scale(by_sine, cross(after, along)), scale(by_cosine, after)),
-            add(scale(by_sine, cross(along, before)), scale(by_cosine, before)),
-        )
-
     def _sine_and_cosine(
-        self, edge: Vector, before: Vector, after: Vector
+        self, edge: Vector, length: Component, before: Vector, after: Vector
     ) -> tuple[Component, Component]:
         """Sine and cosine of the fold angles, times the same positive number."""
-        sine = dot(cross(before, after), edge) / norm(edge)
+        sine = dot(cross(before, after), edge) / length
         cosine = dot(before, after)
         if self.of == "across_edge":
-            cosine = cosine - dot(before, edge) * dot(after, edge) / dot(edge, edge)
+            cosine = cosine - dot(before, edge) * dot(after, edge) / length**2
         return sine, cosine
 
 
@@ -181,10 +237,10 @@ class GridFabric(eqx.Module):
 
     def energy(self, shape: Shape) -> Energy:
         """Elastic energy in its parts [N mm]."""
-        edges = _edges(self._surrounded(shape))
-        (of_wale, of_course), (wale, course) = self.hinges, _hinged(*edges)
+        around = _surroundings(self._surrounded(shape))
+        (of_wale, of_course), (wale, course) = self.hinges, _hinged(around)
         counted = BEFORE if self.periodic else ALL  # lines that are not images
-        stretch = [own.energy(along) for own, along in zip(self.springs, edges, strict=True)]
+        stretch = [own.energy(along) for own, along in zip(self.springs, around.edges, strict=True)]
         return Energy(
             stretch=sum(stretch[1:], stretch[0]),
             fold=of_wale.energy(*wale)[:, counted].sum() + of_course.energy(*course)[counted].sum(),
@@ -193,32 +249,11 @@ class GridFabric(eqx.Module):
 
     def gradient(self, shape: Shape, walls: bool = True) -> Shape:
         """Derivative of the elastic energy, minus the force, with or without the walls [N]."""
-        edges = _, _, rising, falling = _edges(self._surrounded(shape))
-        (by_warp, wale_before, wale_after), (by_weft, course_before, course_after) = (
-            own.gradient(*vectors)
-            for own, vectors in zip(self.hinges, _hinged(*edges), strict=True)
-        )
-        if self.periodic:
-            by_warp = jax.tree.map(lambda component: component.at[:, -1].set(0.0), by_warp)
-            by_weft = jax.tree.map(lambda component: component.at[-1].set(0.0), by_weft)
-        # A cell is before the hinges on its far lines, and after those on its near lines.
-        by_normal = add(
-            _at(wale_before, INNER, AFTER),
-            _at(wale_after, INNER, BEFORE),
-            _at(course_before, AFTER, INNER),
-            _at(course_after, BEFORE, INNER),
-        )
-        by_normal = jax.tree.map(lambda component: jnp.pad(component, 1), by_normal)
-        weft, warp, up, down = (
-            own.gradient(along) for own, along in zip(self.springs, edges, strict=True)
-        )
-        x, y, z = map(
-            _gathered,
-            subtract(weft, by_weft),  # the edge of a course hinge points to −x
-            add(warp, by_warp),
-            add(up, cross(falling, by_normal)),
-            add(down, cross(by_normal, rising)),
-        )
+        around = _surroundings(self._surrounded(shape))
+        turned = self._turned(around)
+        # Padded apart, since a loop that also pads is twice as slow.
+        by_normal = jax.tree.map(lambda each: jnp.pad(each, 1), self._by_normal(around, turned))
+        x, y, z = map(_gathered, *self._by_edges(around, turned, by_normal))
         lengths = jnp.zeros(2)
         if self.periodic:
             lengths = jnp.stack([x[:, -1].sum(), y[-1].sum()])
@@ -228,6 +263,55 @@ class GridFabric(eqx.Module):
         if walls:
             z = z + self.k_wall * self._beyond(shape.positions[2])
         return Shape((x, y, z), lengths)
+
+    @kept
+    def _turned(self, around: Surroundings) -> list[tuple[Component, ...]]:
+        lengths = around.lengths[1], around.lengths[0]
+        return [
+            own.turned(edge, length, *normals)
+            for own, length, (edge, *normals) in zip(
+                self.hinges, lengths, _hinged(around), strict=True
+            )
+        ]
+
+    @kept
+    def _by_normal(self, around: Surroundings, turned: list[tuple[Component, ...]]) -> OnLines:
+        """Derivative of the energy with respect to the normals of the cells of the fabric."""
+        (wale_before, wale_after), (course_before, course_after) = (
+            own.by_normals(numbers, *vectors)
+            for own, numbers, vectors in zip(self.hinges, turned, _hinged(around), strict=True)
+        )
+        # A cell is before the hinges on its far lines, and after those on its near lines.
+        return add(
+            _at(wale_before, INNER, AFTER),
+            _at(wale_after, INNER, BEFORE),
+            _at(course_before, AFTER, INNER),
+            _at(course_after, BEFORE, INNER),
+        )
+
+    @kept
+    def _by_edges(
+        self, around: Surroundings, turned: list[tuple[Component, ...]], by_normal: OnLines
+    ) -> tuple[OnLines, OnLines, OnLines, OnLines]:
+        """Derivatives of the energy with respect to the edges of all directions."""
+        by_warp, by_weft = (
+            own.by_edge(numbers, *vectors)
+            for own, numbers, vectors in zip(self.hinges, turned, _hinged(around), strict=True)
+        )
+        if self.periodic:
+            by_warp = jax.tree.map(lambda component: component.at[:, -1].set(0.0), by_warp)
+            by_weft = jax.tree.map(lambda component: component.at[-1].set(0.0), by_weft)
+        weft, warp, up, down = (
+            own.gradient(along, length)
+            for own, along, length in zip(self.springs, around.edges, around.lengths, strict=True)
+        )
+        _, _, rising, falling = around.edges
+        return (
+            subtract(weft, by_weft),  # the edge of a course hinge points to −x
+            add(warp, by_warp),
+            add(up, cross(falling, by_normal)),
+            add(down, cross(by_normal, rising)),
+        )
 
     def _beyond(self, heights: Component) -> Component:
         """How far nodes are beyond the walls, with the sign of their height [mm]."""
@@ -243,11 +327,18 @@ class GridFabric(eqx.Module):
         )
 
 
+@kept
+def _surroundings(around: OnLines) -> Surroundings:
+    """Edges, their lengths and normals, from positions with those beyond open edges."""
+    edges = _, _, rising, falling = _edges(around)
+    return Surroundings(edges, tuple(map(norm, edges)), cross(rising, falling))
+
+
 def _hinged(
-    weft: OnLines, warp: OnLines, rising: OnLines, falling: OnLines
+    around: Surroundings,
 ) -> tuple[tuple[OnLines, OnLines, OnLines], tuple[OnLines, OnLines, OnLines]]:
     """Edge, normal before and normal after, of the wale hinges and of the course hinges."""
-    normals, (x, y, z) = cross(rising, falling), weft
+    ((x, y, z), warp, _, _), normals = around.edges, around.normals
     return (
         (warp, _at(normals, ALL, BEFORE), _at(normals, ALL, AFTER)),
         ((-x, -y, -z), _at(normals, BEFORE, ALL), _at(normals, AFTER, ALL)),

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from knitlab.dynamics.damped_test import on_grid
-from knitlab.dynamics.grid import GridFabric
+from knitlab.dynamics.grid import GridFabric, kept
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.layout import fabric_layout
@@ -166,3 +166,21 @@ def test_walls_can_be_left_out_of_the_gradient():
     far = jax.jit(lambda fabric: fabric.gradient(at))(high)
     for one, other in zip(jax.tree.leaves(without), jax.tree.leaves(far), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="only a processor keeps results")
+def test_a_program_computes_what_is_kept_once():
+    def squares(numbers):
+        return numbers * numbers + 1.0
+
+    def neighbours(of, numbers):
+        values = of(numbers)
+        return values[1:] * values[:-1]
+
+    numbers = jnp.arange(10.0)
+    direct, once = (jax.jit(lambda x, of=of: neighbours(of, x)) for of in (squares, kept(squares)))
+    np.testing.assert_array_equal(direct(numbers), once(numbers))
+    loops = [
+        program.lower(numbers).compile().as_text().count(" fusion(") for program in (direct, once)
+    ]
+    assert loops == [1, 2]
