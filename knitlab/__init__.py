@@ -10,6 +10,9 @@ Example:
     4
 """
 
+import knitlab.io.interruption  # first: Ctrl-C may come while the others are imported
+
+# isort: split
 from importlib.metadata import version
 
 import lazy_loader
