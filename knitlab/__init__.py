@@ -10,13 +10,14 @@ Example:
     4
 """
 
-import sys
+from knitlab.io.interruption import is_command  # first: Ctrl-C may come during the others
+
+# isort: split
 from importlib.metadata import version
-from pathlib import PurePath
 
 import lazy_loader
 
-if [PurePath(word).stem for word in sys.argv[:1]] != ["knitlab"]:  # its help needs no pandas
+if not is_command:  # whose help needs no pandas
     import knitlab.cube.query  # noqa: F401, registers cube.knitlab
 
 # Names are stated in __init__.pyi, and imported when first used: a query needs no JAX.

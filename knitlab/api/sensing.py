@@ -1,6 +1,5 @@
 """Sensors: the capacitances of several electrodes, cross-talk, and what moves a reading."""
 
-import json
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -25,8 +24,9 @@ from knitlab.sensing.crosstalk import cross_talk as cross_talk_of
 from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set, sensor_case
 from knitlab.sensing.maxwell import Others, capacitance_matrices
 from knitlab.sensing.selectivity import DIRECTIONS, STATUS, selectivity_of_case
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import Case
 from knitlab.sweep.figure_names import check_figure_suffix
+from knitlab.sweep.recorded_case import recorded_case
 
 PICOFARAD = {"units": "pF"}
 
@@ -250,7 +250,7 @@ def selectivity(
             raise fault("where", "is a condition on designs, and a test is one; leave it out")
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
         found = selectivity_of_case(in_cloth(cube, cube), along, selections)
-        found.attrs["design"] = case_of(json.loads(cube.attrs["parameters"])).label
+        found.attrs["design"] = recorded_case(cube).label
     else:
         dims, folder = design_dims(cube), Path(cube.encoding["source"]).parent
         parts = [

@@ -1,6 +1,5 @@
 """One design, simulated in this process, and own functions of its shape."""
 
-import json
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
@@ -27,7 +26,7 @@ from knitlab.inverse.trial import ShapeFunction, measure_of, state_slopes
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cases import cases, designs_of_section, electrode_problems
@@ -35,6 +34,7 @@ from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
 from knitlab.sweep.material import Material, with_material
 from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
+from knitlab.sweep.recorded_case import recorded_case
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 
 OWN_PATTERN = "own pattern"  # name of a pattern that is given as an object
@@ -294,7 +294,7 @@ def evaluate(
         evaluated[name] = ("applied_strain", along)
     if not (sensitivities and len(reached)):
         return evaluated
-    case = case_of(json.loads(test.attrs["parameters"]))
+    case = recorded_case(test)
     own = tuple(measures.items())
     measure = measure_of(case.mesh_shape, case.cell_grid, tuple(measures), own)
     with suppress(NoDerivative):

@@ -1,6 +1,5 @@
 """The one design that settings and selections leave of a workflow, a cube or a test, to knit it."""
 
-import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -16,11 +15,12 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.knitting.specification import Prediction
 from knitlab.knitting.stitch_chart import is_turned
 from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import Case
 from knitlab.sweep.cube import gauge_of
 from knitlab.sweep.declared_fields import checked, declared
 from knitlab.sweep.parameters import defaults
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.recorded_case import recorded_case
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.workflow_file import Overrides, read_overrides
 
@@ -81,7 +81,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     gauge = gauge_of(cube.attrs) or defaults().gauge
     material = cube.attrs.get("material")
     if is_case(cube):
-        case = case_of(json.loads(cube.attrs["parameters"]))
+        case = recorded_case(cube)
         return SingleDesign(case, gauge, _prediction(cube, case, "test"), material)
     dims = design_dims(cube)
     kept = selected(cube, selections).stack(design=dims)

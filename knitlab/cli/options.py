@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import re
 import signal
 import sys
@@ -15,6 +16,7 @@ import click
 
 from knitlab.cli.output import droppable_output
 from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.interruption import end_at_once
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,6 +26,7 @@ LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC,
 """Errors of a machine without files, memory, processes or space left."""
 WITHOUT_JAX = ("query", "find", "status")  # commands that need little memory
 LEAST_BYTES = 3e9
+CACHE = "JAX_COMPILATION_CACHE_DIR"
 MATERIAL = "knitlab.material"  # key of the material file in the context of a command
 MOST_LINES = 20  # largest number of cases that a command lists
 
@@ -58,7 +61,7 @@ class CommandGroup(click.Group):
         """Run; Ctrl-C ends the process at once until work begins, as imports may lose it."""
         before = signal.getsignal(signal.SIGINT)
         alone = threading.current_thread() is threading.main_thread()
-        ours = alone and before is signal.default_int_handler
+        ours = alone and before in (signal.default_int_handler, end_at_once)
         if ours:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
         try:
@@ -77,6 +80,8 @@ class CommandGroup(click.Group):
             if found[0] not in WITHOUT_JAX and 0 <= limit < LEAST_BYTES:
                 problem = f"may have {limit / 1e9:.1f} GB of address space, and JAX needs some"
                 raise fault("a process", f"{problem} {LEAST_BYTES / 1e9:.0f} GB; raise ulimit -v")
+        if found[0] not in WITHOUT_JAX:
+            _check_cache()
         return found
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -95,6 +100,21 @@ class CommandGroup(click.Group):
                 problem = str(error) or "there is not enough memory"
                 echo_problem(f"this machine cannot do it: {problem}; free some, or take another")
                 sys.exit(BAD_INPUT)
+
+
+def _check_cache() -> None:
+    """Have JAX keep no compiled programs if the user's folder for them cannot be written."""
+    named = os.environ.get(CACHE, "")
+    if not named or "://" in named:  # none, or one that is not of this file system
+        return
+    writable = False
+    with suppress(OSError):
+        Path(named).mkdir(parents=True, exist_ok=True)
+        writable = os.access(named, os.W_OK)
+    if not writable:
+        os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
+        problem = "cannot be written, and nothing compiled is kept; name another folder"
+        echo_problem(f"{CACHE} {named}: {problem}")
 
 
 def echo_problem(problem: object) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.cube_file import is_measured, parameters_of, source_of, swept_dims
+from knitlab.cube.cube_file import cells_across, is_measured, source_of, swept_dims
 from knitlab.cube.schema import CYCLE, DESIGN_DIMS, RUN, STRAIN, VARIABLES, Status
 from knitlab.cube.selection import choices
 from knitlab.io.errors import fault
@@ -72,7 +72,7 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
 
 
 def _rows(simulation: xr.Dataset, experiment: xr.Dataset) -> Iterator[dict[str, Any]]:
-    across = parameters_of(experiment)["unit_cells"][1]
+    across = cells_across(experiment)
     stacked = experiment.stack(design=experiment["status"].dims)
     for number in np.flatnonzero(stacked["status"] == Status.ok):
         measured = stacked.isel(design=number)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from pydantic import BaseModel
 
 from knitlab.cube import schema
 from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
@@ -23,6 +24,15 @@ ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs sh
 OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
 ROUND_OFF = 1e-6  # force over the largest that counts as none
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
+
+
+class CommonSettings(BaseModel):
+    """What is read of the settings of a cube."""
+
+    unit_cells: tuple[int, int] = (1, 1)
+    sheet: dict[str, float] = {}
+    solver: dict[str, Any] | None = None
+    dynamics: dict[str, Any] | None = None
 
 
 class Damaged(BadInput):
@@ -289,8 +299,18 @@ def common_settings(
 
 
 def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
-    """The common settings in the attributes of a cube."""
-    return json_table(cube.attrs.get(ATTRIBUTE, "{}"), f"cube {cube_name(cube)}: {ATTRIBUTE}")
+    """The settings in the attributes of a cube or a case; BadInput if they are of another form."""
+    where = f"{cube_name(cube) or 'cube'}: {ATTRIBUTE}"
+    problem = "is not a table as knitlab writes it; run its workflow again"
+    return json_table(cube.attrs.get(ATTRIBUTE, "{}"), where, CommonSettings, problem)
+
+
+def cells_across(experiment: xr.Dataset) -> int:
+    """Unit cells along the weft of a measured sample; BadInput if it does not state them."""
+    if not (cells := parameters_of(experiment).get("unit_cells")):
+        problem = f"has no unit_cells in its {ATTRIBUTE}; import its experiment again"
+        raise fault(cube_name(experiment), problem)
+    return int(cells[1])
 
 
 def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:

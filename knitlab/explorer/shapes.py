@@ -1,7 +1,6 @@
 """Shapes of designs, from their case files, packed as text that a browser unpacks by itself."""
 
 import base64
-import json
 import zlib
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,9 +38,9 @@ def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
     if not reached.any():
         return NO_STATE
     # JAX is imported only for this.
-    from knitlab.simulation.case import case_of
+    from knitlab.sweep.recorded_case import recorded_case
 
-    recorded = case_of(json.loads(case.attrs["parameters"]))
+    recorded = recorded_case(case)
     periodic = recorded.options.boundary == "periodic"
     window = _window(recorded)
     (bottom, top), (left, right) = window.rows, window.columns

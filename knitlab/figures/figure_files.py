@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,15 +99,17 @@ def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
     from PIL.PngImagePlugin import PngInfo
 
     mark, suffix, note = f"{MARK}{fingerprint}", output.suffix.lower(), PngInfo()
+    key = "Keywords" if suffix == ".pdf" else "Description"
+    # In memory, as matplotlib raises errors of its own where a disk is full.
+    file = BytesIO()
+    figure.savefig(file, format=suffix.removeprefix("."), metadata={key: mark})
+    if suffix == ".png":
+        note.add_text("Description", mark)
+        image = Image.open(file).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
+        dpi, file = (mpl.rcParams["savefig.dpi"],) * 2, BytesIO()
+        image.save(file, format="PNG", optimize=True, dpi=dpi, pnginfo=note)
     with atomic_write(output) as temporary:
-        key = "Keywords" if suffix == ".pdf" else "Description"
-        figure.savefig(temporary, metadata={key: mark})
-        if suffix == ".png":
-            note.add_text("Description", mark)
-            with Image.open(temporary) as drawn:
-                image = drawn.convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
-            dpi = (mpl.rcParams["savefig.dpi"],) * 2
-            image.save(temporary, format="PNG", optimize=True, dpi=dpi, pnginfo=note)
+        temporary.write_bytes(file.getvalue())
 
 
 def draw_into(draw: Callable[[], "Figure"], *outputs: Path, fingerprint: str = "") -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from knitlab.cube.cube_file import is_measured, parameters_of
+from knitlab.cube.cube_file import cells_across, is_measured
 from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.equilibrium.equilibrium import find_equilibrium, run_each
 from knitlab.equilibrium.loading import loading_of
@@ -73,7 +73,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
     if CYCLE in cell.dims:
         raise fault("fit", f"takes one cycle; select {CYCLE}=1")
     strains = cell["applied_strain"].values
-    across = case.unit_cells[1] / parameters_of(experiment)["unit_cells"][1]
+    across = case.unit_cells[1] / cells_across(experiment)
     values, errors = np.full((2, len(QUANTITIES), len(strains)), np.nan)
     for row, name in enumerate(QUANTITIES):
         if name not in cell:

@@ -1,6 +1,5 @@
 """The surface of a fabric at strains, with fields named with their unit or meaning."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -40,9 +39,9 @@ def fabric_meshes(
 
     Periodic fabric is repeated along (y, x). BadInput if the repeats do not fit the fabric.
     """
-    from knitlab.simulation.case import case_of
+    from knitlab.sweep.recorded_case import recorded_case
 
-    case = case_of(json.loads(case_file.attrs["parameters"]))
+    case = recorded_case(case_file)
     given = f"repeats {' '.join(map(str, repeats))}"
     if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
         raise fault(given, "is not 1 or more along y and along x; give two whole numbers")

@@ -1,6 +1,5 @@
 """The plates of the states of a case, and of the designs of a cube, as labelled datasets."""
 
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
 from knitlab.meshes.chosen_case import chosen_cases, has_shape
 from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
-from knitlab.simulation.case import case_of
+from knitlab.sweep.recorded_case import recorded_case
 
 DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp)
 STATUS = "plate_status"
@@ -49,7 +48,7 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
 
     BadInput if it is a clamped sample, has contact, or was not tested at a strain.
     """
-    case = case_of(json.loads(case_file.attrs["parameters"]))
+    case = recorded_case(case_file)
     if case.options.boundary != "periodic":
         raise fault(case.label, OF_PERIODIC)
     if case.friction.acts:

@@ -1,6 +1,5 @@
 """Any number of electrodes on a fabric, by the ridges or the grid cells that they cover."""
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +15,8 @@ from knitlab.fabric.pattern import Along
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.capacitance.panels import PanelChart, panel_chart
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import Case
+from knitlab.sweep.recorded_case import recorded_case
 
 ALONG: tuple[Along, Along] = ("course", "wale")  # by axis
 Group = tuple[Strip, ...]
@@ -25,7 +25,7 @@ REMEDY = "give ridges such as w1 or c2, joined as w1+w3, or grid cells such as 0
 
 def sensor_case(case_file: xr.Dataset) -> tuple[Case, Capacitor]:
     """The case of a case file, and its capacitor; BadInput if it has none, or was sheared."""
-    case = case_of(json.loads(case_file.attrs["parameters"]))
+    case = recorded_case(case_file)
     if case.capacitor is None:
         raise fault(case.label, "has no electrodes; simulate it with layout = checkerboard")
     if "length_shear" in case_file:

@@ -9,8 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from knitlab.cube.cube_file import common_settings
 from knitlab.cube.schema import SAMPLE, Variable
 from knitlab.io.atomic_write import atomic_write
@@ -19,7 +17,7 @@ from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprin
 from knitlab.io.json_file import with_checksum
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import Case
 from knitlab.sweep import workflow_text
 from knitlab.sweep.batches import Batch, Shard, batched, split
 from knitlab.sweep.cases import (
@@ -35,6 +33,7 @@ from knitlab.sweep.cases import (
 from knitlab.sweep.declared_fields import FACTOR
 from knitlab.sweep.material import MATERIAL, with_material_file
 from knitlab.sweep.parameters import Parameters, read_parameters
+from knitlab.sweep.recorded_case import case_of_record
 from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
@@ -203,11 +202,7 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
     """Recorded plans of one workflow as one; it states inputs only if they have the same cases."""
     first, cases = records[0], dict[str, Case]()
     for case_id, stored in dict(item for each in records for item in each["cases"].items()).items():
-        try:
-            cases[case_id] = case_of(stored)
-        except (ValidationError, KeyError, TypeError) as error:
-            problem = "was recorded by another version of knitlab; run it again"
-            raise fault(f"{source}: {case_id}", problem) from error
+        cases[case_id] = case_of_record(stored, f"{source}: {case_id}")
     designs = {tuple(case.design.values()) for case in cases.values()}
     excluded = {tuple(row[:-1]): row[-1] for record in records for row in record["excluded"]}
     alike = all(record["cases"].keys() == cases.keys() for record in records)

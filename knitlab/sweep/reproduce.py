@@ -10,14 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from pydantic import ValidationError
 
 from knitlab.cube.case_file import case_path, read_case
+from knitlab.cube.cube_file import parameters_of
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.simulate import failure_reason, tensile_tests
+from knitlab.sweep.recorded_case import case_of_record
 from knitlab.sweep.results_folder import FAILURES, PLAN, earlier_failures, read_plan
 
 HEADER = (
@@ -48,7 +49,7 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
                 recorded |= read_plan(folder)["cases"]
             for name in sorted(path.stem for path in folder.glob("cases/*.nc")):
                 if name.startswith(case_id) and name not in recorded:
-                    recorded[name] = json.loads(read_case(folder, name).attrs["parameters"])
+                    recorded[name] = parameters_of(read_case(folder, name))
             for name in recorded:
                 if name.startswith(case_id):
                     matches.setdefault(name, (folder, recorded[name]))
@@ -61,10 +62,7 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         raise fault(case_id, f"{len(matches)} cases begin so ({some}{more}); give more characters")
     name = case_id if case_id in matches else next(iter(matches))
     folder, record = matches[name]
-    try:
-        return RecordedCase(case_of(record), name, folder)
-    except (ValidationError, KeyError, TypeError) as error:
-        raise fault(name, "was recorded by another version of knitlab; run it again") from error
+    return RecordedCase(case_of_record(record, name), name, folder)
 
 
 def reproduce(

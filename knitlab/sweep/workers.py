@@ -44,6 +44,7 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 logging.getLogger("distributed").setLevel(logging.CRITICAL)
 """
 """Run by dask's workers at their start: they ignore Ctrl-C and log nothing."""
+FILES, FILES_OF_WORKER = 24, 10  # that this process has open at most: without, and for each worker
 SECONDS_TO_ANSWER = 2.0  # longest time in which a scheduler begins to speak
 ENDED = ("finished", "error")  # states of a dask task, in which none is if its scheduler is gone
 
@@ -230,7 +231,18 @@ def connected(scheduler: str) -> "Client":
 
 @contextmanager
 def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
-    """A client of processes on this machine, which end with it."""
+    """A client of processes on this machine, which end with it; BadInput if they cannot start."""
+    with suppress(ImportError):
+        import resource  # not on Windows
+
+        limit, needed = (
+            resource.getrlimit(resource.RLIMIT_NOFILE)[0],
+            FILES + workers * FILES_OF_WORKER,
+        )
+        if 0 <= limit < needed:
+            problem = f"need {needed} open files, and this process may have {limit}"
+            remedy = "raise ulimit -n, or take fewer workers or 0 for none"
+            raise fault(f"workers {workers}", f"{problem}; {remedy}")
     from distributed import Client, LocalCluster
 
     settings = {

@@ -8,9 +8,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 from tempfile import TemporaryFile
 
+import psutil
 import pytest
 import xarray as xr
 from distributed import LocalCluster
@@ -177,6 +180,28 @@ def test_a_worker_lost_once_costs_nothing(tmp_path):
     assert run.failures == ()
 
 
+def killed_at_its_start():
+    """Kill the first worker process of this one, as soon as there is one."""
+    while not (
+        started := [
+            each for each in psutil.Process().children() if "spawn_main" in " ".join(each.cmdline())
+        ]
+    ):
+        time.sleep(0.01)
+    started[0].kill()
+
+
+@pytest.mark.slow
+def test_a_worker_killed_at_its_start_is_a_sentence_and_no_case_is_lost(tmp_path, uninterrupted):
+    killer = threading.Thread(target=killed_at_its_start, daemon=True)
+    killer.start()
+    with pytest.raises(BadInput, match=r"^workers 2: cannot be started \(.*\); run again"):
+        ran(stand_in.plan_of(), tmp_path, workers=WORKERS)
+    killer.join(timeout=1)
+    assert not killer.is_alive()
+    same(ran(stand_in.plan_of(), tmp_path, workers=WORKERS).cube, uninterrupted.cube)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("workers", "timeout"), [(0, 0.5), pytest.param(WORKERS, 3.0, marks=pytest.mark.slow)]
@@ -323,6 +348,8 @@ def test_a_lock_ends_with_its_process(tmp_path):
 
 FULL_DISK = """
 import sys
+import threading
+import time
 from pathlib import Path
 from knitlab.io.errors import CannotWrite
 from knitlab.sweep.run import RunOptions, run_plan
@@ -354,6 +381,16 @@ def test_a_full_disk_gives_one_sentence_and_loses_nothing(tmp_path, workers):
     assert said.returncode == 0, said.stderr
     assert "cannot be written (no space left on device); free some space" in said.stdout
     assert len(said.stdout.splitlines()) == 1
+
+
+def test_workers_that_lack_open_files_are_refused_before_any_is_started(tmp_path, monkeypatch):
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (24, 24))
+    monkeypatch.setitem(sys.modules, "distributed", None)  # importing it would fail
+    with pytest.raises(BadInput, match="need 44 open files, and this process may have 24; raise"):
+        ran(few_cases(), tmp_path, workers=2)
+    monkeypatch.undo()
+    assert len(ran(few_cases(), tmp_path).simulated) == 4
 
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):

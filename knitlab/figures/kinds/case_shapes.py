@@ -1,6 +1,5 @@
 """Shapes in case files: by height, with electrodes, while relaxing, and stretched samples."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -46,15 +45,15 @@ def fabric_shape(case: xr.Dataset) -> Figure:
 
     Colour is height, white lines are patch borders.
     """
-    from knitlab.simulation.case import case_of
+    from knitlab.sweep.recorded_case import recorded_case
 
-    parameters = json.loads(case.attrs["parameters"])
+    recorded = recorded_case(case)
     repeats = 2 if is_periodic(case) else 1
     nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
-    along_y, along_x = parameters["unit_cells"]
-    repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
+    along_y, along_x = recorded.unit_cells
+    repeat = len(recorded.pattern), len(recorded.pattern[0])
     cells = repeats * along_y, repeats * along_x
-    sample = replace(case_of(parameters), unit_cells=cells).sample
+    sample = replace(recorded, unit_cells=cells).sample
     faces = sheets.faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
     colours = ScalarMappable(Normalize(heights.min(), heights.max()), SEQUENCE_COLOURS)
@@ -101,12 +100,11 @@ def _name_patches(
 def electrodes_figure(case_file: xr.Dataset) -> Figure:
     """Where electrodes run, on the chart and on the fabric, relaxed or at ``applied_strain``."""
     from knitlab.fabric.pattern import KNIT_OF_LETTER
-    from knitlab.simulation.case import case_of
+    from knitlab.sweep.recorded_case import recorded_case
 
-    parameters = json.loads(case_file.attrs["parameters"])
-    if not parameters.get("capacitor"):
+    case = recorded_case(case_file)
+    if case.capacitor is None:
         raise fault("electrodes", "this case has no electrodes; run a workflow with [electrodes]")
-    case = case_of(parameters)
     figure = Figure(figsize=(TWO_COLUMNS, 3.6))
     chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
     _draw_chart(chart, case)
@@ -211,7 +209,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
     of ``applied_strain``.
     """
-    from knitlab.simulation.case import case_of
+    from knitlab.sweep.recorded_case import recorded_case
 
     if any("length_x" in case for case in cases):
         raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
@@ -229,7 +227,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     for axes, state in zip(grid, states, strict=True):
         nodes = state["position"].values
         faces = sheets.faces_of(nodes - [0, nodes[..., 1].min(), 0])
-        case = case_of(json.loads(state.attrs["parameters"]))
+        case = recorded_case(state)
         local = on_grid_cells(case, state["strain_xx"].values).ravel()
         sheets.draw_faces(axes, faces, sheets.shaded(faces, by_strain.to_rgba(local)))
         patterned = "pattern" in state.coords
