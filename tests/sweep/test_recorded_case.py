@@ -55,6 +55,7 @@ def test_broken_parameters_of_a_case_are_one_sentence(folder, case_id, text):
     assert len(said.value.faults) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [("map", "shape", ".", "-o", "shape.png"), ("export", ".", "-o", "shape.obj")]
 )
