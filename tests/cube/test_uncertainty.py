@@ -249,6 +249,7 @@ def test_a_latin_hypercube_has_deviations_and_no_indices():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_candidates_of_a_design_are_ranked_by_probability(tmp_path):
     target = "poisson_ratio < -0.35 @ 0.03:0.06"
     path = shipped("workflows").parent / "docs" / "examples" / "swatches" / "acrylic.toml"

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
+from knitlab.figures import drawing
 from knitlab.figures.claims_page import write_page
 from knitlab.sweep import run
 from knitlab.sweep.workers import Task
@@ -224,10 +225,12 @@ STANDS_FOR = {
     "DESCRIPTION.toml": "workflows/laboratory/synthetic_4_16.toml",
 }
 """What the placeholders of the pages stand for."""
-FURTHER = {"run": ("--workers", "0"), "design": ("--budget", "2"), "shapes": ("--starts", "3")}
+FURTHER = {"run": ("--workers", "0"), "design": ("--budget", "2")}
 TESTED_ELSEWHERE = {
     "fit": "laboratory/test_fit.py",
     "fitted.toml": "laboratory/test_fit.py",
+    "branches": "stability/test_fabrics.py",
+    "shapes": "stability/test_fabrics.py",
     "electrodes": "figures/test_sensor.py",
     "n_stripe == 2": "sensing/test_selectivity.py",
     "--scheduler": "sweep/test_cluster.py",
@@ -254,6 +257,8 @@ def test_the_commands_of_a_page_run_with_a_stand_in_for_the_simulation(page, tmp
             with monkeypatch.context() as patched:
                 if kind == "run":
                     patched.setattr(run, "Task", lambda _, *each: Task(stand_in.simulate, *each))
+                    # The figures of runs are drawn by the tests of figures.
+                    patched.setattr(drawing, "draw_figures", lambda *_: ([], []))
                 called = [kind, *map(kept, rest), *FURTHER.get(kind, ())]
                 done = CliRunner(catch_exceptions=False).invoke(main, called)
         shown = " ".join(example.printed)

@@ -68,6 +68,7 @@ def designed(tmp_path, **changes):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_numbers(tmp_path):
     target = wanted(varied(4, 8, {"k_t_factor": 1.2}, pattern="ribbed_bands"))
     vary = SMALL | {"pattern": ["checkerboard", "ribbed_bands", "basket"], "k_t_factor": [0.7, 1.4]}
@@ -99,6 +100,7 @@ def test_a_hidden_fabric_is_met_and_undetermined_parameters_are_reported(tmp_pat
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_can_be_queried(tmp_path):
     result = designed(tmp_path, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15", robustness=1)
     again = kl.run(result.workflows[0], results=tmp_path / "again")
@@ -129,6 +131,7 @@ def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_pat
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_conflicting_targets_give_a_pareto_front(tmp_path):
     result = designed(
         tmp_path,
@@ -140,6 +143,7 @@ def test_conflicting_targets_give_a_pareto_front(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_constraints_are_kept(tmp_path):
     free = designed(tmp_path, targets="reaction_force = 0.5 ± 0.01 @ 0.1", name="free")
     held = designed(
@@ -166,6 +170,7 @@ def test_a_search_that_starts_on_a_bound_leaves_it(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_candidates_that_keep_the_constraints_come_first_and_a_smaller_budget_leaves_fewer(
     tmp_path,
 ):
@@ -195,6 +200,7 @@ def test_a_budget_of_one_is_one_simulation(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_target_without_derivatives_is_searched_without_gradients(tmp_path):
     result = designed(tmp_path, targets="wavelength_x = 2.42 ± 0.01", budget=25)
     (search,) = result.searches
@@ -203,6 +209,7 @@ def test_a_target_without_derivatives_is_searched_without_gradients(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_search_continues_without_gradients_after_a_missing_derivative(tmp_path, monkeypatch):
     def snapping(self, trial):
         raise NoDerivative("a branch ends here")
@@ -253,6 +260,7 @@ strain_step = 0.05
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_search_whose_worker_dies_is_begun_again_and_repeats_nothing(tmp_path, monkeypatch):
     killed = []
 

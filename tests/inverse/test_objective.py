@@ -137,6 +137,7 @@ WANTED = [
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp_path, boundary):
     wanted = list(WANTED)

@@ -63,6 +63,7 @@ def fit(case, truth):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_parameters_perturbed_by_20_percent_come_back_within_their_errors(fit):
     astray = [
         np.log(fit.factors[name] / TRUTH[name]) / fit.standard_errors[name] for name in FITTED
@@ -168,6 +169,7 @@ def test_a_sample_that_does_not_relax_is_refused(case, truth):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_an_interrupted_fit_continues_with_the_tests_that_it_has(
     case, truth, tmp_path, monkeypatch
 ):
@@ -208,6 +210,7 @@ def test_an_interrupted_fit_continues_with_the_tests_that_it_has(
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_test_that_fails_midway_is_skipped(case, truth):
     # So far away that no state converges: the search must take a shorter step, not end.
     assert simulated_test(with_factors(case, {"rib_k_s": 1e-9}), truth) is None

@@ -134,6 +134,7 @@ def test_the_mean_is_over_the_central_cells_that_are_left():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_errors_of_strains_are_those_of_the_noise(tmp_path):
     astray = {name: [] for name in ("xx", "yy")}
     for seed in range(40):

@@ -51,6 +51,7 @@ def fits(knit, n):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", FITTED)
 @pytest.mark.parametrize(("knit", "n"), [("rib", 4), ("garter", 16)])
 def test_the_stated_intervals_cover_the_truth_as_often_as_they_say(knit, n, name):

@@ -82,6 +82,7 @@ def test_numbers_are_found_again(passages, within):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_repeats_of_swatches_tell_little():
     """Loading alone: friction is not seen, and drift at a few standard errors."""
     for knit in ("rib", "garter"):
@@ -93,6 +94,7 @@ def test_the_repeats_of_swatches_tell_little():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_repeats_that_only_scatter_have_no_drift():
     """Repeats that differ as wholes by 4 %: errors of independent points would often deny it."""
     noise = np.random.default_rng(1)

@@ -53,6 +53,7 @@ def test_a_clean_curve_gives_its_stripe_back(name):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("true", LAWS)
 def test_the_criterion_prefers_the_true_law(true):
     of = STRIPES[true]
@@ -69,6 +70,7 @@ def test_the_criterion_prefers_the_true_law(true):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_stated_errors_of_the_stiffening_strain_are_its_scatter():
     of = STRIPES["stiffening"]
     fits = [calibrate(of.period, *curve(of, seed=seed), "stiffening") for seed in range(20)]
@@ -126,6 +128,7 @@ CALIBRATE = ("calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period",
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["stiffening", "tabulated"])
 def test_the_command_reports_the_preferred_law_and_its_stripe_is_simulated(in_folder, name):
     write("curve.csv", *curve(STRIPES[name]))

@@ -35,6 +35,7 @@ def check_matrix(matrix, open_to_ground):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_plane_or_cloth_that_polarises_adds_charge():
     in_air = kl.capacitance_matrix(small_test())["capacitance"].values[0]
     check_matrix(in_air, open_to_ground=False)
@@ -69,6 +70,7 @@ def test_cross_talk_of_alike_sensors_is_mutual():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_part_as_wide_as_the_cell_is_pulled_as_in_a_test():
     # Ends of the whole cell are pulled, and its sides are free.
     ends = ("0:1/0:8", "7:8/0:8")
@@ -96,6 +98,7 @@ def of_grid(insulation):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_rows_cross_columns_of_a_sample_with_an_insulation():
     thick, thin = (kl.cross_talk(*of_grid(d), others="grounded") for d in (0.1, 0.05))
     case = case_of(json.loads(of_grid(0.1)[0].attrs["parameters"]))

@@ -87,6 +87,7 @@ def rolled_up(case, state, axis, curvature):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("along", ["wale", "course"])
 def test_bent_sensors_are_those_of_rolled_up_cells(along):
     test, size = small_test(along=along), 1e-3

@@ -111,6 +111,7 @@ def test_cases_that_share_a_test_are_planned_as_one():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_layouts_measured_in_one_test_are_those_of_a_test_each(tmp_path):
     layouts = ("checkerboard", "checkerboard_faces")
     plan = make_plan("sensor", (*LAYOUTS, f"layout={','.join(layouts)}"))

@@ -191,6 +191,7 @@ for k in range(int(sys.argv[2])):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_kills_of_shards_at_any_change_of_a_file_lose_nothing(tmp_path, plan, whole):
     # In a process of its own, because JAX's threads do not survive a fork.
     command = [sys.executable, "-c", KILLS, tmp_path, "40"]

@@ -109,6 +109,7 @@ def test_insulated_electrodes_may_touch():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("options", [PERIODIC, CLAMPED])
 def test_a_grounded_plane_adds_capacitance_and_shields(options):
     alone = measured([1.0], options)
