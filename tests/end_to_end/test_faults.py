@@ -50,9 +50,9 @@ def said(words, **environment):
 
 @pytest.fixture
 def path(tmp_path):
-    """A search path on which numpy is a module that gets Ctrl-C while it is imported."""
+    """A search path on which what knitlab imports first gets Ctrl-C while it is imported."""
     (tmp_path / "modules").mkdir()
-    (tmp_path / "modules" / "numpy.py").write_text(INTERRUPTING)
+    (tmp_path / "modules" / "lazy_loader.py").write_text(INTERRUPTING)
     return f"{tmp_path / 'modules'}{os.pathsep}{ROOT}"
 
 
