@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 import importlib, os, pkgutil, signal, sys
 
@@ -31,6 +33,7 @@ assert allowed_threads() >= 1
 """
 
 
+@pytest.mark.slow
 def test_every_module_is_imported_without_features_of_linux():
     command = [sys.executable, "-W", "ignore", "-c", SCRIPT]
     imported = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -22,6 +22,7 @@ def run(*words):
     return CliRunner().invoke(main, ["knit", *map(str, words)])
 
 
+@pytest.mark.slow
 def test_a_design_of_a_cube_gives_all_files(tmp_path):
     names = ("sample.k", "chart.csv", "chart.svg", "chart.png")
     outputs = [word for name in names for word in ("-o", tmp_path / name)]

@@ -41,6 +41,7 @@ def results_folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_tutorial_shows_the_output_of_its_commands(results_folder):
     commands = shown()
     assert [command[0] for command, _ in commands] == [*["import"] * 3, "query", "compare"]

@@ -96,6 +96,7 @@ def forces_of_three_unknowns(of, strains, friction, steps=10):
     return np.array(forces)
 
 
+@pytest.mark.slow
 @DISTINCT_STRIPES
 @pytest.mark.parametrize("friction", [PLAIN, HARDENING], ids=["plain", "hardening"])
 def test_a_stripe_cycles_as_a_scalar_return_mapping_says(of, friction):

@@ -63,6 +63,7 @@ def test_cycles_are_those_of_a_fold_that_turns_in_small_steps():
             np.testing.assert_allclose(last, force[force > 0], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("passages", "within"),
     [([THERE, BACK, THERE, BACK], 0.1), ([THERE, THERE, THERE], 0.2)],

@@ -60,6 +60,7 @@ def checkered_states(z_max: float = 6.0) -> tuple:
     return net, fabric, *(state.configuration for state in states)
 
 
+@pytest.mark.slow
 def test_plain_knit_has_the_stiffness_of_its_springs_and_hinges():
     net, fabric = plain_sheet()
     plate = plate_of(net, fabric, flat_sheet(net, fabric))

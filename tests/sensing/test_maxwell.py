@@ -26,6 +26,7 @@ def wires(centres, sides, radius=0.3):
     return [wire(0, radius, sides, LENGTH, sides // 3) + np.array([x, 0, z]) for x, z in centres]
 
 
+@pytest.mark.slow
 def test_three_wires_have_the_matrix_of_their_line_charges():
     # Thin wires far apart: potentials of line charges, of which the sum is zero.
     centres, radius = np.array([[0.0, 0.0], [9.0, 1.0], [-3.0, 14.0]]), 0.3

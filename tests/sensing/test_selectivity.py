@@ -150,6 +150,7 @@ def test_bad_input_gets_a_sentence(given, said):
         kl.selectivity(small_test(), **given)
 
 
+@pytest.mark.slow
 def test_states_that_a_sensor_cannot_have_are_refused():
     with pytest.raises(kl.BadInput, match="does not bend with it; simulate it with ground = none"):
         kl.selectivity(small_test(ground="plane"))

@@ -154,6 +154,7 @@ def test_an_open_sample_has_a_mutual_capacitance_below_that_of_its_terminals():
     assert np.isnan(measured([1.0]).mutual[0])
 
 
+@pytest.mark.slow
 def test_electrodes_drawn_cell_by_cell_are_those_laid_along_ridges():
     mask = tuple(8 * letter for letter in ".BB..AA.")
     drawn = measured([1.0], layout=replace(RIDGES, mask=mask))
