@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from knitlab.cli.output import droppable_output
+from knitlab.io.atomic_write import can_write_into
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.interruption import end_at_once
 
@@ -107,11 +108,7 @@ def _check_cache() -> None:
     named = os.environ.get(CACHE, "")
     if not named or "://" in named:  # none, or one that is not of this file system
         return
-    writable = False
-    with suppress(OSError):
-        Path(named).mkdir(parents=True, exist_ok=True)
-        writable = os.access(named, os.W_OK)
-    if not writable:
+    if not can_write_into(Path(named)):
         os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
         problem = "cannot be written, and nothing compiled is kept; name another folder"
         echo_problem(f"{CACHE} {named}: {problem}")

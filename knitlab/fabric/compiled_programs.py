@@ -1,8 +1,8 @@
 """Programs that JAX has compiled are kept in the user's cache folder, for all runs and workers."""
 
 import hashlib
-import os
 import platform
+import warnings
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from filelock import FileLock, Timeout
 from platformdirs import user_cache_path
 
 from knitlab.fabric.threads import allowed_threads
+from knitlab.io.atomic_write import can_write_into
 
 DIGEST = hashlib.sha256().digest_size
 LARGEST = 512 * 2**20
@@ -23,14 +24,18 @@ def keep_compiled_programs() -> None:
     """Keep compiled programs, unless the user has set JAX's cache or the folder cannot be written.
 
     ``JAX_COMPILATION_CACHE_DIR`` names another folder; with ``JAX_ENABLE_COMPILATION_CACHE=0``
-    none.
+    none. A warning says if nothing can be written there.
     """
-    if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
+    named = getattr(jax.config, "jax_compilation_cache_dir", None)
+    if named is not None:
+        kept = getattr(jax.config, "jax_enable_compilation_cache", True)
+        if kept and "://" not in named and not can_write_into(Path(named)):
+            problem = "cannot be written, and nothing compiled is kept; name another folder"
+            warnings.warn(f"JAX_COMPILATION_CACHE_DIR {named}: {problem}", stacklevel=2)
+            jax.config.update("jax_enable_compilation_cache", False)
         return
     folder = user_cache_path("knitlab") / "compiled" / _kind_of_program()
-    with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-    if not os.access(folder, os.W_OK):
+    if not can_write_into(folder):
         return
     # JAX writes the time of use after the program, and would warn for ever of programs without it,
     # whose process was killed while it wrote them.

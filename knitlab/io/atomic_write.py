@@ -1,8 +1,9 @@
 """Atomic writes: a file is replaced completely or not at all."""
 
+import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -35,3 +36,10 @@ def clear_unfinished(folder: Path) -> None:
     """Remove the unfinished files of killed processes from a folder and its subfolders."""
     for unfinished in (*folder.glob(f"{UNFINISHED}*"), *folder.glob(f"*/{UNFINISHED}*")):
         shutil.rmtree(unfinished, ignore_errors=True)
+
+
+def can_write_into(folder: Path) -> bool:
+    """Whether files can be written into a folder, which is made if there is none."""
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder.is_dir() and os.access(folder, os.W_OK)

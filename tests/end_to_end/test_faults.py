@@ -97,6 +97,15 @@ def test_a_cache_of_the_user_that_cannot_be_written_is_one_warning(tmp_path, kin
     assert list((tmp_path / "new").glob("*-cache"))
 
 
+@pytest.mark.slow
+def test_a_program_with_such_a_cache_is_warned_and_computes(tmp_path):
+    (tmp_path / "chosen").touch()
+    program = "import knitlab as kl; kl.simulate(kl.Design(4, 8, boundary='periodic'), [0])"
+    done = said(["-c", program], JAX_COMPILATION_CACHE_DIR=str(tmp_path / "chosen"))
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("cannot be written, and nothing compiled is kept") == 1
+
+
 def on_a_full_disk(disk, contents, left, words):
     """Run a command where a small disk holds a copy of a folder, and some KiB are left.
 
