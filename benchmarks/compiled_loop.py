@@ -13,7 +13,7 @@ import numba.core.compiler
 import numpy as np
 
 from benchmarks.clamped_grid import Grid
-from knitlab.dynamics.grid import DENOMINATOR, NUMERATOR
+from knitlab.dynamics.vectors import DENOMINATOR, NUMERATOR
 
 
 class _Apart(numba.core.compiler.Compiler):
@@ -81,7 +81,7 @@ def _put(rows: np.ndarray, column: int, vector: Numbers) -> None:
 
 @within
 def _arctan2(y: float, x: float) -> float:
-    """As :func:`knitlab.dynamics.grid.arctan2`, since a call to a library cannot be vectorised."""
+    """As :func:`knitlab.dynamics.vectors.arctan2`: a call to a library cannot be vectorised."""
     size_x, size_y = abs(x), abs(y)
     smaller, larger = min(size_x, size_y), max(size_x, size_y)
     steep = smaller > math.tan(math.pi / 8) * larger

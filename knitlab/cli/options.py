@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from knitlab.cli.output import droppable_output
-from knitlab.io.atomic_write import can_write_into
+from knitlab.io.compilation_cache import VARIABLE, problem_of_cache
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.interruption import end_at_once
 
@@ -27,7 +27,6 @@ LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC,
 """Errors of a machine without files, memory, processes or space left."""
 WITHOUT_JAX = ("query", "find", "status")  # commands that need little memory
 LEAST_BYTES = 3e9
-CACHE = "JAX_COMPILATION_CACHE_DIR"
 MATERIAL = "knitlab.material"  # key of the material file in the context of a command
 MOST_LINES = 20  # largest number of cases that a command lists
 
@@ -105,13 +104,9 @@ class CommandGroup(click.Group):
 
 def _check_cache() -> None:
     """Have JAX keep no compiled programs if the user's folder for them cannot be written."""
-    named = os.environ.get(CACHE, "")
-    if not named or "://" in named:  # none, or one that is not of this file system
-        return
-    if not can_write_into(Path(named)):
+    if problem := problem_of_cache(os.environ.get(VARIABLE, "")):
         os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
-        problem = "cannot be written, and nothing compiled is kept; name another folder"
-        echo_problem(f"{CACHE} {named}: {problem}")
+        echo_problem(problem)
 
 
 def echo_problem(problem: object) -> None:

@@ -49,18 +49,16 @@ def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Datase
     along = xr.Variable(dims, fraction)
     strain = xr.Variable(STRAIN, cube[STRAIN].values.astype(float), cube[STRAIN].attrs)
 
-    def read(name: str, variable: xr.Variable) -> xr.Variable:
-        if name not in INTEGERS:
+    def read(of: str, variable: xr.Variable) -> xr.Variable:
+        if of not in INTEGERS:
             moved = variable.astype(float).transpose(..., STRAIN)
             variable = moved.copy(data=without_gap_at_zero(strain.values, moved.values))
         low, high = variable.isel({STRAIN: below}), variable.isel({STRAIN: above})
-        if name in INTEGERS:
+        if of in INTEGERS:
             values = low.where((low == high) & np.isfinite(along))
         else:  # a neighbour of which nothing is used may be missing
             values = low.where(along < 1, 0.0) * (1 - along) + high.where(along > 0, 0.0) * along
-        others = [dim for dim in variable.dims if dim != STRAIN]
-        first = [dim for dim in others if dim in dims]
-        values = values.transpose(*first, ..., missing_dims="ignore")
+        values = values.transpose(*(dim for dim in variable.dims if dim in dims), ...)
         return xr.Variable(values.dims, values.values, variable.attrs)
 
     fell = np.diff(curve.values, axis=-1, prepend=curve.values[..., :1]) < 0
@@ -74,7 +72,7 @@ def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Datase
     about = {"units": "1", "long_name": "whether the force fell before, so that the test jumps"}
     moved[STRAIN] = read(STRAIN, strain)
     return (
-        cube.drop_vars([*cube.data_vars.keys() & moved.keys(), name, STRAIN])
+        cube.drop_vars([name, *moved])
         .assign(moved)
         .assign(jumped=(dims, jumped.astype(float), about))
         .assign_coords({name: (name, wanted, cube[name].attrs)})

@@ -24,12 +24,13 @@ def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     Curves are linear between two strains; codes and counts are missing unless both agree. Under a
     selected force, that is a dimension in place of the applied strain.
     """
-    controlled = [name for name in controllable(cube) if name in selections]
-    if len({*controlled, *selections} & {STRAIN, *controlled}) > 1:
-        names = " and ".join(name for name in selections if name in (STRAIN, *controlled))
+    prescribed = [name for name in selections if name in (STRAIN, *controllable(cube))]
+    if len(prescribed) > 1:
+        names = " and ".join(prescribed)
         raise fault("selections", f"{names} exclude each other; select one of them")
-    for name in controlled:
-        cube = under_force(cube, name, _values(selections[name]))
+    if prescribed and prescribed != [STRAIN]:
+        (force,) = prescribed
+        cube = under_force(cube, force, _values(selections[force]))
     if STRAIN in selections and STRAIN in cube.dims:
         cube = _with_strains(cube, _values(selections[STRAIN]))
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
@@ -80,7 +81,7 @@ def selections_along(selections: Mapping[str, Any], names: Iterable[Hashable]) -
 
 def selectable(cube: xr.Dataset) -> list[str]:
     """Names along which a cube can be selected: its coordinates, and forces."""
-    return [*map(str, cube.coords), *controllable(cube)]
+    return [*map(str, cube.indexes), *controllable(cube)]
 
 
 def as_given(selections: Mapping[str, Any]) -> list[str]:

@@ -13,6 +13,7 @@ from platformdirs import user_cache_path
 
 from knitlab.fabric.threads import allowed_threads
 from knitlab.io.atomic_write import can_write_into
+from knitlab.io.compilation_cache import problem_of_cache
 
 DIGEST = hashlib.sha256().digest_size
 LARGEST = 512 * 2**20
@@ -29,9 +30,8 @@ def keep_compiled_programs() -> None:
     named = getattr(jax.config, "jax_compilation_cache_dir", None)
     if named is not None:
         kept = getattr(jax.config, "jax_enable_compilation_cache", True)
-        if kept and "://" not in named and not can_write_into(Path(named)):
-            problem = "cannot be written, and nothing compiled is kept; name another folder"
-            warnings.warn(f"JAX_COMPILATION_CACHE_DIR {named}: {problem}", stacklevel=2)
+        if kept and (problem := problem_of_cache(named)):
+            warnings.warn(problem, stacklevel=2)
             jax.config.update("jax_enable_compilation_cache", False)
         return
     folder = user_cache_path("knitlab") / "compiled" / _kind_of_program()

@@ -27,6 +27,7 @@ from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, CannotWrite, Fault, fault, unknown
+from knitlab.io.fingerprint import file_digest
 from knitlab.meshes.chosen_case import has_shape
 from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
 
@@ -52,7 +53,8 @@ def draw_figure(
         raise fault("kind", unknown(kind, FIGURES, "figure"))
     check_figure_suffix(output)
     cubes = [cube_file.open_cube(path) for path in cube_paths]
-    fingerprint = figure_files.fingerprint_of_figure(kind, cube_paths, selections, options)
+    digests = [file_digest(cube_file.cube_path(path)) for path in cube_paths]
+    fingerprint = figure_files.fingerprint_of_figure(kind, digests, selections, options)
     if not figure_files.is_drawn(output, fingerprint):
         drawn = partial(draw, kind, cubes, selections, options)
         figure_files.draw_into(drawn, output, fingerprint=fingerprint)

@@ -60,21 +60,21 @@ def requested_figures(
         problem = f"{number} slices are too many to draw in a run; draw one by knitlab map"
         faults.append(Fault("figures", problem))
         kinds = [kind for kind in kinds if kind in COMPARING]
-    requested = []
+    requested, digest = list[RequestedFigure](), file_digest(cube_path(folder))
     for kind in kinds:
         compared = () if kind in COMPARING else swept
         for values in itertools.product(*(cube[dim].values for dim in compared)):
             selections = dict(zip(compared, values, strict=True))
             stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
             outputs = tuple(inside(folder / "figures", stem + suffix) for suffix in RUN_SUFFIXES)
-            fingerprint = fingerprint_of_figure(kind, [folder], selections)
+            fingerprint = fingerprint_of_figure(kind, [digest], selections)
             requested.append(RequestedFigure(kind, selections, outputs, fingerprint))
     return requested, faults
 
 
 def fingerprint_of_figure(
     kind: str,
-    cube_paths: Sequence[Path],
+    cube_digests: Sequence[str],
     selections: Mapping[str, Any],
     options: Mapping[str, str] = {},
 ) -> str:
@@ -82,8 +82,7 @@ def fingerprint_of_figure(
     chosen = [f"{name}:{value}" for name, value in options.items()]
     parts = [kind, *as_given(selections), *chosen, package_fingerprint(), version("matplotlib")]
     files = [Path(value) for name, value in options.items() if name == "material"]
-    parts += [file_digest(file) for file in files if file.is_file()]
-    parts += [file_digest(cube_path(path)) for path in cube_paths]
+    parts += [*(file_digest(file) for file in files if file.is_file()), *cube_digests]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[: 2 * DIGITS]
 
 

@@ -87,7 +87,7 @@ found = tension(zigzag(stripe), np.array([0.1, 0.2]))
 """,
         """
 import jax.numpy as jnp
-from knitlab.dynamics.grid import dot
+from knitlab.dynamics.vectors import dot
 one = jnp.linspace(0, 1, 3), jnp.ones(3), jnp.ones(3)
 found = dot(one, one)
 """,

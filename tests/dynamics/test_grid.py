@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from knitlab.dynamics.damped_test import on_grid
-from knitlab.dynamics.grid import GridFabric, kept
+from knitlab.dynamics.grid import GridFabric
+from knitlab.dynamics.vectors import kept
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.layout import fabric_layout

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.dynamics.grid import arctan2
+from knitlab.dynamics.vectors import arctan2
 
 COMPILED = jax.jit(arctan2)
 UNITS = 4

@@ -144,14 +144,14 @@ def _plane(
     # A grid that shows no dimension of the designs shows one of them.
     flat = [dim for dim in design_dims(cube) if dim not in (x, y)]
     status = cube["status"].isel(dict.fromkeys(flat, 0)).broadcast_like(plane).transpose(y, x)
-    fixed = [
-        f"{dim} = {_text(cube[dim].values[0])} {cube[dim].attrs.get('units', '1')}".removesuffix(
-            " 1"
-        )
-        for dim in others
-        if dim in cube.coords
-    ]
+    fixed = [_stated(cube[dim]) for dim in others if dim in cube.coords]
     return plane, status, fixed
+
+
+def _stated(coordinate: xr.DataArray) -> str:
+    """The first value of a coordinate, with its name and unit."""
+    unit = coordinate.attrs.get("units", "1")
+    return f"{coordinate.name} = {_text(coordinate.values[0])}" + f" {unit}" * (unit != "1")
 
 
 def _axis_label(cube: xr.Dataset, dim: str) -> str:

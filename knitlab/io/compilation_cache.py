@@ -1,0 +1,15 @@
+"""The folder in which the user has JAX keep compiled programs. Needs no JAX."""
+
+from pathlib import Path
+
+from knitlab.io.atomic_write import can_write_into
+
+VARIABLE = "JAX_COMPILATION_CACHE_DIR"
+
+
+def problem_of_cache(named: str) -> str:
+    """Why nothing can be kept in a folder; empty if it can, or if it is on no file system."""
+    if not named or "://" in named or can_write_into(Path(named)):
+        return ""
+    problem = "cannot be written, and nothing compiled is kept; name another folder"
+    return f"{VARIABLE} {named}: {problem}"
