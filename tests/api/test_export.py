@@ -197,6 +197,7 @@ def test_bad_input_ends_the_command_with_exit_code_2(tmp_path, monkeypatch, word
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "design",
     [

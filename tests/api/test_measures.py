@@ -22,7 +22,9 @@ def mean_square_height(shape):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("boundary", ["periodic", "clamped"])
+@pytest.mark.parametrize(
+    "boundary", ["periodic", pytest.param("clamped", marks=pytest.mark.nightly)]
+)
 def test_derivatives_are_those_of_finite_differences(boundary):
     design = kl.Design(n_stripe=4, n_subunit=8, boundary=boundary)
     evaluated = kl.evaluate(kl.simulate(design, STRAINS, solver=TIGHT), height=mean_square_height)

@@ -43,6 +43,7 @@ def of_pure(of, options, settings):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("integrator", ["leapfrog", "tsit5"])
 def test_both_methods_reach_the_same_states(integrator):
     net, fabric = checkered(4, 1, ENDLESS)

@@ -108,6 +108,7 @@ def test_they_are_for_graded_and_plain_patches_and_single_folds(boundary, cells_
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @settings(max_examples=4)  # each is compiled
 @given(
     rows=st.integers(1, 3),

@@ -275,6 +275,7 @@ def test_a_short_step_is_not_taken_for_a_halved_one(safety):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_cells_that_are_crushed_for_a_moment_end_no_motion_and_slow_none_down():
     """With little damping cells are crushed to lines, about which hinges are very stiff."""
     flat = ModelOptions(boundary="periodic")

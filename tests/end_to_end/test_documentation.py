@@ -161,9 +161,19 @@ def python_of(page):
     return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
 
 
+LONG = {"docs/how-to/design.md", "docs/tutorials/elbow.md"}
+
+
+def pages(chosen):
+    """Pages to be tested, the long ones nightly."""
+    return [
+        pytest.param(page, marks=pytest.mark.nightly if page in LONG else ()) for page in chosen
+    ]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "page", [page for page in PAGES if python_of(page) and page != "README.md"]
+    "page", pages(page for page in PAGES if python_of(page) and page != "README.md")
 )
 def test_the_python_of_a_page_runs_and_prints_what_it_shows(page, monkeypatch):
     monkeypatch.chdir(ROOT)
@@ -203,6 +213,7 @@ def test_links_to_files_lead_to_existing_files(page):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_own_yarn_goes_from_records_to_a_map_as_printed(tmp_path, monkeypatch):
     page = "docs/how-to/calibrate.md"
     (tmp_path / "docs").symlink_to(ROOT / "docs")
@@ -239,7 +250,9 @@ TESTED_ELSEWHERE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in PAGES if "how-to" in page and examples(page)])
+@pytest.mark.parametrize(
+    "page", pages(page for page in PAGES if "how-to" in page and examples(page))
+)
 def test_the_commands_of_a_page_run_with_a_stand_in_for_the_simulation(page, tmp_path, monkeypatch):
     for name in ("docs", "params", "workflows", "results/reference"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -267,6 +280,7 @@ def test_the_commands_of_a_page_run_with_a_stand_in_for_the_simulation(page, tmp
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_job_of_the_guide_to_clusters_can_be_submitted_again_for_one_part(tmp_path):
     page = (ROOT / "docs/how-to/cluster.md").read_text(encoding="utf-8")
     (script,) = re.findall(r"^```bash\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)

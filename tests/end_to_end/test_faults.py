@@ -144,6 +144,7 @@ def test_a_figure_for_which_the_disk_is_full_is_a_sentence(tmp_path, suffix):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_that_has_no_space_for_its_figures_is_a_sentence_and_keeps_its_cube(tmp_path):
     designs = "--set n_stripe=2 --set n_subunit=8 --set strain_max=0.03 --set robustness=0"
     words = f"run preview {designs} --workers 0 --results"

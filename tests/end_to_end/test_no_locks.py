@@ -52,6 +52,7 @@ def test_a_cube_is_read_without_a_lock(knitlab):
     assert said.stdout.split()[:2] == ["n_stripe", "2"]
 
 
+@pytest.mark.nightly
 def test_parts_run_in_folders_of_their_own_and_are_merged(knitlab, tmp_path):
     quick = ("run", "periodic", *TWO, "--set", "robustness=0", "--workers", "0")
     for number in ("1", "2"):

@@ -18,6 +18,7 @@ def knitlab(*words):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_shards_of_a_real_sweep_are_merged_into_one(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for number in (1, 2):

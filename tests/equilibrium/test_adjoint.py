@@ -156,6 +156,7 @@ def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_derivatives_of_periodic_fabric_agree_with_finite_differences(periodic):
     found, expected = periodic.sensitivities(), by_differences(periodic)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-9)
@@ -174,6 +175,7 @@ def test_derivatives_of_a_sample_pressed_by_walls_are_those_of_differences():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_derivatives_of_graded_fabric_are_those_of_differences():
     """Two ribs and two garters, plain knit beside them, and a single fold, all with ridges."""
     cells_per_period = 8

@@ -241,6 +241,7 @@ def gradings(draw):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @given(gradings(), st.sampled_from(["periodic", "clamped"]), st.sampled_from(["all", "fold_lines"]))
 @settings(deadline=None, max_examples=4)  # each is compiled
 def test_energy_of_any_graded_pattern_does_not_change_with_a_rigid_motion(drawn, boundary, hinges):

@@ -301,6 +301,7 @@ def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_killed_design_resumes_to_the_same_result(tmp_path):
     (tmp_path / "sleeve.toml").write_text(REQUEST)
     words = ["design", "sleeve.toml", "--results", str(tmp_path / "results")]

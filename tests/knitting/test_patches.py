@@ -125,6 +125,7 @@ def test_a_stitch_that_fits_no_patch_is_named_and_its_pattern_kept():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_what_has_no_pattern_is_named():
     front = np.random.default_rng(0).random((200, 300)) > 0.5
     read = patches_of(front, "any")

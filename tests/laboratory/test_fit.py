@@ -77,6 +77,7 @@ def test_parameters_perturbed_by_20_percent_come_back_within_their_errors(fit):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_match_is_as_good_as_the_noise(fit):
     before, after = fit.chi_squared
     values = int(fit.target.measured.sum())
@@ -151,6 +152,7 @@ def test_without_data_the_fit_keeps_the_tables(case, truth):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_poor_fit_warns(case, truth):
     target = noisy(truth, 0.005, seed=1)
     bent = MeasuredTest(

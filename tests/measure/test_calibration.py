@@ -65,12 +65,14 @@ def test_the_stated_intervals_cover_the_truth_as_often_as_they_say(knit, n, name
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_correlations_are_those_of_repeated_measurements():
     values = np.array([[fit.values[name] for name in FITTED] for fit in fits("rib", 4)])
     np.testing.assert_allclose(fits("rib", 4)[0].correlations, np.corrcoef(values.T), atol=0.1)
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_curve_too_short_to_separate_two_parameters_warns():
     fit = calibrate(1.41, *curve(stripe("rib", 4), largest=0.3))
     assert any("cannot separate k_t and theta_0" in warning for warning in fit.warnings)
@@ -82,6 +84,7 @@ def test_a_curve_too_short_to_separate_two_parameters_warns():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_misfit_is_the_noise():
     of = stripe("garter", 16)
     noise = NOISE * curve(of, noise=0.0)[1].max()

@@ -131,12 +131,22 @@ def check_by_rolled_up_cells(state_number, z_max, trials):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_stiffness_is_the_curvature_of_the_energy_of_rolled_up_cells():
     check_by_rolled_up_cells(1, 6.0, 2)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("state", "z_max"), [(0, 6.0), (1, 6.0), (2, 6.0), (0, 0.2), (1, 0.2)])
+@pytest.mark.parametrize(
+    ("state", "z_max"),
+    [
+        pytest.param(0, 6.0, marks=pytest.mark.nightly),
+        pytest.param(1, 6.0, marks=pytest.mark.nightly),
+        (2, 6.0),
+        pytest.param(0, 0.2, marks=pytest.mark.nightly),
+        (1, 0.2),
+    ],
+)
 def test_it_is_also_relaxed_or_stretched_and_between_walls(state, z_max):
     _, fabric, *states = checkered_states(z_max)
     touched = np.abs(states[state].positions[..., 2]).max() > float(fabric.z_max)

@@ -52,6 +52,7 @@ def test_a_plane_or_cloth_that_polarises_adds_charge():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_connected_electrodes_have_the_sum_of_their_charges():
     whole = kl.capacitance_matrix(SENSOR, **ONE)["capacitance"].squeeze().values
     joined = kl.capacitance_matrix(SENSOR, ["w1", "w2+w3", "w4"], **ONE)["capacitance"].squeeze()
@@ -83,6 +84,7 @@ def test_a_part_as_wide_as_the_cell_is_pulled_as_in_a_test():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_cloth_that_polarises_has_bare_electrodes():
     insulated = small_test(dielectric_thickness=0.1, strains=(0.0,))
     with pytest.raises(kl.BadInput, match="is of bare electrodes"):

@@ -68,6 +68,7 @@ def of_film(polarised, count):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_strips_on_a_film_have_their_closed_forms():
     k = 2.0 / 8.0
     in_air = VACUUM_PERMITTIVITY * ellipk(1 - k**2) / ellipk(k**2)

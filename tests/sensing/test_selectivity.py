@@ -52,7 +52,7 @@ def slope(test):
 @pytest.mark.parametrize(
     ("load", "sides", "direction"),
     [
-        pytest.param("warp", "free", "warp", marks=pytest.mark.slow),
+        pytest.param("warp", "free", "warp", marks=[pytest.mark.slow, pytest.mark.nightly]),
         pytest.param("weft", "free", "weft", marks=pytest.mark.slow),
         pytest.param("biaxial", "held", "warp", marks=pytest.mark.slow),
     ],

@@ -37,6 +37,7 @@ def test_the_default_has_one_branch_and_little_spread(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_multistable_fabric_has_several_branches_and_a_large_spread(tmp_path):
     cube = cube_of(tmp_path, *SMALL, *MULTISTABLE, "robustness=3").squeeze()
     assert float(cube["relaxed_branches"]) > 1

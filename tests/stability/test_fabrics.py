@@ -51,6 +51,7 @@ def test_derivatives_are_those_of_differences():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_design_leaves_its_relaxed_branch_at_a_branch_point(tmp_path):
     points = kl.branches("periodic", **FOLDED, strain_max=0.15, output=tmp_path / "branches.png")
     assert (tmp_path / "branches.png").is_file()
@@ -67,6 +68,7 @@ def test_a_design_leaves_its_relaxed_branch_at_a_branch_point(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_atlas_counts_every_start_and_bounds_barriers(tmp_path, monkeypatch):
     found = kl.shapes("periodic", **FOLDED, starts=8, output=tmp_path / "shapes.png")
     assert (tmp_path / "shapes.png").is_file()

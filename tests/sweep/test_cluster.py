@@ -123,6 +123,7 @@ def sound(plan, results):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_outlives_a_worker_and_continues_after_its_scheduler(tmp_path):
     plan = stand_in.plan_of()
     results = tmp_path / "results"

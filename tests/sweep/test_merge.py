@@ -248,6 +248,7 @@ def kill_merge(made, results, changes):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_killed_merge_loses_nothing(finished, tmp_path):
     before = files(finished)
     command = [sys.executable, "-c", KILLS, finished, tmp_path, "40"]

@@ -164,6 +164,7 @@ DESIGNS = {4: [8, 16, 24], 6: [12, 24]}
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_first_order_agrees_with_monte_carlo_on_five_designs(yarn, tmp_path):
     for n_stripe, subunits in DESIGNS.items():
         settings = {"n_subunit": subunits, "strain_max": 0.09, "results": tmp_path}

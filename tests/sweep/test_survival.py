@@ -75,6 +75,7 @@ def uninterrupted(tmp_path_factory):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_kills_at_any_change_of_a_file_lose_no_finished_case(tmp_path, uninterrupted):
     command = [sys.executable, "-m", "tests.sweep.stand_in", "kills", tmp_path, "60"]
     said = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
@@ -132,7 +133,7 @@ def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("before", [None, ignoring_ctrl_c])
+@pytest.mark.parametrize("before", [pytest.param(None, marks=pytest.mark.nightly), ignoring_ctrl_c])
 def test_a_terminated_run_ends_as_by_ctrl_c(tmp_path, before):
     ended_by(signal.SIGTERM, tmp_path, preexec_fn=before)
 
@@ -165,6 +166,7 @@ def test_cores_without_a_batch_become_threads_of_other_workers(tmp_path, n_strip
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_case_that_kills_its_worker_does_not_affect_others(tmp_path):
     run = ran(few_cases(), tmp_path, stand_in.simulate_deadly, workers=WORKERS)
     assert statuses(run)["failed"] == 2
@@ -174,6 +176,7 @@ def test_a_case_that_kills_its_worker_does_not_affect_others(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_worker_lost_once_costs_nothing(tmp_path):
     run = ran(plan_of(), tmp_path, stand_in.simulate_once_lost, workers=WORKERS)
     assert (tmp_path / "died-once").exists()

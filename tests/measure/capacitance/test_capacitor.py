@@ -52,6 +52,7 @@ def measured(angles, options=PERIODIC, **changes):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_capacitance_falls_as_the_stripe_unfolds():
     found = measured([0.6, 1.2, 2.0, 3.0, np.pi])
     assert (found.status == CapacitorStatus.measured).all()
@@ -127,6 +128,7 @@ def test_a_fold_past_half_a_turn_has_a_status_and_no_number():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_unresolved_capacitances_are_reported():
     found = measured([0.25], clearance=1e-6, accuracy=1e-5)
     assert found.status[0] == CapacitorStatus.unresolved

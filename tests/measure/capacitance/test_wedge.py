@@ -215,6 +215,7 @@ def test_many_states_equal_single_states():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @given(SEED)
 @settings(max_examples=5)
 def test_the_derivative_is_that_of_finite_differences(seed):
