@@ -134,7 +134,6 @@ def draw(designed: Designed) -> list[Path]:
         drawings["pareto"] = lambda: pareto_figure(*shown)
     files: list[Path] = []
     for name, draw_one in drawings.items():
-        of_one = [designed.folder / "figures" / f"{name}.{suffix}" for suffix in ("pdf", "png")]
-        draw_into(draw_one, *of_one)
-        files += of_one
+        files.append(designed.folder / "figures" / f"{name}.png")
+        draw_into(draw_one, files[-1])
     return files

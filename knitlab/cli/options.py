@@ -198,13 +198,12 @@ def check_toml(output: Path) -> None:
 
 
 def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:
-    """Save a figure beside a file, as PDF and PNG."""
+    """Save a figure beside a file, as PNG."""
     from knitlab.figures.figure_files import draw_into
 
-    files = [output.with_suffix(suffix) for suffix in (".pdf", ".png")]
-    draw_into(draw, *files)
-    for file in files:
-        click.echo(f"figure   {file}")
+    file = output.with_suffix(".png")
+    draw_into(draw, file)
+    click.echo(f"figure   {file}")
 
 
 cubes = click.argument("cubes", type=PATH, nargs=-1, required=True)

@@ -158,7 +158,7 @@ def run(
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import open_cube
-    from knitlab.figures.figure_files import requested_figures
+    from knitlab.figures.figure_files import is_drawn, requested_figures
     from knitlab.sweep.results_folder import finished_plan
 
     record = finished_plan(workflow, settings, results)
@@ -167,12 +167,12 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     folder = results / record["workflow"]
     cube = open_cube(folder, lazily=True)
     figures, faults = requested_figures(record["figures"], cube, folder)
-    if any(figure.missing for figure in figures):
+    if not all(is_drawn(figure.output, figure.fingerprint) for figure in figures):
         return False
     excluded = {tuple(design): reason for *design, reason in record["excluded"]}
     _echo_excluded(record["dims"], excluded)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
-    _echo_files(folder, (output for figure in figures for output in figure.outputs))
+    _echo_files(folder, (figure.output for figure in figures))
     options.echo_report([], warnings=faults)
     return True
 

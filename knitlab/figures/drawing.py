@@ -57,7 +57,7 @@ def draw_figure(
     fingerprint = figure_files.fingerprint_of_figure(kind, digests, selections, options)
     if not figure_files.is_drawn(output, fingerprint):
         drawn = partial(draw, kind, cubes, selections, options)
-        figure_files.draw_into(drawn, output, fingerprint=fingerprint)
+        figure_files.draw_into(drawn, output, fingerprint)
     return output
 
 
@@ -70,16 +70,16 @@ def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[F
     requested, faults = figure_files.requested_figures(names, cube, folder)
     for figure in requested:
         try:
-            if missing := figure.missing:
+            if not figure_files.is_drawn(figure.output, figure.fingerprint):
                 drawn = partial(draw, figure.kind, [cube], figure.selections)
-                figure_files.draw_into(drawn, *missing, fingerprint=figure.fingerprint)
+                figure_files.draw_into(drawn, figure.output, figure.fingerprint)
         except CannotWrite:
             raise
         except BadInput as error:
-            stem = figure.outputs[0].stem
-            faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
+            name = figure.output.stem
+            faults += [Fault(f"figure {name}", entry.problem) for entry in error.faults]
         else:
-            files += figure.outputs
+            files.append(figure.output)
     return files, faults
 
 

@@ -28,23 +28,18 @@ if TYPE_CHECKING:
 
 MARK = "knitlab-drawn-of:"  # prefix of the fingerprint that is stored in the file of every figure
 MOST_SLICES = 8  # largest number of values of swept settings for which a run draws figures
-RUN_SUFFIXES = (".pdf", ".png")  # formats of the figures of a run
+RUN_SUFFIX = ".png"  # format of the figures of a run
 PALETTE = 256  # colours of a PNG, which is a third as large, and no difference can be seen
 
 
 @dataclass(frozen=True)
 class RequestedFigure:
-    """A figure that a workflow asks for: of a slice of its cube, written to several files."""
+    """A figure that a workflow asks for, of a slice of its cube."""
 
     kind: str
     selections: Mapping[str, Any]
-    outputs: tuple[Path, ...]
+    output: Path
     fingerprint: str
-
-    @property
-    def missing(self) -> list[Path]:
-        """The files that do not hold it yet."""
-        return [output for output in self.outputs if not is_drawn(output, self.fingerprint)]
 
 
 def requested_figures(
@@ -66,9 +61,9 @@ def requested_figures(
         for values in itertools.product(*(cube[dim].values for dim in compared)):
             selections = dict(zip(compared, values, strict=True))
             stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
-            outputs = tuple(inside(folder / "figures", stem + suffix) for suffix in RUN_SUFFIXES)
+            output = inside(folder / "figures", stem + RUN_SUFFIX)
             fingerprint = fingerprint_of_figure(kind, [digest], selections)
-            requested.append(RequestedFigure(kind, selections, outputs, fingerprint))
+            requested.append(RequestedFigure(kind, selections, output, fingerprint))
     return requested, faults
 
 
@@ -111,13 +106,9 @@ def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
         temporary.write_bytes(file.getvalue())
 
 
-def draw_into(draw: Callable[[], "Figure"], *outputs: Path, fingerprint: str = "") -> None:
-    """Draw a figure in the style for print, and write it into files."""
+def draw_into(draw: Callable[[], "Figure"], output: Path, fingerprint: str = "") -> None:
+    """Draw a figure in the style for print, and write it into a file."""
     from knitlab.figures.style import print_style
 
     with print_style():
-        figure = draw()
-        for output in outputs:
-            save(figure, output, fingerprint)
-            # The other formats take the layout of the first.
-            figure.set_layout_engine("none")
+        save(draw(), output, fingerprint)

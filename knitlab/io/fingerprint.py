@@ -3,12 +3,18 @@
 import ast
 import hashlib
 import platform
+import re
 import subprocess
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import CannotWrite
 from knitlab.io.shipped import PACKAGE
 from knitlab.io.text_file import plain_file
 
@@ -39,8 +45,20 @@ BLOCKS = {"body", "orelse", "finalbody"}
 
 @cache
 def code_fingerprint() -> str:
-    """Fingerprint of the code that computes a case, and of the version of the model."""
-    return fingerprint_of(PACKAGE)
+    """Fingerprint of the code that computes a case, and of the version of the model.
+
+    To parse the code takes a third of a second; the user's cache folder keeps the fingerprint for
+    the text of the package.
+    """
+    kept = user_cache_path("knitlab") / "fingerprints" / package_fingerprint()
+    with suppress(OSError, UnicodeError):
+        known = kept.read_text(encoding="utf-8")
+        if re.fullmatch(f"[0-9a-f]{{{DIGITS}}}", known):
+            return known
+    computed = fingerprint_of(PACKAGE)
+    with suppress(CannotWrite), atomic_write(kept) as temporary:
+        temporary.write_text(computed, encoding="utf-8")
+    return computed
 
 
 @cache

@@ -36,7 +36,6 @@ def test_a_calibrated_stripe_can_be_used_as_it_is():
     assert {path.name for path in Path().iterdir()} == {
         "curve.csv",
         "material.toml",
-        "material-rib-4.pdf",
         "material-rib-4.png",
     }
     refused = knitlab("plan", "periodic", "--material", "material.toml", "--set", "n_stripe=4")

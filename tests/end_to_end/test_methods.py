@@ -26,7 +26,7 @@ def test_a_relaxation_is_drawn():
     ran = knitlab("run", "relaxation", *words, "--workers", "0")
     assert ran.exit_code == 0, ran.output
     figures = {path.name for path in Path("results/relaxation/figures").iterdir()}
-    assert figures == {"relaxation.pdf", "relaxation.png"}
+    assert figures == {"relaxation.png"}
     (path,) = Path("results/relaxation/cases").glob("*.nc")
     case = xr.load_dataset(path)
     assert float(case["kinetic_energy"][-1]) < 1e-9 * float(case["potential_energy"][0])

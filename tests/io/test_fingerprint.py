@@ -7,6 +7,7 @@ import pytest
 
 import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.schema import Status
+from knitlab.io import fingerprint
 from knitlab.io.fingerprint import (
     OF_NO_CASE,
     code_fingerprint,
@@ -107,3 +108,15 @@ def test_an_edited_module_makes_results_stale(name, package, results, monkeypatc
 def test_an_edited_module_that_computes_nothing_leaves_them(name, package):
     (package / name).write_text("EDITED = True\n", encoding="utf-8")
     assert fingerprint_of(package) == code_fingerprint()
+
+
+def test_a_kept_fingerprint_is_used_and_a_damaged_one_computed_again(tmp_path, monkeypatch):
+    computed = code_fingerprint()
+    monkeypatch.setattr(fingerprint, "user_cache_path", tmp_path.joinpath)
+    for kept, expected in ((None, computed), ("0" * 12, "0" * 12), ("no digits", computed)):
+        if kept is not None:
+            (file,) = (tmp_path / "knitlab" / "fingerprints").iterdir()
+            file.write_text(kept)
+        code_fingerprint.cache_clear()
+        assert code_fingerprint() == expected
+    code_fingerprint.cache_clear()

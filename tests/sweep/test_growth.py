@@ -273,9 +273,9 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
     assert drawn.stat().st_size > 1000
     figures, faults = draw_figures(("auxetic",), tmp_path)
     assert faults == []
-    assert {path.name for path in figures} == {
-        f"auxetic_k_t_factor-{value}.{suffix}" for value in (0.8, 1.2) for suffix in ("pdf", "png")
-    }
+    assert [path.name for path in figures] == [
+        f"auxetic_k_t_factor-{value}.png" for value in (0.8, 1.2)
+    ]
 
 
 def test_a_case_file_of_an_earlier_version_leaves_out_what_it_does_not_have(tmp_path):
