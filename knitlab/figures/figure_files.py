@@ -95,8 +95,8 @@ def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
     mark, suffix, note = f"{MARK}{fingerprint}", output.suffix.lower(), PngInfo()
     key = "Keywords" if suffix == ".pdf" else "Description"
     # In memory, as matplotlib raises errors of its own where a disk is full.
-    file = BytesIO()
-    figure.savefig(file, format=suffix.removeprefix("."), metadata={key: mark})
+    file, plain = BytesIO(), {"pil_kwargs": {"compress_level": 0}} if suffix == ".png" else {}
+    figure.savefig(file, format=suffix.removeprefix("."), metadata={key: mark}, **plain)
     if suffix == ".png":
         note.add_text("Description", mark)
         image = Image.open(file).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
