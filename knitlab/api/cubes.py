@@ -16,7 +16,8 @@ from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.target import Target, read_target
-from knitlab.io.errors import BadInput, ErrorCollector, fault
+from knitlab.io.errors import ErrorCollector, fault, raise_any
+from knitlab.io.names import check_suffix
 from knitlab.meshes import formats
 from knitlab.meshes.chosen_case import chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
@@ -126,8 +127,7 @@ def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
     for one in [given] if isinstance(given, str | Mapping | Target) else given:
         with faults:
             targets.append(read_target(one, source))
-    if faults.all:
-        raise BadInput(faults.all)
+    raise_any(faults.all)
     return targets
 
 
@@ -276,9 +276,7 @@ def export(
     """
     output, selections = Path(output), {**selections, **named}
     suffix, several = output.suffix.lower(), (formats.SERIES, formats.FOLD)
-    known = (*formats.FORMATS, *several)
-    if suffix not in known:
-        raise fault(f"output {output}", f"has no suffix of a mesh; give one of {', '.join(known)}")
+    check_suffix(output, (*formats.FORMATS, *several), "a mesh")
     case_file = _case_file(shapes, selections)
     rows = chosen_strains(case_file, selections, several=suffix in several)
     meshes = fabric_meshes(case_file, rows, repeats)

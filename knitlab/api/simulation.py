@@ -23,7 +23,7 @@ from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
 from knitlab.inverse.trial import ShapeFunction, measure_of, state_slopes
-from knitlab.io.errors import BadInput, Fault, fault, faults_of
+from knitlab.io.errors import BadInput, Fault, fault, faults_of, raise_any
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case
@@ -103,8 +103,7 @@ class Design:
                 StripeRow.of(stripe)
             except ValidationError as error:
                 faults += faults_of(error, name)
-        if faults:
-            raise BadInput(faults)
+        raise_any(faults)
 
     @property
     def stripes(self) -> tuple[Stripe, ...]:
@@ -229,8 +228,7 @@ def case_of_design(
     if parameters.model.boundary == "periodic" and design.boundary == "clamped":
         problem = "is periodic, and the design is clamped; give the boundary to knitlab.Design"
         faults.append(Fault("model.boundary", problem))
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     parameters = replace(
         parameters.with_tables(model=replace(parameters.model, boundary=design.boundary)),
         stripes=parameters.stripes.with_stripes(design.stripes),

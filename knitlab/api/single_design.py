@@ -11,7 +11,7 @@ import xarray as xr
 
 from knitlab.cube.cube_file import CUBE, cube_path, design_dims, is_case, open_cube
 from knitlab.cube.selection import chosen_indices, selected
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import BadInput, Fault, fault, raise_any
 from knitlab.knitting.specification import Prediction
 from knitlab.knitting.stitch_chart import is_turned
 from knitlab.measure.knit_size import Gauge
@@ -51,8 +51,7 @@ def single_design(
     known = declared(Gauge)
     problem = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"
     faults += [Fault(f"settings {name}", problem) for name in values if name not in known]
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return single._replace(gauge=checked("settings", replace(single.gauge, **values), Gauge))
 
 

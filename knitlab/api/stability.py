@@ -103,8 +103,7 @@ def branches(
 
 def _single(workflow: str | Path, overrides: Overrides, output: str | Path | None) -> Case:
     """The one case of a workflow."""
-    if output is not None:
-        check_figure_suffix(Path(output))
+    check_figure_suffix(output)
     case, where = single_design(workflow, overrides, {}).case, f"workflow {workflow}"
     if case.solver is None or case.solver.drag:
         remedy = "take method = equilibrium and drag = 0"

@@ -72,8 +72,7 @@ def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any
     from knitlab.api import cubes as api
     from knitlab.cube.query import formatted
 
-    if output is not None:
-        check_figure_suffix(output)
+    check_figure_suffix(output)
     nearest = api.find(*cubes, **wanted)
     if style == "table":
         for number, reached in enumerate(nearest.reached, start=1):

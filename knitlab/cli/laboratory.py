@@ -9,6 +9,8 @@ import click
 
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, POSITIVE, option
+from knitlab.io.names import check_suffix
+from knitlab.io.toml import TOML
 
 if TYPE_CHECKING:
     from knitlab.laboratory.description import RecordKind
@@ -78,7 +80,7 @@ def calibrate(
     from knitlab.sweep.parameters import defaults
     from knitlab.sweep.stripe_covariance import with_period
 
-    options.check_toml(output)
+    check_suffix(output, TOML, "a material")
     if (law == "tabulated") != (spring_curve is not None):
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
     period = period_of(stitches, period, gauge_length, gauge_stitches)
@@ -213,7 +215,7 @@ def fit(
     from knitlab.laboratory.fit import fitted_material, report
     from knitlab.sweep.plan import make_plan
 
-    options.check_toml(output)
+    check_suffix(output, TOML, "a material")
     cube = selected(open_cube(experiment), selections)
     began = time.monotonic()
 

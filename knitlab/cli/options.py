@@ -16,7 +16,7 @@ import click
 
 from knitlab.cli.output import droppable_output
 from knitlab.io.compilation_cache import VARIABLE, problem_of_cache
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import BadInput, Fault, fault, raise_any
 from knitlab.io.interruption import end_at_once
 
 if TYPE_CHECKING:
@@ -159,8 +159,7 @@ def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
             faults.append(Fault(f"selections {text}", problem))
         else:
             selections[name] = [_number_or_label(each.strip()) for each in listed.split(",")]
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return selections
 
 
@@ -186,15 +185,8 @@ def machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
     from knitlab.sweep.workflow_file import read_overrides
 
     read, faults = read_overrides(texts, "machine")
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return {each.key: each.value for each in read}
-
-
-def check_toml(output: Path) -> None:
-    """Raise BadInput unless a file for stripes has the suffix ``.toml``."""
-    if output.suffix != ".toml":
-        raise fault(f"output {output}", "has no suffix .toml; give it one")
 
 
 def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:

@@ -13,7 +13,7 @@ import xarray as xr
 from knitlab.cube.force_control import controllable, under_force
 from knitlab.cube.schema import INTEGERS, STRAIN
 from knitlab.cube.strain_window import interpolated
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, raise_any, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 
@@ -111,8 +111,7 @@ def chosen_indices(
     for name, value in selections.items():
         with faults:
             chosen[name] = _indices(coordinates, name, value)
-    if faults.all:
-        raise BadInput(faults.all)
+    raise_any(faults.all)
     return chosen
 
 

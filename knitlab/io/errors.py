@@ -1,7 +1,7 @@
 """Errors in the user's input, collected so that one message lists them all."""
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from pydantic import ValidationError
@@ -56,6 +56,12 @@ class ErrorCollector:
 def fault(path: str, problem: str) -> BadInput:
     """A :class:`BadInput` with a single fault."""
     return BadInput([Fault(path, problem)])
+
+
+def raise_any(faults: Collection[Fault]) -> None:
+    """Raise :class:`BadInput` with faults, if there are any."""
+    if faults:
+        raise BadInput(faults)
 
 
 def faults_of(
