@@ -287,9 +287,8 @@ def evaluate(
     slopes = np.full((*values.shape, len(STRIPE_PARAMETERS)), np.nan)
     for k in reached:
         values[k] = [float(function(shapes[k])) for function in measures.values()]
-    evaluated = xr.Dataset(coords={"applied_strain": strains})
-    for name, along in zip(measures, values.T, strict=True):
-        evaluated[name] = ("applied_strain", along)
+    found = {name: ("applied_strain", values[:, k]) for k, name in enumerate(measures)}
+    evaluated = xr.Dataset(found, {"applied_strain": strains})
     if not (sensitivities and len(reached)):
         return evaluated
     case = recorded_case(test)

@@ -6,18 +6,8 @@ from knitlab.io.names import check_suffix
 
 FIGURE_NAMES = (
     *("auxetic", "capacitors", "contact", "curves", "cycles", "directions", "electrodes", "force"),
-    *(
-        "grid",
-        "options",
-        "polar",
-        "relaxation",
-        "samples",
-        "sensitivity",
-        "sensor",
-        "shape",
-        "stripes",
-    ),
-    *("swept", "tension", "uncertainty", "wavelength"),
+    *("grid", "options", "polar", "relaxation", "samples", "sensitivity", "sensor", "shape"),
+    *("stripes", "swept", "tension", "uncertainty", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
 COMPARING = ("contact", "cycles", "directions", "grid", "options", "swept")
