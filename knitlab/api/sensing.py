@@ -11,7 +11,7 @@ import xarray as xr
 from knitlab.api.cubes import Cube, in_cloth_of_test, one_case, opened_with_shapes
 from knitlab.cube.case_file import network_configurations
 from knitlab.cube.cube_file import design_dims, is_case
-from knitlab.cube.schema import COORDINATES, STRAIN
+from knitlab.cube.schema import STRAIN, described
 from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.fabric.fabric import Configuration
 from knitlab.figures.figure_files import draw_into
@@ -81,22 +81,11 @@ def capacitance_matrix(
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     of_set = electrode_set(case, capacitor, electrodes)
     matrices = capacitance_matrices(of_set, states, capacitor, polarised)
-    names = list(of_set.names)
-    table = xr.Dataset(
-        {
-            "capacitance": (
-                (STRAIN, "electrode", "to"),
-                matrices * _lengthened(of_set, relaxed, capacitor),
-                PICOFARAD | {"long_name": "capacitance matrix"},
-            ),
-        },
-        {
-            STRAIN: (STRAIN, strains, COORDINATES[STRAIN].attributes),
-            "electrode": names,
-            "to": names,
-        },
-        {"design": case.label},
-    )
+    names, scaled = list(of_set.names), matrices * _lengthened(of_set, relaxed, capacitor)
+    coordinates = {STRAIN: strains, "electrode": names, "to": names}
+    table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
+    about = PICOFARAD | {"long_name": "capacitance matrix"}
+    table["capacitance"] = (STRAIN, "electrode", "to"), scaled, about
     if output is not None:
         draw_into(partial(matrix_figure, table), Path(output))
     return table
@@ -181,15 +170,11 @@ def cross_talk(
         "strain": (found.strain, "strain over that of the pulled part"),
         "coupling": (found.coupling, "largest capacitance between sensors over the reading"),
     }
-    table = xr.Dataset(
-        {"reading": ("sensor", scale * found.reading, PICOFARAD | {"long_name": "reading"})}
-        | {
-            name: (both, values, {"units": "1", "long_name": meaning})
-            for name, (values, meaning) in variables.items()
-        },
-        {"sensor": labels, "pulled": labels},
-        {"design": case.label, "pull": pull, "others": others},
-    )
+    about = {"design": case.label, "pull": pull, "others": others}
+    table = xr.Dataset(coords={"sensor": labels, "pulled": labels}, attrs=about)
+    table["reading"] = "sensor", scale * found.reading, PICOFARAD | {"long_name": "reading"}
+    for name, (values, meaning) in variables.items():
+        table[name] = both, values, {"units": "1", "long_name": meaning}
     if output is not None:
         draw_into(partial(cross_talk_figure, table), Path(output))
     return table
@@ -276,10 +261,7 @@ def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> f
 def _states(
     shapes: Cube, selections: Mapping[str, Any]
 ) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
-    """The one design with electrodes, its selected states, their strains, and the relaxed state.
-
-    Lengths are in mm of the network.
-    """
+    """One design with electrodes, its states and strains, and relaxed, in mm of the network."""
     case_file = one_case(shapes, selections)
     chosen = chosen_strains(case_file, selections, several=STRAIN in selections)
     case, capacitor = sensor_case(case_file)

@@ -146,13 +146,12 @@ def read(
         click.echo(f"{name:13} {value}")
     if output is not None:
         click.echo(f"{'pattern':13} {chart_read.save_pattern(output)}")
-        sizes = f"n_stripe={chart_read.n_stripe} --set n_subunit={chart_read.n_subunit}"
-        pattern = f"pattern_files={output} --set pattern={pattern_name(output)}"
-        start = (
-            f" --set garter_start={chart_read.garter_start}" if "G" in chart_read.letters else ""
-        )
-        run = f"knitlab run periodic --set {pattern} --set {sizes}{start}"
-        click.echo(f"{'to run':13} {run}")
+        settings = {"pattern_files": output, "pattern": pattern_name(output)}
+        settings |= {"n_stripe": chart_read.n_stripe, "n_subunit": chart_read.n_subunit}
+        if "G" in chart_read.letters:
+            settings["garter_start"] = chart_read.garter_start
+        given = " ".join(f"--set {name}={value}" for name, value in settings.items())
+        click.echo(f"{'to run':13} knitlab run periodic {given}")
     options.echo_first([f"knitlab: {problem}" for problem in chart_read.problems], err=True)
     options.exit_unless(not chart_read.problems)
 

@@ -52,18 +52,10 @@ def between(
 def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Dataset:
     """The cube along a force in place of the applied strain, which becomes a variable.
 
-    Args:
-        cube: a cube with a curve of the force.
-        name: ``reaction_force`` [N] or ``force_per_width`` [N/mm].
-        forces: values at which to read, in the unit of the variable.
-
-    Returns:
-        Every variable along the strain, linear between two strains, in the first state that carries
-        each force; missing if none does. ``jumped`` is 1 where the force fell before, so that a
-        test that controls it jumps to that state.
-
-    Raises:
-        BadInput: if a force is no number from 0 on.
+    Every variable along the strain is that of the first state that carries each of the ``forces``,
+    in the unit of the variable ``name``, linear between two strains; missing if none does.
+    ``jumped`` is 1 where the force fell before, so that a test that controls it jumps to that
+    state. BadInput if a force is no number from 0 on.
     """
     curve = cube[name].astype(float).transpose(..., STRAIN)
     wanted = _checked(name, forces)
