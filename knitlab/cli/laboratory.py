@@ -74,7 +74,7 @@ def calibrate(
     from knitlab.api.laboratory import calibrate_friction
     from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.fits import calibration_figure
-    from knitlab.io.errors import fault
+    from knitlab.io.errors import fault, naming
     from knitlab.laboratory.tension_record import period_of, read_cycles, read_tension_record
     from knitlab.measure import calibration
     from knitlab.measure.friction_fit import friction_report
@@ -103,16 +103,12 @@ def calibrate(
     springs: Any = law
     if spring_curve is not None:
         table = read_tension_record(spring_curve)
-        try:
+        with naming(str(spring_curve)):
             springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
-        except ValueError as error:
-            raise fault(str(spring_curve), str(error)) from error
     curve, per_width = (period, measured.strain, measured.force), measured.per_width
-    try:
+    with naming(str(record)):
         fitted = calibration.calibrate(*curve, springs, per_width=per_width)
         linear = None if law == "linear" else calibration.calibrate(*curve, per_width=per_width)
-    except ValueError as error:
-        raise fault(str(record), str(error)) from error
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
     compared = calibration.report_comparison(fitted, linear) if linear else []
     read = [f"record   {line}" for line in measured.summary]

@@ -12,7 +12,7 @@ import xarray as xr
 
 from knitlab.cube.force_control import between, controllable, under_force
 from knitlab.cube.schema import STRAIN
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, raise_any, unknown
+from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 
@@ -80,8 +80,7 @@ def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: 
     """BadInput with a problem, for every selection that is not along a known coordinate."""
     names = set(known)
     others = {name: value for name, value in selections.items() if name not in names}
-    if others:
-        raise BadInput(Fault(f"selections {text}", problem) for text in as_given(others))
+    raise_any([Fault(f"selections {text}", problem) for text in as_given(others)])
 
 
 def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:

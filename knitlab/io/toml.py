@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, fault, faults_of
+from knitlab.io.errors import fault, naming
 from knitlab.io.text_file import read_text
 
 TOML = (".toml",)  # suffix
@@ -32,11 +32,8 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 def read_checked(schema: type[Schema], path: Path, named_by: str = "") -> Schema:
     """The contents of a TOML file that a setting names; BadInput has every fault of the file."""
-    try:
+    with naming(f"{named_by}: {path}" if named_by else str(path)):
         return schema.model_validate(read_toml(path))
-    except ValidationError as error:
-        source = f"{named_by}: {path}" if named_by else str(path)
-        raise BadInput(faults_of(error, source)) from error
 
 
 def write_toml(path: Path, table: Mapping[str, Any]) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 from statistics import geometric_mean
 from typing import Annotated, Any
 
-from pydantic import PositiveFloat, ValidationError
+from pydantic import PositiveFloat
 from scipy.interpolate import interp1d
 
 from knitlab.fabric.settings import PlainKnit, Unit
 from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
-from knitlab.io.errors import Fault, faults_of, raise_any
+from knitlab.io.errors import ErrorCollector, Fault, naming, raise_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
@@ -91,22 +91,20 @@ class Material:
     )
 
     def __post_init__(self) -> None:
-        faults: list[Fault] = []
+        faults = ErrorCollector()
         named = [(stripe.knit, stripe.n) for stripe in self.stripes]
         if not named:
-            faults.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
+            faults.all.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
         for knit, n in sorted({each for each in named if named.count(each) > 1}):
-            faults.append(Fault("stripes", f"have {knit} {n} twice; keep one"))
+            faults.all.append(Fault("stripes", f"have {knit} {n} twice; keep one"))
         for stripe in self.stripes:
-            try:
+            with faults, naming(f"{stripe.knit} {stripe.n}"):
                 StripeRow.of(stripe)
-            except ValidationError as error:
-                faults += faults_of(error, f"{stripe.knit} {stripe.n}")
         for name, number in self.numbers.items():
             if not 0 < number < math.inf:
                 problem = f"is {number!r}; give a number above 0 in {UNIT_OF[name]}"
-                faults.append(Fault(name, problem))
-        raise_any(faults)
+                faults.all.append(Fault(name, problem))
+        raise_any(faults.all)
 
     @property
     def numbers(self) -> dict[str, float]:
