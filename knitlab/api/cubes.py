@@ -10,13 +10,14 @@ import xarray as xr
 
 from knitlab.cube.case_file import in_cloth, length_unit
 from knitlab.cube.comparison import compared
-from knitlab.cube.cube_file import cube_path, is_case, open_cube
+from knitlab.cube.cube_file import is_case, open_cube
 from knitlab.cube.find import Found, find_designs
 from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.target import Target, read_target
-from knitlab.io.errors import BadInput, ErrorCollector, fault
+from knitlab.io.errors import ErrorCollector, fault, raise_any
+from knitlab.io.names import check_suffix
 from knitlab.meshes import formats
 from knitlab.meshes.chosen_case import chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
@@ -45,6 +46,24 @@ def opened_with_shapes(shapes: Cube) -> xr.Dataset:
         problem = "is a cube that was not opened from a file, beside which shapes lie"
         raise fault("shapes", f"{problem}; give its path")
     return cube
+
+
+def in_cloth_of_test(
+    test: xr.Dataset, selections: Mapping[str, Any], where: str | None = None
+) -> xr.Dataset:
+    """A test with its shapes in mm of cloth; BadInput if it is asked for other designs."""
+    refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+    if where is not None:
+        raise fault("where", "is a condition on designs, and a test is one; leave it out")
+    return in_cloth(test, test)
+
+
+def one_case(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
+    """The contents of the case file of one design, or a test, with its shapes in mm of cloth."""
+    cube = opened_with_shapes(shapes)
+    if is_case(cube):
+        return in_cloth_of_test(cube, selections)
+    return chosen_case(cube, Path(cube.encoding["source"]).parent, selections)
 
 
 def query(
@@ -126,8 +145,7 @@ def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
     for one in [given] if isinstance(given, str | Mapping | Target) else given:
         with faults:
             targets.append(read_target(one, source))
-    if faults.all:
-        raise BadInput(faults.all)
+    raise_any(faults.all)
     return targets
 
 
@@ -276,10 +294,8 @@ def export(
     """
     output, selections = Path(output), {**selections, **named}
     suffix, several = output.suffix.lower(), (formats.SERIES, formats.FOLD)
-    known = (*formats.FORMATS, *several)
-    if suffix not in known:
-        raise fault(f"output {output}", f"has no suffix of a mesh; give one of {', '.join(known)}")
-    case_file = _case_file(shapes, selections)
+    check_suffix(output, (*formats.FORMATS, *several), "a mesh")
+    case_file = one_case(shapes, selections)
     rows = chosen_strains(case_file, selections, several=suffix in several)
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
@@ -296,18 +312,3 @@ def export(
         formats.write_mesh(meshes[0], output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
-
-
-def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The contents of the case file of one design."""
-    if isinstance(shapes, str | Path):
-        return chosen_case(open_cube(shapes), cube_path(shapes).parent, selections)
-    if "status" not in shapes:
-        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
-    if is_case(shapes):
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        return in_cloth(shapes, shapes)
-    if (source := shapes.encoding.get("source")) is None:
-        remedy = "beside which shapes lie; give its path"
-        raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")
-    return chosen_case(shapes, Path(source).parent, selections)

@@ -94,8 +94,6 @@ def design(
             "settings": settings,
         }
         request = checked_request(name, table)
-    if workers < 0:
-        raise fault(f"workers {workers}", "is below 0; give 0 for this process, or more")
     most, minutes = _read_budget(str(budget).strip())
     designed = run_design(
         request,

@@ -15,6 +15,7 @@ from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import provenance
+from knitlab.io.names import check_suffix
 from knitlab.knitting.chart import Face
 from knitlab.knitting.chart_files import Edge, read_stitches
 from knitlab.knitting.instructions import instructions
@@ -271,7 +272,4 @@ def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tup
 
 def check_output(path: Path) -> None:
     """Raise ``BadInput`` if the suffix of a file says neither knitout nor a chart."""
-    known = (KNITOUT, TABLE, WORDS, *FIGURE_SUFFIXES)
-    if path.suffix.lower() not in known:
-        problem = f"has no suffix of knitout or a chart; give {', '.join(known)}"
-        raise fault(f"output {path}", problem)
+    check_suffix(path, (KNITOUT, TABLE, WORDS, *FIGURE_SUFFIXES), "knitout or a chart")

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.api.cubes import Cube, opened
-from knitlab.io.errors import fault
+from knitlab.io.errors import fault, naming
 from knitlab.laboratory.curves import case_for, target_of
 from knitlab.laboratory.fit import Fit, Step, fit_stripes
 from knitlab.measure.calibration import Calibration, Law
@@ -58,11 +58,9 @@ def calibrate(
         >>> round(fitted.values["k_s"], 3)
         0.817
     """
-    try:
+    with naming("curve"):
         curve = np.asarray(strain, float), np.asarray(force, float)
         return fit_zigzag(float(period), *curve, law, per_width=per_width)
-    except ValueError as problem:
-        raise fault("curve", str(problem)) from problem
 
 
 def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
@@ -88,10 +86,8 @@ def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
         >>> f"{fit.values['fold_drift']:.2f} ± {fit.standard_errors['fold_drift']:.2f}"
         '0.03 ± 0.01'
     """
-    try:
+    with naming("cycles"):
         return fit_friction(float(period), cycles)
-    except ValueError as error:
-        raise fault("cycles", str(error)) from error
 
 
 def fit(

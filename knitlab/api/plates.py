@@ -6,12 +6,8 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.api.cubes import Cube, opened_with_shapes
-from knitlab.cube.case_file import in_cloth
+from knitlab.api.cubes import Cube, in_cloth_of_test, opened_with_shapes
 from knitlab.cube.cube_file import is_case
-from knitlab.cube.schema import STRAIN
-from knitlab.cube.selection import refuse_others
-from knitlab.io.errors import fault
 from knitlab.plate.plate_stiffness import plates_of_case, plates_of_cube
 from knitlab.plate.shell_cards import CARDS, check_card
 
@@ -62,10 +58,7 @@ def plate_stiffness(
         check_card(output := Path(output))
     cube = opened_with_shapes(shapes)
     if is_case(cube):
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        if where is not None:
-            raise fault("where", "is a condition on designs, and a test is one; leave it out")
-        plates = plates_of_case(in_cloth(cube, cube), selections)
+        plates = plates_of_case(in_cloth_of_test(cube, selections, where), selections)
     else:
         plates = plates_of_cube(cube, Path(cube.encoding["source"]).parent, selections, where)
     if output is not None:

@@ -8,18 +8,17 @@ from typing import Any, get_args
 import numpy as np
 import xarray as xr
 
-from knitlab.api.cubes import Cube, opened_with_shapes
-from knitlab.cube.case_file import in_cloth, network_configurations
+from knitlab.api.cubes import Cube, in_cloth_of_test, one_case, opened_with_shapes
+from knitlab.cube.case_file import network_configurations
 from knitlab.cube.cube_file import design_dims, is_case
-from knitlab.cube.schema import COORDINATES, STRAIN
-from knitlab.cube.selection import refuse_others, selections_along
+from knitlab.cube.schema import STRAIN, described
 from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.fabric.fabric import Configuration
 from knitlab.figures.figure_files import draw_into
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.meshes.chosen_case import chosen_case, chosen_cases, chosen_strains
+from knitlab.meshes.chosen_case import chosen_cases, chosen_strains
 from knitlab.sensing.crosstalk import cross_talk as cross_talk_of
 from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set, sensor_case
 from knitlab.sensing.maxwell import Others, capacitance_matrices
@@ -77,30 +76,18 @@ def capacitance_matrix(
         >>> found["capacitance"].sel(electrode="w1", to="w2").values.round(3).tolist()
         [-2.21]
     """
-    output = _checked(output)
-    polarised = _polarised(cloth_permittivity, cloth_thickness)
+    check_figure_suffix(output)
     case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
-    _check_cloth(polarised, capacitor)
+    polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     of_set = electrode_set(case, capacitor, electrodes)
     matrices = capacitance_matrices(of_set, states, capacitor, polarised)
-    names = list(of_set.names)
-    table = xr.Dataset(
-        {
-            "capacitance": (
-                (STRAIN, "electrode", "to"),
-                matrices * _lengthened(of_set, relaxed, capacitor),
-                PICOFARAD | {"long_name": "capacitance matrix"},
-            ),
-        },
-        {
-            STRAIN: (STRAIN, strains, COORDINATES[STRAIN].attributes),
-            "electrode": names,
-            "to": names,
-        },
-        {"design": case.label},
-    )
+    names, scaled = list(of_set.names), matrices * _lengthened(of_set, relaxed, capacitor)
+    coordinates = {STRAIN: strains, "electrode": names, "to": names}
+    table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
+    about = PICOFARAD | {"long_name": "capacitance matrix"}
+    table["capacitance"] = (STRAIN, "electrode", "to"), scaled, about
     if output is not None:
-        draw_into(partial(matrix_figure, table), output)
+        draw_into(partial(matrix_figure, table), Path(output))
     return table
 
 
@@ -153,20 +140,19 @@ def cross_talk(
         >>> bool(abs(found["cross_talk"][0, 1]) < 0.1)
         True
     """
-    output = _checked(output)
+    check_figure_suffix(output)
     if pull not in DIRECTIONS:
         raise fault("pull", f"is {pull!r}; give {' or '.join(DIRECTIONS)}")
     if others not in get_args(Others):
         raise fault("others", f"are {others!r}; give {' or '.join(get_args(Others))}")
     if not sensors or any(len(pair) != 2 for pair in sensors):
         raise fault("sensors", f"are {list(sensors)}; give pairs of electrodes, as (w1, w2)")
-    polarised = _polarised(cloth_permittivity, cloth_thickness)
     case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
     if case.options.contact != "none":
         raise fault(case.label, "has contact, which this leaves out; simulate with contact = none")
     if len(strains) > 1 or strains[0] != 0:
         raise fault(STRAIN, "is 0 of parts that are pulled alone; select no strain")
-    _check_cloth(polarised, capacitor)
+    polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     names = list(dict.fromkeys(name for pair in sensors for name in pair))
     of_set = electrode_set(case, capacitor, names)
     pairs = [(names.index(one), names.index(other)) for one, other in sensors]
@@ -184,17 +170,13 @@ def cross_talk(
         "strain": (found.strain, "strain over that of the pulled part"),
         "coupling": (found.coupling, "largest capacitance between sensors over the reading"),
     }
-    table = xr.Dataset(
-        {"reading": ("sensor", scale * found.reading, PICOFARAD | {"long_name": "reading"})}
-        | {
-            name: (both, values, {"units": "1", "long_name": meaning})
-            for name, (values, meaning) in variables.items()
-        },
-        {"sensor": labels, "pulled": labels},
-        {"design": case.label, "pull": pull, "others": others},
-    )
+    about = {"design": case.label, "pull": pull, "others": others}
+    table = xr.Dataset(coords={"sensor": labels, "pulled": labels}, attrs=about)
+    table["reading"] = "sensor", scale * found.reading, PICOFARAD | {"long_name": "reading"}
+    for name, (values, meaning) in variables.items():
+        table[name] = both, values, {"units": "1", "long_name": meaning}
     if output is not None:
-        draw_into(partial(cross_talk_figure, table), output)
+        draw_into(partial(cross_talk_figure, table), Path(output))
     return table
 
 
@@ -241,15 +223,13 @@ def selectivity(
         >>> found["strain_gauge"].sel(sides="held").values.round(2).ravel().tolist()
         [-2.43, 0.63]
     """
-    output, selections = _checked(output), {**selections, **named}
+    selections = {**selections, **named}
+    check_figure_suffix(output)
     if along not in DIRECTIONS:
         raise fault("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
     cube = opened_with_shapes(shapes)
     if is_case(cube):
-        if where is not None:
-            raise fault("where", "is a condition on designs, and a test is one; leave it out")
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        found = selectivity_of_case(in_cloth(cube, cube), along, selections)
+        found = selectivity_of_case(in_cloth_of_test(cube, selections, where), along, selections)
         found.attrs["design"] = recorded_case(cube).label
     else:
         dims, folder = design_dims(cube), Path(cube.encoding["source"]).parent
@@ -262,49 +242,28 @@ def selectivity(
         found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
         found[STATUS] = found[STATUS].fillna("")
     if output is not None:
-        draw_into(partial(selectivity_figure, found), output)
+        draw_into(partial(selectivity_figure, found), Path(output))
     return found
 
 
-def _checked(output: str | Path | None) -> Path | None:
-    """The path of a figure."""
-    if output is None:
-        return None
-    check_figure_suffix(Path(output))
-    return Path(output)
-
-
-def _polarised(permittivity: float, thickness: float) -> float:
-    """Polarisation of a sheet of cloth over ε0 [mm]."""
+def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> float:
+    """Polarisation of a sheet of cloth over ε0 [mm]; BadInput if electrodes are insulated."""
     if not 1 <= permittivity < np.inf:
         raise fault("cloth_permittivity", f"is {permittivity:g}; give a number from 1 on")
     if not 0 < thickness < np.inf:
         raise fault("cloth_thickness", f"is {thickness:g}; give a positive number of mm")
-    return (permittivity - 1) * thickness
-
-
-def _check_cloth(polarised: float, capacitor: Capacitor) -> None:
-    """Refuse cloth that polarises where distances count as longer by an insulation."""
-    if polarised and capacitor.dielectric_thickness:
+    if permittivity != 1 and capacitor.dielectric_thickness:
         problem = "is of bare electrodes; leave it out, or simulate with dielectric_thickness = 0"
         raise fault("cloth_permittivity", problem)
+    return (permittivity - 1) * thickness
 
 
 def _states(
     shapes: Cube, selections: Mapping[str, Any]
 ) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
-    """The one design with electrodes, its selected states, their strains, and the relaxed state.
-
-    Lengths are in mm of the network.
-    """
-    cube = opened_with_shapes(shapes)
-    if is_case(cube):
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        case_file = cube
-    else:
-        case_file = chosen_case(cube, Path(cube.encoding["source"]).parent, selections)
-    several = STRAIN in selections
-    chosen = chosen_strains(case_file, selections_along(selections, [STRAIN]), several)
+    """One design with electrodes, its states and strains, and relaxed, in mm of the network."""
+    case_file = one_case(shapes, selections)
+    chosen = chosen_strains(case_file, selections, several=STRAIN in selections)
     case, capacitor = sensor_case(case_file)
     every = network_configurations(case_file)
     strains = case_file[STRAIN].values[chosen].tolist()

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
-from pydantic import ValidationError
 from tqdm.auto import tqdm
 
 from knitlab.cube.case_file import configurations
@@ -23,7 +22,7 @@ from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
 from knitlab.inverse.trial import ShapeFunction, measure_of, state_slopes
-from knitlab.io.errors import BadInput, Fault, fault, faults_of
+from knitlab.io.errors import ErrorCollector, Fault, fault, naming, raise_any
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case
@@ -86,11 +85,11 @@ class Design:
 
     def __post_init__(self) -> None:
         stitches = {"rib": self.n_stripe, "garter": GARTER_STITCHES_PER_RIB_STITCH * self.n_stripe}
-        faults: list[Fault] = []
+        faults = ErrorCollector()
         try:
             periods_per_patch(self.n_stripe, self.n_subunit)
         except (ValueError, TypeError, ZeroDivisionError) as problem:
-            faults.append(Fault("Design", str(problem)))
+            faults.all.append(Fault("Design", str(problem)))
         further = [("further_stripes", stripe) for stripe in self.further_stripes]
         for name, stripe in (("rib", self.rib), ("garter", self.garter), *further):
             if stripe is None:
@@ -98,13 +97,10 @@ class Design:
             if name in stitches and (stripe.knit, stripe.n) != (name, stitches[name]):
                 is_given = f"is a {stripe.knit} stripe of {stripe.n} stitches"
                 wanted = f"n_stripe = {self.n_stripe} takes a {name} stripe of {stitches[name]}"
-                faults.append(Fault(name, f"{is_given}, and {wanted}"))
-            try:
+                faults.all.append(Fault(name, f"{is_given}, and {wanted}"))
+            with faults, naming(name):
                 StripeRow.of(stripe)
-            except ValidationError as error:
-                faults += faults_of(error, name)
-        if faults:
-            raise BadInput(faults)
+        raise_any(faults.all)
 
     @property
     def stripes(self) -> tuple[Stripe, ...]:
@@ -204,19 +200,18 @@ def case_of_design(
     electrodes: bool,
 ) -> Case:
     """The case of a design, with tabulated stripes where it has none; BadInput with all faults."""
-    strains = tuple(map(float, applied_strain))
-    faults = []
+    strains, faults = tuple(map(float, applied_strain)), ErrorCollector()
     if not strains or strains[0] != 0:
         problem = f"begins at 0, the relaxed fabric, but is {list(strains)}"
-        faults.append(Fault("applied_strain", problem))
+        faults.all.append(Fault("applied_strain", problem))
     elif list(strains) != sorted(set(strains)):
         problem = f"ascends, but is {list(strains)}; sort it and keep each once"
-        faults.append(Fault("applied_strain", problem))
+        faults.all.append(Fault("applied_strain", problem))
     pattern = design.pattern
     if isinstance(pattern, Pattern):
         named = parameters.patterns | {OWN_PATTERN: (pattern, Path())}
         parameters, pattern = replace(parameters, patterns=named), OWN_PATTERN
-    try:
+    with faults, naming("Design"):
         section = DesignSection(
             n_stripe=(design.n_stripe,),
             n_subunit=(design.n_subunit,),
@@ -224,13 +219,10 @@ def case_of_design(
             unit_cells=design.unit_cells,
             needles=design.needles,
         )
-    except ValidationError as error:
-        raise BadInput([*faults_of(error, "Design"), *faults]) from error
     if parameters.model.boundary == "periodic" and design.boundary == "clamped":
         problem = "is periodic, and the design is clamped; give the boundary to knitlab.Design"
-        faults.append(Fault("model.boundary", problem))
-    if faults:
-        raise BadInput(faults)
+        faults.all.append(Fault("model.boundary", problem))
+    raise_any(faults.all)
     parameters = replace(
         parameters.with_tables(model=replace(parameters.model, boundary=design.boundary)),
         stripes=parameters.stripes.with_stripes(design.stripes),
@@ -282,16 +274,14 @@ def evaluate(
     shapes, strains = configurations(test), test["applied_strain"]
     arrays = {name: given for name, f in measures.items() if (given := jnp.shape(f(shapes[0])))}
     problem = "returns an array of shape {}; return one number"
-    if arrays:
-        raise BadInput(Fault(name, problem.format(given)) for name, given in arrays.items())
+    raise_any([Fault(name, problem.format(given)) for name, given in arrays.items()])
     reached = np.flatnonzero(np.isfinite(shapes.positions).all(axis=(1, 2, 3)))
     values = np.full((len(strains), len(measures)), np.nan)
     slopes = np.full((*values.shape, len(STRIPE_PARAMETERS)), np.nan)
     for k in reached:
         values[k] = [float(function(shapes[k])) for function in measures.values()]
-    evaluated = xr.Dataset(coords={"applied_strain": strains})
-    for name, along in zip(measures, values.T, strict=True):
-        evaluated[name] = ("applied_strain", along)
+    found = {name: ("applied_strain", values[:, k]) for k, name in enumerate(measures)}
+    evaluated = xr.Dataset(found, {"applied_strain": strains})
     if not (sensitivities and len(reached)):
         return evaluated
     case = recorded_case(test)

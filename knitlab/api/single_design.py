@@ -1,17 +1,18 @@
 """The one design that settings and selections leave of a workflow, a cube or a test, to knit it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from knitlab.cube.cube_file import CUBE, cube_path, design_dims, is_case, open_cube
-from knitlab.cube.selection import chosen_indices, selected
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.cube.cube_file import CUBE, cube_path, is_case, open_cube
+from knitlab.cube.selection import selected
+from knitlab.io.errors import BadInput, Fault, fault, raise_any
 from knitlab.knitting.specification import Prediction
 from knitlab.knitting.stitch_chart import is_turned
 from knitlab.measure.knit_size import Gauge
@@ -51,8 +52,7 @@ def single_design(
     known = declared(Gauge)
     problem = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"
     faults += [Fault(f"settings {name}", problem) for name in values if name not in known]
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return single._replace(gauge=checked("settings", replace(single.gauge, **values), Gauge))
 
 
@@ -67,13 +67,10 @@ def _of_workflow(
     workflow: str, overrides: Overrides, selections: Mapping[str, Any]
 ) -> SingleDesign:
     plan = make_plan(workflow, overrides)
-    designs = list(plan.cases.values())
-    values = {dim: dict.fromkeys(case.design[dim] for case in designs) for dim in plan.dims}
-    labels = {dim: np.array(list(along)) for dim, along in values.items()}
-    for dim, kept in chosen_indices(labels, selections).items():
-        designs = [case for case in designs if case.design[dim] in labels[dim][kept]]
-    _check_is_one(plan.workflow, [case.label for case in designs])
-    return SingleDesign(designs[0], plan.gauge, material=plan.material)
+    designs = pd.MultiIndex.from_tuples(plan.designs.values(), names=plan.dims)
+    ids = pd.Series([*plan.cases], designs, name="case_id").to_xarray().fillna("").to_dataset()
+    case_id = _only_one(ids, plan.workflow, selections)["case_id"].item()
+    return SingleDesign(plan.cases[case_id], plan.gauge, material=plan.material)
 
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
@@ -83,15 +80,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     if is_case(cube):
         case = recorded_case(cube)
         return SingleDesign(case, gauge, _prediction(cube, case, "test"), material)
-    dims = design_dims(cube)
-    kept = selected(cube, selections).stack(design=dims)
-    kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
-    names = [
-        " ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
-        for labels in kept["design"].values.tolist()
-    ]
-    _check_is_one("the cube", names)
-    design = kept.isel(design=0)
+    design = _only_one(cube, "the cube", selections)
     source = cube.encoding.get("source")
     folder = None if source is None else cube_path(source).parent
     name = str(cube.attrs.get("workflow", "cube"))
@@ -99,13 +88,21 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     return SingleDesign(case, gauge, _prediction(design, case, name), material)
 
 
-def _check_is_one(title: str, designs: Sequence[str]) -> None:
-    if not designs:
+def _only_one(cube: xr.Dataset, title: str, selections: Mapping[str, Any]) -> xr.Dataset:
+    """The one design of a cube that selections leave; BadInput if there is none, or several."""
+    dims = cube["case_id"].dims
+    kept = selected(cube, selections).stack(design=dims)
+    kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
+    if not (count := kept.sizes["design"]):
         raise fault("selections", f"no design of {title} is left; select fewer values")
-    if len(designs) > 1:
-        some = [" ".join(name.split()) for name in designs[:MOST_NAMED]]
-        listed = ", ".join([*some, "…"] if len(designs) > MOST_NAMED else some)
-        raise fault("selections", f"{title} has {len(designs)} designs; select one of {listed}")
+    if count > 1:
+        some = [
+            " ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
+            for labels in kept["design"].values[:MOST_NAMED]
+        ]
+        listed = ", ".join([*some, "…"] if count > MOST_NAMED else some)
+        raise fault("selections", f"{title} has {count} designs; select one of {listed}")
+    return kept.isel(design=0)
 
 
 def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:

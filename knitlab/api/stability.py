@@ -103,8 +103,7 @@ def branches(
 
 def _single(workflow: str | Path, overrides: Overrides, output: str | Path | None) -> Case:
     """The one case of a workflow."""
-    if output is not None:
-        check_figure_suffix(Path(output))
+    check_figure_suffix(output)
     case, where = single_design(workflow, overrides, {}).case, f"workflow {workflow}"
     if case.solver is None or case.solver.drag:
         remedy = "take method = equilibrium and drag = 0"
@@ -221,21 +220,13 @@ def shapes(
         barrier[: len(few), : len(few)] = barriers(System(net.shape, fabric), few)
     states = [each.state.configuration for each in known]
     heights = [np.asarray(state.positions)[..., 2] for state in states]
-    numbers = np.arange(1, count + 1)
-    table = xr.Dataset(
-        {
-            "energy": ("shape", [each.energy for each in known], {"units": "N mm"}),
-            "starts": ("shape", [each.starts for each in known], {"units": "1"}),
-            "height": (
-                ("shape", "node_y", "node_x"),
-                np.stack([height - height.mean() for height in heights]),
-                {"units": "mm"},
-            ),
-            "barrier": (("shape", "to"), barrier, {"units": "N mm"}),
-        },
-        {"shape": numbers, "to": numbers},
-        {"design": case.label, "not_converged": failed},
-    )
+    centred = np.stack([height - height.mean() for height in heights])
+    numbers, about = np.arange(1, count + 1), {"design": case.label, "not_converged": failed}
+    table = xr.Dataset(coords={"shape": numbers, "to": numbers}, attrs=about)
+    table["energy"] = "shape", [each.energy for each in known], {"units": "N mm"}
+    table["starts"] = "shape", [each.starts for each in known], {"units": "1"}
+    table["height"] = ("shape", "node_y", "node_x"), centred, {"units": "mm"}
+    table["barrier"] = ("shape", "to"), barrier, {"units": "N mm"}
     if net.shape.periodic:
         for axis, name in enumerate(("length_x", "length_y")):
             lengths = [float(state.lengths[axis]) for state in states]

@@ -9,6 +9,8 @@ from knitlab.cube.sampled import sampled_uncertainty
 from knitlab.cube.schema import SAMPLE
 from knitlab.cube.uncertainty import uncertainty_of
 from knitlab.io.errors import fault
+from knitlab.io.names import check_suffix
+from knitlab.io.toml import TOML
 from knitlab.sweep.cube import joined_cubes
 from knitlab.sweep.material import Material
 from knitlab.sweep.stripe_covariance import uncertain_stripes
@@ -99,7 +101,6 @@ def sample_stripes(
         8
     """
     material, output = Path(material), Path(output)
-    if output.suffix != ".toml":
-        raise fault(f"output {output}", "has no suffix .toml; give it one")
+    check_suffix(output, TOML, "a workflow")
     write_samples(material, output, n_stripe, samples, str(workflow), seed, sobol)
     return output

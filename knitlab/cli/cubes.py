@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from knitlab.cli import options
-from knitlab.cli.options import COUNT, PATH, flag, option, repeatable
+from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
 from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 
 
@@ -35,20 +35,20 @@ def query(
     all.
     """
     from knitlab.cube.cube_file import open_cube
-    from knitlab.cube.query import formatted, main_columns, query_cubes, variables_table
+    from knitlab.cube.query import main_columns, query_cubes, variables_table
 
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else []
     opened = [open_cube(cube, lazily=True) for cube in cubes]
     if listed:
-        click.echo(formatted(variables_table(opened), style))
+        options.show(variables_table(opened), style)
         return
     shown = None if names in ([], ["all"]) else names
     table = query_cubes(opened, selections, where, sort, shown)
     if not names and style == "table":
         asked = re.findall(r"\w+", f"{where or ''} {' '.join(sort)}")
         table = table[main_columns(table, [name for name in asked if name in table])]
-    click.echo(formatted(table, style))
+    options.show(table, style)
 
 
 @click.command()
@@ -58,7 +58,11 @@ def query(
 )
 @repeatable("--subject-to TARGET", 'Target that must be met, such as "knit_cell_x < 20".')
 @option("--most", "Designs to list.", COUNT, default=10)
-@options.covariances("Rank by the probability of meeting the targets, by the covariances in FILE.")
+@option(
+    "--material FILE",
+    "Rank by the probability of meeting the targets, by the covariances in FILE.",
+    FILE,
+)
 @options.table_format
 @options.output("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
 def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any) -> None:
@@ -70,15 +74,13 @@ def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any
     that is the scatter among the designs.
     """
     from knitlab.api import cubes as api
-    from knitlab.cube.query import formatted
 
-    if output is not None:
-        check_figure_suffix(output)
+    check_figure_suffix(output)
     nearest = api.find(*cubes, **wanted)
     if style == "table":
         for number, reached in enumerate(nearest.reached, start=1):
             click.echo(f"target {number}: {reached.target.text}")
-    click.echo(formatted(nearest.table, style))
+    options.show(nearest.table, style)
     for reason, count in nearest.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)
     if output is not None and len(nearest.table):
@@ -103,9 +105,8 @@ def compare(
     is the RMS difference expected for equal curves.
     """
     from knitlab.api import cubes as api
-    from knitlab.cube.query import formatted
 
-    click.echo(formatted(api.compare(simulation, *experiments, **selections), style))
+    options.show(api.compare(simulation, *experiments, **selections), style)
 
 
 @click.command(
@@ -120,7 +121,7 @@ def compare(
 @option("--y DIM", "Dimension up a grid.")
 @option("--of NAME", "Variable whose values grid and swept show.")
 @option("--window STRAIN:STRAIN", "Strains over which sensor shows slope and linearity.")
-@options.covariances("Material file with the covariances of stripes, for uncertainty.")
+@option("--material FILE", "Material file with the covariances of stripes, for uncertainty.", FILE)
 @options.select
 def draw_map(
     kind: str,
@@ -186,11 +187,7 @@ def explore(cubes: tuple[Path, ...], output: Path) -> None:
     "File to write: .inp card of Abaqus for one state, .json card of all states, .csv table."
 )
 def plate(
-    cube: Path,
-    selections: dict[str, Any],
-    where: str | None,
-    style: str,
-    output: Path | None,
+    cube: Path, selections: dict[str, Any], where: str | None, style: str, output: Path | None
 ) -> None:
     """List the stiffness of the periodic fabric of CUBE as a plate, for shell elements.
 
@@ -200,16 +197,13 @@ def plate(
     Exit code 1 if a state has no positive definite stiffness.
     """
     from knitlab.api.plates import plate_stiffness
-    from knitlab.cube.query import formatted
     from knitlab.plate.shell_cards import MAIN_COLUMNS, plates_table
 
     table = plates_table(plate_stiffness(cube, output, selections, where=where))
     if style == "table":
         first = list(table.columns[: list(table.columns).index("status") + 1])
         table = table[[*first, *MAIN_COLUMNS]]
-    click.echo(formatted(table, style))
-    if output is not None:
-        click.echo(f"card    {output}", err=True)
+    options.show(table, style, output, "card")
     options.exit_unless(bool((table["status"] == "ok").all()))
 
 

@@ -9,6 +9,8 @@ import click
 
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, POSITIVE, option
+from knitlab.io.names import check_suffix
+from knitlab.io.toml import TOML
 
 if TYPE_CHECKING:
     from knitlab.laboratory.description import RecordKind
@@ -69,46 +71,49 @@ def calibrate(
     that on one row of the network. Pull until the folds are open and the springs stretch, to about
     200 % strain: below that the three cannot be determined separately.
     """
+    from knitlab.api.laboratory import calibrate_friction
     from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.fits import calibration_figure
-    from knitlab.io.errors import fault
-    from knitlab.laboratory.tension_record import period_of, read_tension_record
+    from knitlab.io.errors import fault, naming
+    from knitlab.laboratory.tension_record import period_of, read_cycles, read_tension_record
     from knitlab.measure import calibration
+    from knitlab.measure.friction_fit import friction_report
     from knitlab.sweep.material import add_stripe
     from knitlab.sweep.parameters import defaults
     from knitlab.sweep.stripe_covariance import with_period
 
-    options.check_toml(output)
+    check_suffix(output, TOML, "a material")
     if (law == "tabulated") != (spring_curve is not None):
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
     period = period_of(stitches, period, gauge_length, gauge_stitches)
+    used_size = cell_size or defaults().model.cell_size
     swatch |= {"gauge_length": gauge_length}
     if friction:
         if law != "linear":
             raise fault("--friction", "is fitted with linear springs; leave out --law")
         del swatch["cycle"]
-        _fit_friction(record, period, knit, stitches, cell_size, output, **swatch)
+        fit = calibrate_friction(read_cycles(record, **swatch), period=period)
+        options.echo_report(friction_report(fit))
+        stripe = fit.stripe(knit, stitches, used_size)
+        add_stripe(output, stripe, f"knitlab calibrate {record.name} --friction")
+        click.echo(f"stripe        {knit} {stitches} in {output}")
+        click.echo(f"settings      {' '.join(f'--set {each}' for each in fit.settings)}")
         return
     measured = read_tension_record(record, **swatch)
     springs: Any = law
     if spring_curve is not None:
         table = read_tension_record(spring_curve)
-        try:
+        with naming(str(spring_curve)):
             springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
-        except ValueError as error:
-            raise fault(str(spring_curve), str(error)) from error
     curve, per_width = (period, measured.strain, measured.force), measured.per_width
-    try:
+    with naming(str(record)):
         fitted = calibration.calibrate(*curve, springs, per_width=per_width)
         linear = None if law == "linear" else calibration.calibrate(*curve, per_width=per_width)
-    except ValueError as error:
-        raise fault(str(record), str(error)) from error
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
     compared = calibration.report_comparison(fitted, linear) if linear else []
     read = [f"record   {line}" for line in measured.summary]
     options.echo_report([title, *read, *calibration.report(fitted), *compared], fitted.warnings)
     if fitted.usable:
-        used_size = cell_size or defaults().model.cell_size
         source = calibration.source_of(fitted, record, used_size)
         stripe = fitted.stripe(knit, stitches, used_size)
         covariance = fitted.covariance
@@ -123,50 +128,21 @@ def calibrate(
     options.exit_unless(fitted.usable)
 
 
-def _fit_friction(
-    record: Path,
-    period: float,
-    knit: Literal["rib", "garter"],
-    stitches: int,
-    cell_size: Literal["flat", "relaxed"] | None,
-    output: Path,
-    **swatch: Any,
-) -> None:
-    """Fit a stripe with friction, and print the settings that simulate it."""
-    from knitlab.api.laboratory import calibrate_friction
-    from knitlab.laboratory.tension_record import read_cycles
-    from knitlab.measure.friction_fit import friction_report
-    from knitlab.sweep.material import add_stripe
-    from knitlab.sweep.parameters import defaults
+@click.command(name="import")
+@click.argument("kind", type=click.Choice(["markers", "tensile", "capacitance"]))
+@click.argument("description", type=FILE)
+@options.results
+def import_records(kind: "RecordKind", description: Path, results: Path) -> None:
+    """Import laboratory records as a cube, to compare with simulations.
 
-    fit = calibrate_friction(read_cycles(record, **swatch), period=period)
-    options.echo_report(friction_report(fit), ())
-    stripe = fit.stripe(knit, stitches, cell_size or defaults().model.cell_size)
-    add_stripe(output, stripe, f"knitlab calibrate {record.name} --friction")
-    click.echo(f"stripe        {knit} {stitches} in {output}")
-    click.echo(f"settings      {' '.join(f'--set {each}' for each in fit.settings)}")
+    They are described by DESCRIPTION, a TOML file: tracked markers, a tensile test, or the log of
+    an LCR meter, by their KIND.
+    """
+    from knitlab.laboratory import experiment
 
-
-@click.group(name="import", cls=options.CommandGroup)
-def import_group() -> None:
-    """Import laboratory records as a cube, to compare with simulations."""
-
-
-def _add_import(kind: "RecordKind", records: str) -> None:
-    @import_group.command(kind, help=f"Import the {records} described by DESCRIPTION, a TOML file.")
-    @click.argument("description", type=FILE)
-    @options.results
-    def command(description: Path, results: Path) -> None:
-        from knitlab.laboratory.experiment import import_records
-
-        imported = import_records(kind, description, results)
-        options.echo_report(imported.summary)
-        click.echo(f"cube    {imported.path}")
-
-
-_add_import("markers", "tracked markers")
-_add_import("tensile", "tensile test")
-_add_import("capacitance", "log of an LCR meter")
+    imported = experiment.import_records(kind, description, results)
+    options.echo_report(imported.summary)
+    click.echo(f"cube    {imported.path}")
 
 
 @click.command()
@@ -213,7 +189,7 @@ def fit(
     from knitlab.laboratory.fit import fitted_material, report
     from knitlab.sweep.plan import make_plan
 
-    options.check_toml(output)
+    check_suffix(output, TOML, "a material")
     cube = selected(open_cube(experiment), selections)
     began = time.monotonic()
 
@@ -235,4 +211,4 @@ def fit(
     options.exit_unless(fitted.converged)
 
 
-COMMANDS = (calibrate, import_group, fit)
+COMMANDS = (calibrate, import_records, fit)

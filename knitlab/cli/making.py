@@ -30,7 +30,6 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     """
     from knitlab.api import design as api
     from knitlab.cube.cube_file import CUBE
-    from knitlab.cube.query import formatted
     from knitlab.inverse.design import summary
 
     try:
@@ -42,14 +41,13 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
         for number, target in enumerate(designed.request.wanted, start=1):
             kind = "target" if number <= len(designed.request.targets) else "subject to"
             click.echo(f"{kind} {number}: {target.text}")
-    click.echo(formatted(designed.table, style))
+    options.show(designed.table, style)
     for line in summary(designed):
         click.echo(line, err=style != "table")
-    files = [f"cube    {designed.folder / CUBE}"]
-    files += [f"workflow  {path}" for path in designed.workflows]
-    files += [f"figure  {path}" for path in api.draw(designed)]
-    for line in files:
-        click.echo(line, err=True)
+    click.echo(f"cube    {designed.folder / CUBE}", err=True)
+    for kind, paths in {"workflow": designed.workflows, "figure": api.draw(designed)}.items():
+        for path in paths:
+            click.echo(f"{kind}  {path}", err=True)
     options.exit_unless(designed.met)
 
 
@@ -65,8 +63,9 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     ["front", "back"],
 )
 @repeatable(
-    "--machine changes KEY=VALUE",
+    "--machine KEY=VALUE",
     "Override a value of params/machine.toml, such as end=drop or model=Kniterate.",
+    callback=options.machine_values,
 )
 @repeatable(
     "-o --output outputs",
@@ -80,7 +79,6 @@ def knit(
     design: str,
     selections: dict[str, Any],
     settings: tuple[str, ...],
-    changes: tuple[str, ...],
     outputs: tuple[Path, ...],
     in_the_round: bool,
     sheets: tuple[Path, ...],
@@ -101,8 +99,7 @@ def knit(
         check_output(path)
     for path in sheets:
         check_figure_suffix(path)
-    single, machine = single_design(design, settings, selections), options.machine_values(changes)
-    sample = knitted(single, machine=machine, **sample_options)
+    sample = knitted(single_design(design, settings, selections), **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
     for remark in sample.remarks:
@@ -149,13 +146,12 @@ def read(
         click.echo(f"{name:13} {value}")
     if output is not None:
         click.echo(f"{'pattern':13} {chart_read.save_pattern(output)}")
-        sizes = f"n_stripe={chart_read.n_stripe} --set n_subunit={chart_read.n_subunit}"
-        pattern = f"pattern_files={output} --set pattern={pattern_name(output)}"
-        start = (
-            f" --set garter_start={chart_read.garter_start}" if "G" in chart_read.letters else ""
-        )
-        run = f"knitlab run periodic --set {pattern} --set {sizes}{start}"
-        click.echo(f"{'to run':13} {run}")
+        settings = {"pattern_files": output, "pattern": pattern_name(output)}
+        settings |= {"n_stripe": chart_read.n_stripe, "n_subunit": chart_read.n_subunit}
+        if "G" in chart_read.letters:
+            settings["garter_start"] = chart_read.garter_start
+        given = " ".join(f"--set {name}={value}" for name, value in settings.items())
+        click.echo(f"{'to run':13} knitlab run periodic {given}")
     options.echo_first([f"knitlab: {problem}" for problem in chart_read.problems], err=True)
     options.exit_unless(not chart_read.problems)
 

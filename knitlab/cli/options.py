@@ -16,10 +16,11 @@ import click
 
 from knitlab.cli.output import droppable_output
 from knitlab.io.compilation_cache import VARIABLE, problem_of_cache
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import BadInput, Fault, fault, raise_any
 from knitlab.io.interruption import end_at_once
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
@@ -27,7 +28,7 @@ LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC,
 """Errors of a machine without files, memory, processes or space left."""
 WITHOUT_JAX = ("query", "find", "status")  # commands that need little memory
 LEAST_BYTES = 3e9
-MATERIAL = "knitlab.material"  # key of the material file in the context of a command
+SETTINGS = "knitlab.settings"  # key of settings that have options of their own, in a context
 MOST_LINES = 20  # largest number of cases that a command lists
 
 
@@ -71,7 +72,10 @@ class CommandGroup(click.Group):
                 signal.signal(signal.SIGINT, before)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Find the command that is named; BadInput if JAX would abort here for lack of memory."""
+        """Find the command that is named; BadInput if JAX would abort here for lack of memory.
+
+        JAX keeps no compiled programs if the user's folder for them cannot be written.
+        """
         found = super().resolve_command(ctx, args)
         with suppress(ImportError):
             import resource  # not on Windows
@@ -80,8 +84,10 @@ class CommandGroup(click.Group):
             if found[0] not in WITHOUT_JAX and 0 <= limit < LEAST_BYTES:
                 problem = f"may have {limit / 1e9:.1f} GB of address space, and JAX needs some"
                 raise fault("a process", f"{problem} {LEAST_BYTES / 1e9:.0f} GB; raise ulimit -v")
-        if found[0] not in WITHOUT_JAX:
-            _check_cache()
+        cache = "" if found[0] in WITHOUT_JAX else os.environ.get(VARIABLE, "")
+        if problem := problem_of_cache(cache):
+            os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
+            echo_problem(problem)
         return found
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -100,13 +106,6 @@ class CommandGroup(click.Group):
                 problem = str(error) or "there is not enough memory"
                 echo_problem(f"this machine cannot do it: {problem}; free some, or take another")
                 sys.exit(BAD_INPUT)
-
-
-def _check_cache() -> None:
-    """Have JAX keep no compiled programs if the user's folder for them cannot be written."""
-    if problem := problem_of_cache(os.environ.get(VARIABLE, "")):
-        os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
-        echo_problem(problem)
 
 
 def echo_problem(problem: object) -> None:
@@ -128,6 +127,15 @@ def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool
         click.echo(indent + line, err=err)
     if len(lines) > MOST_LINES:
         click.echo(f"{indent}… and {len(lines) - MOST_LINES} more{more}", err=err)
+
+
+def show(table: "pd.DataFrame", style: str, output: Path | None = None, what: str = "") -> None:
+    """Print a table, and on the error stream the file, of some sort, that was written too."""
+    from knitlab.cube.query import formatted
+
+    click.echo(formatted(table, style))
+    if output is not None:
+        click.echo(f"{what or 'figure':6}  {output}", err=True)
 
 
 def exit_unless(ok: bool) -> None:
@@ -159,8 +167,7 @@ def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
             faults.append(Fault(f"selections {text}", problem))
         else:
             selections[name] = [_number_or_label(each.strip()) for each in listed.split(",")]
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return selections
 
 
@@ -181,20 +188,13 @@ def _two_counts(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
+def machine_values(_: object, __: object, texts: tuple[str, ...]) -> dict[str, Any]:
     """The values of ``--machine`` by key; BadInput with every text that is not ``KEY=VALUE``."""
     from knitlab.sweep.workflow_file import read_overrides
 
     read, faults = read_overrides(texts, "machine")
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return {each.key: each.value for each in read}
-
-
-def check_toml(output: Path) -> None:
-    """Raise BadInput unless a file for stripes has the suffix ``.toml``."""
-    if output.suffix != ".toml":
-        raise fault(f"output {output}", "has no suffix .toml; give it one")
 
 
 def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:
@@ -242,6 +242,18 @@ def workers(default: int | None, shown: str | bool = True) -> Decorator:
     return option("--workers", help, COUNT_OR_ZERO, default=default, show_default=shown)
 
 
+def _add_setting(context: click.Context, parameter: click.Parameter, value: Any) -> None:
+    if value is not None:
+        given = context.meta.setdefault(SETTINGS, [])
+        given.append(f"{parameter.name}={json.dumps(value, default=str)}")
+
+
+AS_SETTING: dict[str, Any] = {
+    "is_eager": True,
+    "expose_value": False,
+    "callback": _add_setting,
+}
+"""Arguments of an option that is short for ``--set`` of its name."""
 results = option(
     "--results",
     "Folder that holds a folder of results for each workflow.",
@@ -257,19 +269,13 @@ _material = option(
     "--material",
     "Material file with the stripes of another yarn, in place of the paper's.",
     FILE,
-    is_eager=True,
-    expose_value=False,
-    callback=lambda context, _, path: context.meta.update({MATERIAL: path}),
+    **AS_SETTING,
 )
 _settings = repeatable(
     "--set settings KEY=VALUE",
     "Override a setting of the workflow; a comma makes a list.",
-    callback=lambda context, _, texts: _with_material(context.meta.get(MATERIAL), texts),
+    callback=lambda context, _, texts: (*texts, *context.meta.get(SETTINGS, ())),
 )
-
-
-def _with_material(path: Path | None, texts: tuple[str, ...]) -> tuple[str, ...]:
-    return texts if path is None else (f"material={json.dumps(str(path))}", *texts)
 
 
 def settings(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -282,8 +288,3 @@ select = repeatable(
     "Keep one value of a coordinate, or several with commas.",
     callback=lambda _, __, texts: read_selections(texts),
 )
-
-
-def covariances(help: str) -> Decorator:
-    """The option ``--material`` of a command that takes the covariances of its stripes."""
-    return option("--material FILE", help, FILE)

@@ -34,10 +34,9 @@ def sensing(
     sensors: tuple[str, ...],
     pull: str,
     grounded: bool,
-    cloth_permittivity: float,
-    cloth_thickness: float,
     style: str,
     output: Path | None,
+    **cloth: float,
 ) -> None:
     """List what the knitted capacitors of CUBE read of strain and bending, along and across.
 
@@ -51,15 +50,12 @@ def sensing(
     Exit code 1 if nothing is known of a state.
     """
     from knitlab.api import sensing as of
-    from knitlab.cube.query import formatted
     from knitlab.sensing.selectivity import selectivity_table
 
     if electrodes and sensors:
         raise fault("electrodes", "gives one table and --sensor another; give one of them")
     if (electrodes or sensors) and where:
         raise fault("where", "is of a table of designs; select one design")
-    cloth = {"cloth_permittivity": cloth_permittivity, "cloth_thickness": cloth_thickness}
-    known = True
     if electrodes:
         found = of.capacitance_matrix(cube, electrodes, selections, output=output, **cloth)
         wide = found["capacitance"].to_dataframe()["capacitance"].unstack("to")
@@ -67,14 +63,9 @@ def sensing(
         known = bool(found["capacitance"].notnull().all())
     elif sensors:
         pairs = [(one, other) for one, _, other in (each.partition("-") for each in sensors)]
+        others: Any = "grounded" if grounded else "floating"
         found = of.cross_talk(
-            cube,
-            pairs,
-            selections,
-            pull=pull,
-            others="grounded" if grounded else "floating",
-            output=output,
-            **cloth,
+            cube, pairs, selections, pull=pull, others=others, output=output, **cloth
         )
         table = found.to_dataframe().reset_index()
         known = bool(found["reading"].notnull().all())
@@ -82,9 +73,7 @@ def sensing(
         found = of.selectivity(cube, output, selections, along=along, where=where)
         table = selectivity_table(found, "free" if free else "held")
         known = bool((table["status"] == "ok").all())
-    click.echo(formatted(table, style))
-    if output is not None:
-        click.echo(f"figure  {output}", err=True)
+    options.show(table, style, output)
     options.exit_unless(known)
 
 

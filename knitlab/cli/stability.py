@@ -23,15 +23,12 @@ def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path 
     A row for each branch, limit point and branch point; csv and json have all points.
     """
     from knitlab.api.stability import branches as follow
-    from knitlab.cube.query import formatted
 
     points = follow(workflow, settings, output=output).to_dataframe()
     if style == "table":
         last = ~points["branch"].duplicated(keep="last") | ~points["branch"].duplicated()
         points = points[last | (points["kind"] != "regular")]
-    click.echo(formatted(points, style))
-    if output is not None:
-        click.echo(f"figure  {output}", err=True)
+    options.show(points, style, output)
 
 
 @click.command()
@@ -50,7 +47,6 @@ def shapes(
     Exit code 1 if a start did not converge.
     """
     from knitlab.api.stability import shapes as relax_all
-    from knitlab.cube.query import formatted
 
     atlas = relax_all(workflow, settings, starts=starts, output=output)
     table = atlas.drop_vars(["height", "barrier", "to"]).to_dataframe().reset_index()
@@ -58,12 +54,9 @@ def shapes(
     for other in atlas["to"].values:
         if atlas["barrier"].sel(to=other).notnull().any():
             table[f"energy_to_{other}"] = atlas["barrier"].sel(to=other).values
-    click.echo(formatted(table, style))
-    failed = atlas.attrs["not_converged"]
-    if failed:
+    options.show(table, style, output)
+    if failed := atlas.attrs["not_converged"]:
         options.echo_problem(f"{failed} of {starts} starts did not converge and are left out")
-    if output is not None:
-        click.echo(f"figure  {output}", err=True)
     options.exit_unless(not failed)
 
 

@@ -1,7 +1,7 @@
 """Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
     from knitlab.sweep.plan import Plan
 
 
-def workflow_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the argument and options that name a workflow and its results."""
-    scale_option = option(
-        "--scale",
-        "Fraction of the needles that a sample is knitted on; short for --set scale=.",
-        click.FloatRange(0, 1, min_open=True),
-        callback=lambda _, __, scale: () if scale is None else (f"scale={scale:g}",),
-    )
-    return click.argument("workflow")(options.settings(scale_option(options.results(command))))
+scale = option(
+    "--scale",
+    "Fraction of the needles that a sample is knitted on; short for --set scale=.",
+    click.FloatRange(0, 1, min_open=True),
+    **options.AS_SETTING,
+)
 
 
 @click.command()
-@workflow_options
-def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[str, ...]) -> None:
+@click.argument("workflow")
+@options.settings
+@scale
+@options.results
+def plan(workflow: str, settings: tuple[str, ...], results: Path) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.results_folder import PLAN, folder_status
 
-    made = make_plan(workflow, settings + scale)
+    made = make_plan(workflow, settings)
     _echo_warnings(made)
     folder = results / made.workflow
     with held(folder):
@@ -91,7 +91,10 @@ def _echo_files(folder: Path, figures: Iterable[Path]) -> None:
 
 
 @click.command()
-@workflow_options
+@click.argument("workflow")
+@options.settings
+@scale
+@options.results
 @options.workers(None, shown="all cores, for several batches")
 @option("--scheduler ADDRESS", "Use this dask scheduler instead.")
 @option("--retries", "How often to repeat a batch that raised an error.", COUNT_OR_ZERO, default=0)
@@ -110,9 +113,8 @@ def _echo_files(folder: Path, figures: Iterable[Path]) -> None:
 @flag("--dashboard", "Open dask's dashboard on this machine.")
 def run(
     workflow: str,
-    results: Path,
     settings: tuple[str, ...],
-    scale: tuple[str, ...],
+    results: Path,
     keep_going: bool,
     shard: str | None,
     **run_options: Any,
@@ -121,8 +123,7 @@ def run(
 
     The last of several shards to end builds the cube; then run WORKFLOW without it for the figures.
     """
-    overrides = settings + scale
-    if shard is None and _is_finished(workflow, overrides, results):
+    if shard is None and _is_finished(workflow, settings, results):
         return
     from knitlab.sweep.batches import Shard
     from knitlab.sweep.plan import make_plan
@@ -130,7 +131,7 @@ def run(
     from knitlab.sweep.run import RunOptions, run_plan
 
     own_shard = None if shard is None else Shard.of(shard)
-    made = make_plan(workflow, overrides)
+    made = make_plan(workflow, settings)
     _echo_warnings(made)
     run_options |= {"fail_fast": not keep_going, "shard": own_shard, "show_progress": True}
     folder = results / made.workflow

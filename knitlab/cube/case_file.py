@@ -20,8 +20,7 @@ from knitlab.io.text_file import plain_file
 if TYPE_CHECKING:  # imports JAX
     from knitlab.fabric.fabric import Configuration
 
-LENGTHS = "lengths_of_shapes"  # attribute of a case whose shapes are in mm of cloth
-LENGTH_FACTOR = "mm_of_cloth_per_mm_of_network"  # attribute of such a case
+LENGTH_FACTOR = "mm_of_cloth_per_mm_of_network"  # attribute of a case with shapes in mm of cloth
 SHAPES = (
     *("position", "length_x", "length_y", "length_shear"),
     *("snapshot_position", "snapshot_length_x", "snapshot_length_y"),
@@ -118,23 +117,21 @@ def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
     pure stripe, keeps the lengths of its network.
     """
     names = ("knit_cell_x", "knit_cell_y", "relaxed_cell_x", "relaxed_cell_y")
-    if case.attrs.get(LENGTHS) or not set(names) <= set(design):
+    if LENGTH_FACTOR in case.attrs or not set(names) <= set(design):
         return case
     cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
     areas = cloth_x * cloth_y / (network_x * network_y)
     if not 0 < areas < math.inf:
         return case
     factor = math.sqrt(areas)
-    if not 0 < factor < math.inf:
-        return case
     with xr.set_options(keep_attrs=True):
         scaled = {name: factor * case[name] for name in SHAPES if name in case}
-    return case.assign(scaled).assign_attrs({LENGTHS: "cloth", LENGTH_FACTOR: factor})
+    return case.assign(scaled).assign_attrs({LENGTH_FACTOR: factor})
 
 
 def length_unit(case: xr.Dataset) -> str:
     """The unit of the shapes of a case, as labels name it."""
-    return "mm" if case.attrs.get(LENGTHS) else "mm of network"
+    return "mm" if LENGTH_FACTOR in case.attrs else "mm of network"
 
 
 def configurations(case: xr.Dataset) -> "Configuration":

@@ -251,10 +251,9 @@ def is_measured(cube: xr.Dataset) -> bool:
 
 def model_options(cube: xr.Dataset) -> dict[str, Any]:
     """The model options that all designs of a cube share, by name."""
-    stated = {
-        str(name): value for name, value in cube.attrs.items() if str(name).startswith(OPTION)
-    }
-    return {name.removeprefix(OPTION): value for name, value in stated.items()}
+    attributes = {str(name): value for name, value in cube.attrs.items()}
+    named = [name for name in attributes if name.startswith(OPTION)]
+    return {name.removeprefix(OPTION): attributes[name] for name in named}
 
 
 def is_case(dataset: xr.Dataset) -> bool:

@@ -5,7 +5,7 @@ to where the force has a maximum. There a test that controls the force jumps to 
 carries more; the recorded path contains it unless the jump ends on another branch.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,53 +24,48 @@ def controllable(cube: xr.Dataset) -> list[str]:
     return [force for force in FORCES if force in cube.data_vars and STRAIN in cube[force].dims]
 
 
+def between(
+    cube: xr.Dataset, dims: tuple[Hashable, ...], upper: np.ndarray, fraction: np.ndarray
+) -> dict[str, xr.Variable]:
+    """Every variable along the strain, and this, between two strains, linear but for integers.
+
+    ``upper`` is the index of the second strain, ``fraction`` how far from the first to it; both
+    along ``dims``. Integers are missing unless those at both strains agree.
+    """
+    above, below = xr.Variable(dims, upper), xr.Variable(dims, np.maximum(upper - 1, 0))
+    along, strains = xr.Variable(dims, fraction), cube[STRAIN].values.astype(float)
+    moved = {}
+    for name in (name for name, each in cube.variables.items() if STRAIN in each.dims):
+        variable = cube.variables[name].to_base_variable().astype(float).transpose(..., STRAIN)
+        if name not in INTEGERS:
+            variable = variable.copy(data=without_gap_at_zero(strains, variable.values))
+        low, high = variable.isel({STRAIN: below}), variable.isel({STRAIN: above})
+        if name in INTEGERS:
+            values = low.where((low == high) & np.isfinite(along))
+        else:  # a neighbour of which nothing is used may be missing
+            values = low.where(along < 1, 0.0) * (1 - along) + high.where(along > 0, 0.0) * along
+        values = values.transpose(*(dim for dim in variable.dims if dim in dims), ...)
+        moved[str(name)] = xr.Variable(values.dims, values.values, variable.attrs)
+    return moved
+
+
 def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Dataset:
     """The cube along a force in place of the applied strain, which becomes a variable.
 
-    Args:
-        cube: a cube with a curve of the force.
-        name: ``reaction_force`` [N] or ``force_per_width`` [N/mm].
-        forces: values at which to read, in the unit of the variable.
-
-    Returns:
-        Every variable along the strain, linear between two strains, in the first state that carries
-        each force; missing if none does. ``jumped`` is 1 where the force fell before, so that a
-        test that controls it jumps to that state.
-
-    Raises:
-        BadInput: if a force is no number from 0 on.
+    Every variable along the strain is that of the first state that carries each of the ``forces``,
+    in the unit of the variable ``name``, linear between two strains; missing if none does.
+    ``jumped`` is 1 where the force fell before, so that a test that controls it jumps to that
+    state. BadInput if a force is no number from 0 on.
     """
     curve = cube[name].astype(float).transpose(..., STRAIN)
     wanted = _checked(name, forces)
     upper, fraction = _first_to_carry(curve.values, wanted)
     dims = (*curve.dims[:-1], name)
-    above = xr.Variable(dims, upper)
-    below = xr.Variable(dims, np.maximum(upper - 1, 0))
-    along = xr.Variable(dims, fraction)
-    strain = xr.Variable(STRAIN, cube[STRAIN].values.astype(float), cube[STRAIN].attrs)
-
-    def read(of: str, variable: xr.Variable) -> xr.Variable:
-        if of not in INTEGERS:
-            moved = variable.astype(float).transpose(..., STRAIN)
-            variable = moved.copy(data=without_gap_at_zero(strain.values, moved.values))
-        low, high = variable.isel({STRAIN: below}), variable.isel({STRAIN: above})
-        if of in INTEGERS:
-            values = low.where((low == high) & np.isfinite(along))
-        else:  # a neighbour of which nothing is used may be missing
-            values = low.where(along < 1, 0.0) * (1 - along) + high.where(along > 0, 0.0) * along
-        values = values.transpose(*(dim for dim in variable.dims if dim in dims), ...)
-        return xr.Variable(values.dims, values.values, variable.attrs)
-
     fell = np.diff(curve.values, axis=-1, prepend=curve.values[..., :1]) < 0
-    before = np.arange(len(strain)) < upper[..., None]
+    before = np.arange(curve.sizes[STRAIN]) < upper[..., None]
     jumped = (fell[..., None, :] & before).any(axis=-1) & np.isfinite(fraction)
-    moved = {
-        str(each): read(str(each), values.variable)
-        for each, values in cube.data_vars.items()
-        if STRAIN in values.dims and each != name
-    }
     about = {"units": "1", "long_name": "whether the force fell before, so that the test jumps"}
-    moved[STRAIN] = read(STRAIN, strain)
+    moved = between(cube.drop_vars(name), dims, upper, fraction)
     return (
         cube.drop_vars([name, *moved])
         .assign(moved)

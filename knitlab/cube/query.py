@@ -15,7 +15,7 @@ from knitlab.cube.cube_file import cube_name, design_dims, model_options, source
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.cube.selection import refuse_others, selectable, selected, selections_along
 from knitlab.cube.strain_window import with_columns
-from knitlab.io.errors import BadInput, Fault
+from knitlab.io.errors import Fault, raise_any
 
 MAIN_COLUMNS = (
     *("applied_strain", "jumped", "poisson_ratio", "force_per_width", "poisson_ratio_min"),
@@ -206,8 +206,8 @@ def queried(
         # An expression such as reaction_force / knit_cell_x.
         if name not in table.columns and not name.isidentifier():
             table = table.assign(**{name: computed(name, table, source)})
-    if missing := [each for each in asked if each[1] not in table.columns]:
-        raise BadInput(Fault(source, no_column(name, table)) for source, name in missing)
+    missing = [each for each in asked if each[1] not in table.columns]
+    raise_any([Fault(source, no_column(name, table)) for source, name in missing])
     if where:
         table = table[holds(where, table)]
     if sort:

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.force_control import controllable, under_force
-from knitlab.cube.schema import INTEGERS, STRAIN
-from knitlab.cube.strain_window import interpolated
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
+from knitlab.cube.force_control import between, controllable, under_force
+from knitlab.cube.schema import STRAIN
+from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
 
@@ -40,28 +39,16 @@ def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
 def _with_strains(cube: xr.Dataset, wanted: list[Any]) -> xr.Dataset:
     """The cube at its strains and at further ones between them."""
     strains = np.asarray(cube[STRAIN].values, float)
-    numbers = [value for each in wanted if np.isfinite(value := _number(each))]
-    between = sorted(
-        {
-            value
-            for value in numbers
-            if strains[0] < value < strains[-1] and np.abs(strains - value).min() > 1e-9
-        }
-    )
-    if not between:
+    asked = np.unique([number for each in wanted if np.isfinite(number := _number(each))])
+    near = np.isclose(asked[:, None], strains, 0, 1e-9).any(axis=1)
+    new = asked[(strains[0] < asked) & (asked < strains[-1]) & ~near]
+    if not len(new):
         return cube
-    above = np.searchsorted(strains, between)
-    moved = {}
-    for name, variable in cube.data_vars.items():
-        if STRAIN in variable.dims:
-            curves = variable.astype(float).transpose(..., STRAIN)
-            low, high = curves.values[..., above - 1], curves.values[..., above]
-            read = np.where(low == high, low, np.nan)
-            if name not in INTEGERS:
-                read = interpolated(strains, curves.values, np.array(between))
-            moved[name] = (curves.dims, read, variable.attrs)
-    further = cube.drop_vars(moved).isel({STRAIN: [0] * len(between)})
-    further = further.assign_coords({STRAIN: (STRAIN, between, cube[STRAIN].attrs)}).assign(moved)
+    upper = np.searchsorted(strains, new)
+    fraction = (new - strains[upper - 1]) / (strains[upper] - strains[upper - 1])
+    moved = between(cube, (STRAIN,), upper, fraction)
+    moved[STRAIN] = xr.Variable(STRAIN, new, cube[STRAIN].attrs)
+    further = cube.drop_vars(moved).assign(moved)
     both = xr.concat([cube, further], STRAIN, data_vars="minimal", coords="minimal")
     return both.sortby(STRAIN).assign_attrs(cube.attrs)
 
@@ -93,8 +80,7 @@ def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: 
     """BadInput with a problem, for every selection that is not along a known coordinate."""
     names = set(known)
     others = {name: value for name, value in selections.items() if name not in names}
-    if others:
-        raise BadInput(Fault(f"selections {text}", problem) for text in as_given(others))
+    raise_any([Fault(f"selections {text}", problem) for text in as_given(others)])
 
 
 def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
@@ -111,8 +97,7 @@ def chosen_indices(
     for name, value in selections.items():
         with faults:
             chosen[name] = _indices(coordinates, name, value)
-    if faults.all:
-        raise BadInput(faults.all)
+    raise_any(faults.all)
     return chosen
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, PositiveFloat, ValidationError, model_validator
+from pydantic import Field, PositiveFloat, model_validator
 
 from knitlab.cube.schema import STRAIN
 from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, check_length
-from knitlab.io.errors import BadInput, fault, faults_of
+from knitlab.io.errors import fault, naming
 from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel
 
@@ -134,10 +134,8 @@ def read_target(
     if isinstance(given, str):
         check_length(given, source)
         return _target_of_text(given.strip(), f"{source} {given}", folder)
-    try:
+    with naming(source):
         return CurveTable.model_validate(dict(given)).target
-    except ValidationError as error:
-        raise BadInput(faults_of(error, source)) from error
 
 
 def _target_of_text(text: str, where: str, folder: Path) -> Target:

@@ -94,8 +94,7 @@ def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None
 
 def deviations(cube: xr.Dataset, stripes: Stripes) -> dict[str, xr.DataArray]:
     """Change of each quantity with each of the independent deviates of stripe numbers."""
-    by_name = slopes(cube)
-    root = root_of_covariance(cube, stripes)
+    by_name, root = slopes(cube), root_of_covariance(cube, stripes)
     return {name: (slope * root).sum(PARAMETER, skipna=False) for name, slope in by_name.items()}
 
 
@@ -105,8 +104,7 @@ def uncertainty_of(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
     BadInput if the cube has no sensitivities, or designs with stripes other than these.
     """
     by_name: dict[str, xr.DataArray] = {}
-    derivatives = slopes(cube)
-    root = root_of_covariance(cube, stripes)
+    derivatives, root = slopes(cube), root_of_covariance(cube, stripes)
     for name, slope in derivatives.items():
         by_deviate = (slope * root).sum(PARAMETER, skipna=False)
         variance = (by_deviate**2).sum(DEVIATE, skipna=False)

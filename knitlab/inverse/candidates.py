@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import tomli_w
 import xarray as xr
 from jaxtyping import Float
 
@@ -20,9 +19,8 @@ from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import TRIALS, SearchResult
 from knitlab.inverse.search_space import SearchSpace
 from knitlab.inverse.trial import ShapeFunctions, run_trial
-from knitlab.io.atomic_write import atomic_write
 from knitlab.io.fingerprint import text_fingerprint
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import read_toml, write_toml
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge
 from knitlab.simulation.case import Case
 from knitlab.sweep.cube import GAUGE_ATTRIBUTES
@@ -139,8 +137,7 @@ def write_workflow(
         table["design"]["pattern_files"] = [str((base.parent / file).resolve()) for file in files]
     if material := table.get("model", {}).get("material"):
         table["model"]["material"] = str((base.parent / material).resolve())
-    with atomic_write(path) as temporary:
-        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+    write_toml(path, table)
     return path
 
 

@@ -13,7 +13,7 @@ from knitlab.cube.strain_window import REDUCTIONS, gradient
 from knitlab.cube.target import Target, check_window
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, OVER_WIDTH, ShapeFunctions, Slopes, Trial
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
+from knitlab.io.errors import ErrorCollector, Fault, raise_any, unknown
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
 
@@ -159,5 +159,4 @@ def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) ->
         else:
             with faults:
                 check_window(target, known[target.name], where)
-    if faults.all:
-        raise BadInput(faults.all)
+    raise_any(faults.all)

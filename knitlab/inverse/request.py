@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, Valida
 from knitlab.cube.strain_window import PARTS, StrainWindow
 from knitlab.cube.target import Target, read_target
 from knitlab.fabric.stripe import STRIPE_QUANTITIES
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, unknown
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, raise_any, unknown
 from knitlab.io.toml import StrictModel, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
@@ -130,8 +130,7 @@ def checked_request(
                 raise fault(where, "is not a setting of a search; give it next to targets")
             if isinstance(value, list) and not SETTINGS[setting].takes_list:
                 raise fault(where, "is a list; give one value, or let it vary")
-    if faults.all:
-        raise BadInput(faults.all)
+    raise_any(faults.all)
     checked = {key: tuple(targets) for key, targets in read.items()}
     return DesignRequest(**{**dict(file), **checked, "vary": vary, "name": name})
 

@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 
 from knitlab.io.errors import CannotWrite, Fault
 
@@ -15,21 +15,18 @@ UNFINISHED = ".writing-"  # prefix of the folders of unfinished files
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a temporary path, which replaces ``path`` on success; CannotWrite if it cannot."""
-    folder = None
+    folder = path.parent
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(mkdtemp(prefix=UNFINISHED, dir=path.parent))
-        temporary = folder / path.name
-        yield temporary
-        temporary.replace(path)
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory("", UNFINISHED, folder, ignore_cleanup_errors=True) as unfinished:
+            temporary = Path(unfinished, path.name)
+            yield temporary
+            temporary.replace(path)
     except OSError as error:
         why = (error.strerror or str(error)).lower()
         remedy = "free some space" if "space" in why or "quota" in why else "choose another folder"
         problem = f"cannot be written ({why}); {remedy}; the previous file is unchanged"
         raise CannotWrite([Fault(str(path), problem)]) from error
-    finally:
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
 
 
 def clear_unfinished(folder: Path) -> None:

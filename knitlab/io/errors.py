@@ -1,7 +1,8 @@
 """Errors in the user's input, collected so that one message lists them all."""
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from pydantic import ValidationError
@@ -58,6 +59,12 @@ def fault(path: str, problem: str) -> BadInput:
     return BadInput([Fault(path, problem)])
 
 
+def raise_any(faults: Collection[Fault]) -> None:
+    """Raise :class:`BadInput` with faults, if there are any."""
+    if faults:
+        raise BadInput(faults)
+
+
 def faults_of(
     error: ValidationError, source: str, known: Mapping[str, str] | None = None
 ) -> list[Fault]:
@@ -70,6 +77,17 @@ def faults_of(
         for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries)
         if entry["type"] != "too_short" or entry["loc"] not in inner
     ]
+
+
+@contextmanager
+def naming(source: str) -> Iterator[None]:
+    """Raise what pydantic or a ValueError says of a value as BadInput that names its source."""
+    try:
+        yield
+    except ValidationError as error:
+        raise BadInput(faults_of(error, source)) from error
+    except ValueError as error:
+        raise fault(source, str(error)) from error
 
 
 def _problem(entry: ErrorDetails, known: Mapping[str, str]) -> str:

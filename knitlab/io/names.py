@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -54,3 +55,9 @@ def inside(folder: Path, name: str) -> Path:
     if Path(name).name != name or {*name} & {*"/\\\0"}:
         raise fault(str(folder), f"has no place for a file named {name!r}; its name is damaged")
     return folder / name
+
+
+def check_suffix(output: Path, known: Collection[str], kind: str) -> None:
+    """BadInput unless the suffix of a file to write is a known one of a kind, as "a mesh"."""
+    if output.suffix.lower() not in known:
+        raise fault(f"output {output}", f"has no suffix of {kind}; give one of {', '.join(known)}")

@@ -17,7 +17,7 @@ import pandas as pd
 import pint
 from jaxtyping import Float
 
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import Fault, fault, raise_any
 from knitlab.io.text_file import read_text
 
 SEPARATORS = ",;\t| "  # of columns; any number of spaces is one separator
@@ -140,8 +140,7 @@ def read_columns(
             faults += wrong
         elif wrong:
             columns.pop(name, None)
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return columns
 
 

@@ -1,14 +1,18 @@
 """Input files: the base of their schemas, and TOML read with a message instead of a traceback."""
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+import tomli_w
+from pydantic import BaseModel, ConfigDict
 
-from knitlab.io.errors import BadInput, fault, faults_of
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import fault, naming
 from knitlab.io.text_file import read_text
 
+TOML = (".toml",)  # suffix
 Schema = TypeVar("Schema", bound=BaseModel)
 
 
@@ -28,8 +32,11 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 def read_checked(schema: type[Schema], path: Path, named_by: str = "") -> Schema:
     """The contents of a TOML file that a setting names; BadInput has every fault of the file."""
-    try:
+    with naming(f"{named_by}: {path}" if named_by else str(path)):
         return schema.model_validate(read_toml(path))
-    except ValidationError as error:
-        source = f"{named_by}: {path}" if named_by else str(path)
-        raise BadInput(faults_of(error, source)) from error
+
+
+def write_toml(path: Path, table: Mapping[str, Any]) -> None:
+    """Write a table as TOML; CannotWrite if that fails."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")

@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from knitlab.fabric.settings import Unit
-from knitlab.io.errors import BadInput, Fault, faults_of, unknown
+from knitlab.io.errors import Fault, faults_of, raise_any, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
 
@@ -125,8 +125,7 @@ def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
         faults += _combination_faults(machine)
     except ValidationError as error:
         faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return machine
 
 

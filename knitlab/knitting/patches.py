@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 from jaxtyping import Bool
 
 from knitlab.fabric.pattern import KNIT_OF_LETTER
 from knitlab.fabric.settings import GarterStart
-from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
+from knitlab.io.names import check_suffix
+from knitlab.io.toml import TOML, write_toml
 from knitlab.knitting.bands import Band, bands_of
 from knitlab.knitting.chart import StitchChart
 from knitlab.measure.knit_size import Gauge
@@ -143,11 +143,9 @@ class ReadChart:
         Raises BadInput if a size or a stripe does not fit, or the file cannot be written.
         """
         path = Path(path)
-        if path.suffix != ".toml":
-            raise fault(f"output {path}", "has no suffix .toml; give it one")
+        check_suffix(path, TOML, "a pattern")
         table = {pattern_name(path): self.pattern().model_dump(exclude_defaults=True)}
-        with atomic_write(path) as temporary:
-            temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+        write_toml(path, table)
         return path
 
     def _patches_in_words(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import Fault, fault, raise_any
 from knitlab.io.table_file import factor_of, name_and_unit, numbers_of, read_table
 from knitlab.measure.friction_fit import LoadingCycles, Passage
 from knitlab.measure.records import Record, cycles, resampled
@@ -175,8 +175,7 @@ def _columns(
         absent = f"has neither; it has {', '.join(headers)}; {EXAMPLE}"
         problem = "has both; keep one" if loads else absent
         faults.append(Fault(f"{path}: columns force and stress", problem))
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     (load,) = loads
     values = {}
     for kind in (along, load):
@@ -194,8 +193,7 @@ def _columns(
         if other != load and (size := sizes[other]) is not None:
             problem = f"is for {other}, but the record holds {load}; leave it out"
             faults.append(Fault(f"{name} {size:g}", problem))
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     repeats = table[columns["repeat"][0]].tolist() if "repeat" in columns else ["1"] * len(table)
     of_repeat = headers[columns["repeat"][0]] if "repeat" in columns else ""
     return values, repeats, name_and_unit(of_repeat)[0].lower()

@@ -13,7 +13,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 from numpy.lib.format import open_memmap
 
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import fault, raise_any
 from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
 from knitlab.io.text_file import plain_file, read_text
 
@@ -208,8 +208,7 @@ def _column(
     gap = texts.str.lower().isin(["", "nan"])
     values = np.full(len(texts), np.nan)
     values[~gap], faults = numbers_of(path, name, texts[~gap])
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return values
 
 

@@ -15,6 +15,7 @@ import xarray as xr
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
+from knitlab.io.names import check_suffix
 from knitlab.plate.condensation import PlateStatus
 from knitlab.plate.plate_stiffness import STATUS, VARIABLES, known_states, stiffness_of
 
@@ -162,6 +163,4 @@ CARDS: dict[str, Callable[[xr.Dataset, Path], None]] = {
 
 def check_card(output: Path) -> None:
     """Raise BadInput unless the suffix of a file is one of :data:`CARDS`."""
-    if output.suffix.lower() not in CARDS:
-        problem = f"has no suffix of a card or table; give one of {', '.join(CARDS)}"
-        raise fault(f"output {output}", problem)
+    check_suffix(output, CARDS, "a card or table")

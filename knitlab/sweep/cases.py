@@ -22,7 +22,7 @@ from knitlab.fabric.stripe import (
     changed_table,
     periods_per_patch,
 )
-from knitlab.io.errors import BadInput, Fault, fault, unknown
+from knitlab.io.errors import BadInput, Fault, fault, raise_any, unknown
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
@@ -87,8 +87,7 @@ def _members(
             if value not in members
         ]
         pairs = tuple(pair for pair in pairs if pair[axis] in wanted)
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return sorted(pairs)
 
 

@@ -4,10 +4,10 @@ import dataclasses
 from collections.abc import Callable, Collection
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from pydantic import AfterValidator, Field, PositiveFloat, ValidationError, create_model
+from pydantic import AfterValidator, Field, PositiveFloat, create_model
 
 from knitlab.fabric.settings import Unit
-from knitlab.io.errors import BadInput, faults_of
+from knitlab.io.errors import naming
 from knitlab.io.toml import StrictModel
 
 Types = dict[str, Any]  # declared types of settings, with range and unit, by name
@@ -118,10 +118,8 @@ def checked(name: str, table: Table, kind: type[Table]) -> Table:
     for field, value in values.items():
         if dataclasses.is_dataclass(value):
             values[field] = checked(f"{name}.{field}", value, type(value))
-    try:
+    with naming(name):
         read = with_fields(required(declared(kind)))(StrictModel).model_validate(values)
-    except ValidationError as error:
-        raise BadInput(faults_of(error, name)) from error
     return kind(**dict(read))
 
 

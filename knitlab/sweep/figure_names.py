@@ -2,22 +2,12 @@
 
 from pathlib import Path
 
-from knitlab.io.errors import fault
+from knitlab.io.names import check_suffix
 
 FIGURE_NAMES = (
     *("auxetic", "capacitors", "contact", "curves", "cycles", "directions", "electrodes", "force"),
-    *(
-        "grid",
-        "options",
-        "polar",
-        "relaxation",
-        "samples",
-        "sensitivity",
-        "sensor",
-        "shape",
-        "stripes",
-    ),
-    *("swept", "tension", "uncertainty", "wavelength"),
+    *("grid", "options", "polar", "relaxation", "samples", "sensitivity", "sensor", "shape"),
+    *("stripes", "swept", "tension", "uncertainty", "wavelength"),
 )
 """Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
 COMPARING = ("contact", "cycles", "directions", "grid", "options", "swept")
@@ -25,8 +15,7 @@ COMPARING = ("contact", "cycles", "directions", "grid", "options", "swept")
 FIGURE_SUFFIXES = (".pdf", ".svg", ".png")
 
 
-def check_figure_suffix(output: Path) -> None:
-    """Check that the suffix of a file is a format of a figure; else BadInput."""
-    if output.suffix.lower() not in FIGURE_SUFFIXES:
-        problem = f"has no suffix of a figure; give {', '.join(FIGURE_SUFFIXES)}"
-        raise fault(f"output {output}", problem)
+def check_figure_suffix(output: str | Path | None) -> None:
+    """BadInput unless the suffix of a file, if one is asked for, is a format of a figure."""
+    if output is not None:
+        check_suffix(Path(output), FIGURE_SUFFIXES, "a figure")

@@ -7,16 +7,14 @@ from pathlib import Path
 from statistics import geometric_mean
 from typing import Annotated, Any
 
-import tomli_w
-from pydantic import PositiveFloat, ValidationError
+from pydantic import PositiveFloat
 from scipy.interpolate import interp1d
 
 from knitlab.fabric.settings import PlainKnit, Unit
 from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
-from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.errors import ErrorCollector, Fault, naming, raise_any
 from knitlab.io.names import Line
-from knitlab.io.toml import StrictModel, read_checked, read_toml
+from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
 from knitlab.sweep.parameters import KNITS, UNITS, Parameters, StripeRow, StripeTable, StripeTables
 from knitlab.sweep.workflow import SETTINGS
@@ -93,23 +91,20 @@ class Material:
     )
 
     def __post_init__(self) -> None:
-        faults: list[Fault] = []
+        faults = ErrorCollector()
         named = [(stripe.knit, stripe.n) for stripe in self.stripes]
         if not named:
-            faults.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
+            faults.all.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
         for knit, n in sorted({each for each in named if named.count(each) > 1}):
-            faults.append(Fault("stripes", f"have {knit} {n} twice; keep one"))
+            faults.all.append(Fault("stripes", f"have {knit} {n} twice; keep one"))
         for stripe in self.stripes:
-            try:
+            with faults, naming(f"{stripe.knit} {stripe.n}"):
                 StripeRow.of(stripe)
-            except ValidationError as error:
-                faults += faults_of(error, f"{stripe.knit} {stripe.n}")
         for name, number in self.numbers.items():
             if not 0 < number < math.inf:
                 problem = f"is {number!r}; give a number above 0 in {UNIT_OF[name]}"
-                faults.append(Fault(name, problem))
-        if faults:
-            raise BadInput(faults)
+                faults.all.append(Fault(name, problem))
+        raise_any(faults.all)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -139,8 +134,7 @@ class Material:
         for stripe in sorted(self.stripes, key=lambda each: (each.knit, each.n)):
             covariance = self.covariances.get((stripe.knit, stripe.n))
             _add_row(table, stripe, self.source, covariance)
-        with atomic_write(Path(path)) as temporary:
-            temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+        write_toml(Path(path), table)
 
 
 _ENTRIES = entries({name: Annotated[PositiveFloat, Unit(unit)] for name, unit in UNIT_OF.items()})
@@ -192,8 +186,7 @@ def add_stripe(
     table = read_toml(path) if path.exists() else {}
     rounded = {name: float(f"{getattr(stripe, name):.{DIGITS}g}") for name in STRIPE_QUANTITIES}
     _add_row(table, replace(stripe, **dict[str, Any](rounded)), source, covariance)
-    with atomic_write(path) as temporary:
-        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+    write_toml(path, table)
 
 
 def _add_row(

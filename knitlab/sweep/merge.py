@@ -13,7 +13,7 @@ from knitlab.cube import case_file, cube_file
 from knitlab.cube.cube_file import CUBE, differences, parameters_of
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import Fault, fault, raise_any
 from knitlab.io.lock import held
 from knitlab.io.names import named_folder
 from knitlab.sweep import results_folder
@@ -191,8 +191,7 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
         faults.append(Fault("folders", f"{problem} or allow any code"))
     if not faults:
         faults = _contradictions(folders)
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
 
 
 def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:

@@ -20,7 +20,7 @@ from knitlab.fabric.stripe import (
     Stripe,
     periods_per_patch,
 )
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
+from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any
 from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
@@ -249,8 +249,7 @@ class Parameters:
                     problem = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
                     raise fault(name, problem)
                 tables[name] = checked(name, table, TABLES[name])
-        if faults.all:
-            raise BadInput(faults.all)
+        raise_any(faults.all)
         return replace(self, **tables)
 
 
@@ -294,8 +293,7 @@ def read_parameters(folder: Path) -> Parameters:
             for pair in members.pairs
             if (problem := read["stripes"].impossible(*pair))
         ]
-    if faults.all:
-        raise BadInput(faults.all)
+    raise_any(faults.all)
     items = [item for file in read.values() for item in file]
     stated = {name: entry for name, entry in items if isinstance(entry, ParameterValue)}
     layouts = {

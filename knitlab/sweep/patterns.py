@@ -109,9 +109,6 @@ class Pattern(StrictModel):
             else:
                 rows = _letters_of_image(path, self.colours)
             letters_of(rows)
-        except OSError as error:
-            problem = f"cannot be read ({error.strerror or error}); check the path"
-            raise fault(str(path), problem) from error
         except BadPattern as error:
             raise fault(str(path), str(error)) from error
         return rows

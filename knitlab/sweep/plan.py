@@ -156,6 +156,8 @@ def make_plan(
             faults.all += _misplaced_electrodes(made, text)
     if parameters is None or read is None or faults.all:
         raise BadInput(faults.all)
+    # Paired settings share the last dimension.
+    dims = [name for name in axes if name not in text.paired] + [SAMPLE] * bool(text.paired)
     return Plan(
         workflow=text.path.stem,
         title=read.title,
@@ -163,9 +165,7 @@ def make_plan(
         cases=made,
         batches=batched(made),
         excluded={design: reason for design, reason in designs.items() if reason},
-        coordinates={
-            name: workflow_text.coordinate(name) for name in workflow_text.dims(axes, text.paired)
-        },
+        coordinates={dim: workflow_text.coordinate(dim) for dim in dims},
         overrides=text.overrides,
         inputs=digests(sorted(inputs)),
         stripes=_stripes_fingerprint(parameters, read, set(axes)),

@@ -14,7 +14,7 @@ from knitlab.cube.case_file import case_path, read_case
 from knitlab.cube.cube_file import CUBE, differences, parameters_of, write_cube
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import clear_unfinished
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import Fault, fault, raise_any
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.io.lock import gate, held, running_shards
 from knitlab.simulation.case import Case
@@ -57,8 +57,7 @@ class RunOptions:
         ]
         if self.case_timeout is not None and not self.case_timeout > 0:
             faults.append(Fault(f"case_timeout {self.case_timeout}", "is not above 0; raise it"))
-        if faults:
-            raise BadInput(faults)
+        raise_any(faults)
 
     def processors(self, batches: int) -> int:
         """Processes on this machine for a number of batches, or 0 for this process."""

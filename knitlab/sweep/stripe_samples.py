@@ -4,15 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 from jaxtyping import Float
 from scipy.linalg import block_diag
 from scipy.stats import norm, qmc
 
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit
-from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import read_toml, write_toml
 from knitlab.sweep.material import SCALED, Material, with_material_file
 from knitlab.sweep.parameters import defaults
 from knitlab.sweep.stripe_covariance import covariance_of
@@ -91,6 +89,5 @@ def write_samples(
         "figures": [],
     }
     table[PAIRED] = numbers
-    with atomic_write(output) as temporary:
-        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+    write_toml(output, table)
     return len(next(iter(numbers.values())))

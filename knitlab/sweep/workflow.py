@@ -13,7 +13,6 @@ from pydantic import (
     Field,
     FiniteFloat,
     PositiveFloat,
-    ValidationError,
     field_validator,
     model_validator,
 )
@@ -26,7 +25,7 @@ from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit
 from knitlab.fabric.stripe import STIFFENING, STRIPE_QUANTITIES, Knit
-from knitlab.io.errors import BadInput, faults_of, unknown
+from knitlab.io.errors import naming, unknown
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel
 from knitlab.measure.capacitance.capacitor import Capacitor
@@ -200,10 +199,8 @@ class Protocol(ProtocolSection):
     if not TYPE_CHECKING:  # which knows the arguments from the fields
 
         def __init__(self, **values: Any) -> None:
-            try:
+            with naming("Protocol"):
                 super().__init__(**values)
-            except ValidationError as error:
-                raise BadInput(faults_of(error, "Protocol")) from error
 
 
 PLAIN_NUMBERS = declared(PlainKnit) | factors(declared(PlainKnit))

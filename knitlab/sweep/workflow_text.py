@@ -36,11 +36,6 @@ LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
 Axes = dict[str, tuple[Any, ...]]  # values of settings given as lists: dimensions of the cube
 
 
-def dims(axes: Axes, paired: Collection[str]) -> list[str]:
-    """The dimensions of the cube along axes, of which the paired ones share the last."""
-    return [name for name in axes if name not in paired] + [SAMPLE] * bool(paired)
-
-
 def coordinate(name: str) -> Variable:
     """The cube's coordinate along the values of a setting, or of paired ones."""
     if name == SAMPLE:

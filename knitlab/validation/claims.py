@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import xarray as xr
 from pydantic import Field, ValidationError, create_model
 
-from knitlab.io.errors import BadInput, Fault, faults_of, unknown
+from knitlab.io.errors import Fault, faults_of, raise_any, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_toml
 from knitlab.validation import checks
@@ -98,8 +98,7 @@ def read_claims(path: Path | None = None) -> list[Claim]:
                 claims.append(_schema(test).model_validate({"name": name} | table | numbers))
             except ValidationError as error:
                 faults += faults_of(error, source)
-    if faults:
-        raise BadInput(faults)
+    raise_any(faults)
     return claims
 
 

@@ -97,7 +97,10 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
         ((*SMALL, "--needles", "9"), "--needles 9: one repeat takes 16 of them"),
         ((*SMALL, "--machine", "end"), "machine end: is not KEY=VALUE"),
         ((*SMALL, "--machine", "ends=drop"), "there is no setting of the machine 'ends'"),
-        ((*SMALL, "-o", "sample.dat"), "sample.dat: has no suffix of knitout or a chart; give .k,"),
+        (
+            (*SMALL, "-o", "sample.dat"),
+            "sample.dat: has no suffix of knitout or a chart; give one",
+        ),
         ((*SMALL, "--sheet", "sheet.k"), "sheet.k: has no suffix of a figure"),
         (("nothing",), "is not a file, and there is no workflow 'nothing'"),
         (("results/nothing.nc",), "does not exist; run a workflow"),

@@ -169,7 +169,7 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
 @pytest.mark.parametrize(
     ("kind", "output", "selections", "message"),
     [
-        ("auxetic", "map.jpeg2", {}, "has no suffix of a figure; give .pdf, .svg, .png"),
+        ("auxetic", "map.jpeg2", {}, "has no suffix of a figure; give one of .pdf, .svg, .png"),
         ("auxetic", "map.pdf", {"n_stripe": 3}, "no n_stripe = 3"),
         ("shape", "shape.png", {}, "holds no node position"),
         (
