@@ -14,7 +14,7 @@ from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.design_map import draw_map
 from knitlab.figures.kinds.sensitivity import SYMBOLS
-from knitlab.figures.style import TWO_COLUMNS, number
+from knitlab.figures.style import number, subplots
 from knitlab.io.errors import fault, unknown
 
 if TYPE_CHECKING:  # which imports JAX
@@ -63,12 +63,10 @@ def uncertainty_map(
 
     rows = len({int(design["n_stripe"]) for design in designs})
     height = max(2.4, 1.2 + 0.55 * rows)
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = subplots(height)
     what = VARIABLES[name].long_name + (f"\nat {cube[STRAIN].item():.0%}" if single else "")
     label = f"standard deviation of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
     marked = draw_map(axes, [shown], f"{name}_sd", label, text)
-    axes.set_xlabel(cells.PERIODS_LABEL)
     cells.marks_legend(figure, marked, "no derivative, or no value", NOTES)
     return figure
 
