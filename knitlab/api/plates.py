@@ -67,7 +67,7 @@ def plate_stiffness(
             raise fault("where", "is a condition on designs, and a test is one; leave it out")
         plates = plates_of_case(in_cloth(cube, cube), selections)
     else:
-        plates = plates_of_cube(cube, Path(cube.encoding["source"]).parent, selections, where)
+        plates = plates_of_cube(cube, selections, where)
     if output is not None:
         CARDS[output.suffix.lower()](plates, output)
     return plates

@@ -10,7 +10,7 @@ import xarray as xr
 
 from knitlab.api.cubes import Cube, opened_with_shapes
 from knitlab.cube.case_file import in_cloth, network_configurations
-from knitlab.cube.cube_file import design_dims, is_case
+from knitlab.cube.cube_file import is_case
 from knitlab.cube.schema import COORDINATES, STRAIN
 from knitlab.cube.selection import refuse_others, selections_along
 from knitlab.equilibrium.adjoint import NoDerivative
@@ -19,7 +19,7 @@ from knitlab.figures.figure_files import draw_into
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.meshes.chosen_case import chosen_case, chosen_cases, chosen_strains
+from knitlab.meshes.chosen_case import chosen_case, chosen_strains, of_chosen_cases
 from knitlab.sensing.crosstalk import cross_talk as cross_talk_of
 from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set, sensor_case
 from knitlab.sensing.maxwell import Others, capacitance_matrices
@@ -252,14 +252,8 @@ def selectivity(
         found = selectivity_of_case(in_cloth(cube, cube), along, selections)
         found.attrs["design"] = recorded_case(cube).label
     else:
-        dims, folder = design_dims(cube), Path(cube.encoding["source"]).parent
-        parts = [
-            selectivity_of_case(case_file, along, selections).expand_dims(
-                {dim: [value] for dim, value in zip(dims, design, strict=True)}
-            )
-            for design, case_file in chosen_cases(cube, folder, selections, where).items()
-        ]
-        found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
+        compute = partial(selectivity_of_case, along=along, selections=selections)
+        found = of_chosen_cases(compute, cube, selections, where)
         found[STATUS] = found[STATUS].fillna("")
     if output is not None:
         draw_into(partial(selectivity_figure, found), output)

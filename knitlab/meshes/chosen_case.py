@@ -1,6 +1,6 @@
 """The one case, and the strains of it, that selections choose."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,12 +61,16 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
 
 
-def chosen_cases(
-    cube: xr.Dataset, folder: Path, selections: Mapping[str, Any] = {}, where: str | None = None
-) -> dict[tuple[Any, ...], xr.Dataset]:
-    """Contents of the case files of the designs that selections and a condition leave.
+def of_chosen_cases(
+    compute: Callable[[xr.Dataset], xr.Dataset],
+    cube: xr.Dataset,
+    selections: Mapping[str, Any] = {},
+    where: str | None = None,
+) -> xr.Dataset:
+    """What is computed of the case file of each design that selections and a condition leave.
 
-    Designs without one are left out. BadInput if none has one, or the one that is left has not.
+    Designs without one are left out; the result is missing where a design of its dimensions was.
+    ``length_unit`` names those of all. BadInput if none has one, or the one that is left has not.
     """
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
@@ -79,17 +83,28 @@ def chosen_cases(
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
     if rows.empty:
         raise fault("where" if where else "selections", "leaves no design; choose others")
-    faults, case_files = ErrorCollector(), dict[tuple[Any, ...], xr.Dataset]()
-    for design in rows.itertuples(index=False, name=None):
+    faults, case_files = ErrorCollector(), list[tuple[xr.Dataset, dict[str, Any]]]()
+    folder = Path(cube.encoding["source"]).parent
+    for labels in rows.itertuples(index=False, name=None):
+        design = dict(zip(dims, labels, strict=True))
         with faults:
             # Of a cube few designs may have their shapes beside it.
-            case_files[design] = chosen_case(cube, folder, dict(zip(dims, design, strict=True)))
+            case_files.append((chosen_case(cube, folder, design), design))
     if len(rows) == 1 and faults.all:
         raise BadInput(faults.all)
     if not case_files:
         problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
         raise fault(str(folder / "cases"), problem)
-    return case_files
+    parts = [
+        compute(case_file).expand_dims({dim: [label] for dim, label in design.items()})
+        for case_file, design in case_files
+    ]
+    found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
+    for dim in dims:
+        found = found.reindex({dim: cube[dim][cube[dim].isin(found[dim])]})
+        found[dim].attrs |= cube[dim].attrs
+    units = sorted({each.attrs["length_unit"] for each in parts})
+    return found.assign_attrs(length_unit=" and ".join(units))
 
 
 def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
