@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.case_file import in_cloth, length_unit
+from knitlab.cube.case_file import length_unit
 from knitlab.cube.comparison import compared
-from knitlab.cube.cube_file import cube_path, is_case, open_cube
+from knitlab.cube.cube_file import is_case, open_cube
 from knitlab.cube.find import Found, find_designs
 from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import STRAIN
@@ -279,7 +279,7 @@ def export(
     known = (*formats.FORMATS, *several)
     if suffix not in known:
         raise fault(f"output {output}", f"has no suffix of a mesh; give one of {', '.join(known)}")
-    case_file = _case_file(shapes, selections)
+    case_file = chosen_case(opened_with_shapes(shapes), selections)
     rows = chosen_strains(case_file, selections, several=suffix in several)
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
@@ -296,18 +296,3 @@ def export(
         formats.write_mesh(meshes[0], output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
-
-
-def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The contents of the case file of one design."""
-    if isinstance(shapes, str | Path):
-        return chosen_case(open_cube(shapes), cube_path(shapes).parent, selections)
-    if "status" not in shapes:
-        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
-    if is_case(shapes):
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        return in_cloth(shapes, shapes)
-    if (source := shapes.encoding.get("source")) is None:
-        remedy = "beside which shapes lie; give its path"
-        raise fault("shapes", f"is a cube that was not opened from a file, {remedy}")
-    return chosen_case(shapes, Path(source).parent, selections)

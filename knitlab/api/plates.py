@@ -7,12 +7,7 @@ from typing import Any
 import xarray as xr
 
 from knitlab.api.cubes import Cube, opened_with_shapes
-from knitlab.cube.case_file import in_cloth
-from knitlab.cube.cube_file import is_case
-from knitlab.cube.schema import STRAIN
-from knitlab.cube.selection import refuse_others
-from knitlab.io.errors import fault
-from knitlab.plate.plate_stiffness import plates_of_case, plates_of_cube
+from knitlab.plate.plate_stiffness import plates_of
 from knitlab.plate.shell_cards import CARDS, check_card
 
 
@@ -60,14 +55,7 @@ def plate_stiffness(
     selections = {**selections, **named}
     if output is not None:
         check_card(output := Path(output))
-    cube = opened_with_shapes(shapes)
-    if is_case(cube):
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        if where is not None:
-            raise fault("where", "is a condition on designs, and a test is one; leave it out")
-        plates = plates_of_case(in_cloth(cube, cube), selections)
-    else:
-        plates = plates_of_cube(cube, selections, where)
+    plates = plates_of(opened_with_shapes(shapes), selections, where)
     if output is not None:
         CARDS[output.suffix.lower()](plates, output)
     return plates

@@ -9,10 +9,10 @@ import numpy as np
 import xarray as xr
 
 from knitlab.api.cubes import Cube, opened_with_shapes
-from knitlab.cube.case_file import in_cloth, network_configurations
+from knitlab.cube.case_file import network_configurations
 from knitlab.cube.cube_file import is_case
 from knitlab.cube.schema import COORDINATES, STRAIN
-from knitlab.cube.selection import refuse_others, selections_along
+from knitlab.cube.selection import selections_along
 from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.fabric.fabric import Configuration
 from knitlab.figures.figure_files import draw_into
@@ -172,27 +172,13 @@ def cross_talk(
     pairs = [(names.index(one), names.index(other)) for one, other in sensors]
     axis = DIRECTIONS.index(pull)
     try:
-        found = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
+        table = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
     except NoDerivative as problem:
         raise fault(case.label, f"{problem}; take a design that relaxes to one shape") from problem
-    both, labels = ("sensor", "pulled"), ["-".join(pair) for pair in sensors]
-    scale = _lengthened(of_set, relaxed, capacitor)
-    own = np.diag(found.gauge_factor)
-    variables = {
-        "gauge_factor": (found.gauge_factor, "change of ln C by the strain of the pulled part"),
-        "cross_talk": (found.gauge_factor / own[:, None], "reading over that of its own strain"),
-        "strain": (found.strain, "strain over that of the pulled part"),
-        "coupling": (found.coupling, "largest capacitance between sensors over the reading"),
-    }
-    table = xr.Dataset(
-        {"reading": ("sensor", scale * found.reading, PICOFARAD | {"long_name": "reading"})}
-        | {
-            name: (both, values, {"units": "1", "long_name": meaning})
-            for name, (values, meaning) in variables.items()
-        },
-        {"sensor": labels, "pulled": labels},
-        {"design": case.label, "pull": pull, "others": others},
-    )
+    labels = ["-".join(pair) for pair in sensors]
+    table["reading"].values *= _lengthened(of_set, relaxed, capacitor)
+    table = table.assign_coords(sensor=labels, pulled=labels)
+    table.attrs |= {"design": case.label, "pull": pull, "others": others}
     if output is not None:
         draw_into(partial(cross_talk_figure, table), output)
     return table
@@ -245,16 +231,11 @@ def selectivity(
     if along not in DIRECTIONS:
         raise fault("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
     cube = opened_with_shapes(shapes)
+    compute = partial(selectivity_of_case, along=along)
+    found = of_chosen_cases(compute, cube, selections, where)
+    found[STATUS] = found[STATUS].fillna("")
     if is_case(cube):
-        if where is not None:
-            raise fault("where", "is a condition on designs, and a test is one; leave it out")
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        found = selectivity_of_case(in_cloth(cube, cube), along, selections)
         found.attrs["design"] = recorded_case(cube).label
-    else:
-        compute = partial(selectivity_of_case, along=along, selections=selections)
-        found = of_chosen_cases(compute, cube, selections, where)
-        found[STATUS] = found[STATUS].fillna("")
     if output is not None:
         draw_into(partial(selectivity_figure, found), output)
     return found
@@ -291,12 +272,7 @@ def _states(
 
     Lengths are in mm of the network.
     """
-    cube = opened_with_shapes(shapes)
-    if is_case(cube):
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-        case_file = cube
-    else:
-        case_file = chosen_case(cube, Path(cube.encoding["source"]).parent, selections)
+    case_file = chosen_case(opened_with_shapes(shapes), selections)
     several = STRAIN in selections
     chosen = chosen_strains(case_file, selections_along(selections, [STRAIN]), several)
     case, capacitor = sensor_case(case_file)

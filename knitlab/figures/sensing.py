@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cube.schema import STRAIN, Status
+from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
 from knitlab.figures.cells import number_table
 from knitlab.figures.kinds.design_map import draw_map
 from knitlab.figures.style import (
@@ -17,7 +17,6 @@ from knitlab.figures.style import (
 )
 
 MOST_BARS = 6  # designs up to which bars are drawn in place of maps
-DESIGN = ("n_stripe", "n_subunit")
 
 
 @print_style()
@@ -69,7 +68,7 @@ def selectivity_figure(selectivity: xr.Dataset) -> Figure:
         }
     )
     known = int(np.isfinite(state["selectivity"]).sum())
-    if known > MOST_BARS and state["selectivity"].dims == DESIGN:
+    if known > MOST_BARS and state["selectivity"].dims == DESIGN_DIMS:
         present = xr.where(first["sensing_status"] == "", int(Status.excluded), int(Status.ok))
         figure = _maps(state.assign(status=present))
     else:

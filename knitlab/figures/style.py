@@ -58,9 +58,9 @@ def number(value: float, form: str = ".2f") -> str:
     return format(value, form).replace("-", MINUS)
 
 
-def shades(count: int, end: float = 0.8) -> list[Any]:
+def shades(count: int) -> list[Any]:
     """Colours of things in an order."""
-    return list(mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, end, count)))
+    return list(mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.8, count)))
 
 
 def ink_on(colour: Any) -> str:

@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import Bool
 
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
-from knitlab.cube.cube_file import design_dims, is_measured, source_of
+from knitlab.cube.cube_file import design_dims, is_case, is_measured, source_of
 from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.selection import (
@@ -22,11 +22,14 @@ from knitlab.cube.selection import (
 from knitlab.io.errors import BadInput, ErrorCollector, fault
 
 
-def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Contents of the case file of the one design of a cube that selections leave.
+def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+    """Contents of the case file of the one design of a cube that selections leave, or of a test.
 
-    BadInput if they leave no design or several, or the folder has no sound case file of it.
+    BadInput if they leave no design or several, or beside the cube is no sound case file of it.
     """
+    if is_case(cube):
+        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+        return in_cloth(cube, cube)
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
     dims = design_dims(cube)
@@ -46,6 +49,7 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     (only,) = designs["design"].values
     case_id = str(designs["case_id"].item())
     name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
+    folder = Path(cube.encoding["source"]).parent
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
     if stored is StoredCase.damaged:
         raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
@@ -62,41 +66,46 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
 
 
 def of_chosen_cases(
-    compute: Callable[[xr.Dataset], xr.Dataset],
+    compute: Callable[[xr.Dataset, Mapping[str, Any]], xr.Dataset],
     cube: xr.Dataset,
     selections: Mapping[str, Any] = {},
     where: str | None = None,
 ) -> xr.Dataset:
-    """What is computed of the case file of each design that selections and a condition leave.
+    """What is computed of a test, or the case file of each design that selections leave of a cube.
 
-    Designs without one are left out; the result is missing where a design of its dimensions was.
-    ``length_unit`` names those of all. BadInput if none has one, or the one that is left has not.
+    It is computed with the selections of strains. Designs without a file are left out, and missing
+    if others have their labels; ``length_unit`` names those of all. BadInput if none has a file, or
+    the one that is left has not.
     """
+    along = selections_along(selections, [STRAIN])
+    if is_case(cube):
+        if where is not None:
+            raise fault("where", "is a condition on designs, and a test is one; leave it out")
+        return compute(chosen_case(cube, selections), along)
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
     dims = design_dims(cube)
     known = (*dims, STRAIN)
     remedy = f"select along {', '.join(known)}"
     refuse_others(selections, known, f"is not a coordinate of a state; {remedy}")
-    chosen_indices({STRAIN: cube[STRAIN].values}, selections_along(selections, [STRAIN]))
+    chosen_indices({STRAIN: cube[STRAIN].values}, along)
     left = selected(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
     if rows.empty:
         raise fault("where" if where else "selections", "leaves no design; choose others")
     faults, case_files = ErrorCollector(), list[tuple[xr.Dataset, dict[str, Any]]]()
-    folder = Path(cube.encoding["source"]).parent
     for labels in rows.itertuples(index=False, name=None):
         design = dict(zip(dims, labels, strict=True))
         with faults:
             # Of a cube few designs may have their shapes beside it.
-            case_files.append((chosen_case(cube, folder, design), design))
+            case_files.append((chosen_case(cube, design), design))
     if len(rows) == 1 and faults.all:
         raise BadInput(faults.all)
     if not case_files:
         problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
-        raise fault(str(folder / "cases"), problem)
+        raise fault(str(Path(cube.encoding["source"]).parent / "cases"), problem)
     parts = [
-        compute(case_file).expand_dims({dim: [label] for dim, label in design.items()})
+        compute(case_file, along).expand_dims({dim: [label] for dim, label in design.items()})
         for case_file, design in case_files
     ]
     found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")

@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
-from knitlab.cube.cube_file import cube_name, is_measured, model_options
+from knitlab.cube.cube_file import cube_name, is_case, is_measured, model_options
 from knitlab.cube.schema import STRAIN
-from knitlab.cube.selection import chosen_indices, selections_along
+from knitlab.cube.selection import chosen_indices
 from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
 from knitlab.meshes.chosen_case import has_shape, of_chosen_cases
@@ -94,17 +94,17 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
     return found
 
 
-def plates_of_cube(
+def plates_of(
     cube: xr.Dataset, selections: Mapping[str, Any] = {}, where: str | None = None
 ) -> xr.Dataset:
-    """The plates of the designs of a cube that have a periodic shape in its folder.
+    """The plates of a test, or of the designs of a cube that have a periodic shape in its folder.
 
     BadInput if no design has, or a selection or condition is at fault.
     """
-    if not is_measured(cube) and model_options(cube).get("boundary") == "clamped":
+    simulated = not (is_case(cube) or is_measured(cube))
+    if simulated and model_options(cube).get("boundary") == "clamped":
         raise fault(cube_name(cube), OF_PERIODIC)
-    along = selections_along(selections, [STRAIN])
-    plates = of_chosen_cases(lambda case: plates_of_case(case, along), cube, selections, where)
+    plates = of_chosen_cases(plates_of_case, cube, selections, where)
     plates[STATUS] = plates[STATUS].fillna(PlateStatus.no_shape).astype(np.int8)
     return plates
 

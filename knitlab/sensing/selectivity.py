@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from knitlab.cube.case_file import LENGTH_FACTOR, length_unit, network_configurations
 from knitlab.cube.schema import STRAIN
-from knitlab.cube.selection import chosen_indices, selections_along
+from knitlab.cube.selection import chosen_indices
 from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import ORDER, Capacitor
@@ -50,7 +50,7 @@ Moves = Float[np.ndarray, "6 node_y node_x 3"]
 
 
 def selectivity_of_case(
-    case_file: xr.Dataset, along: str, selections: Mapping[str, Any] = {}
+    case_file: xr.Dataset, selections: Mapping[str, Any], along: str
 ) -> xr.Dataset:
     """The selectivity of a periodic case with electrodes, relaxed or at selected strains.
 
@@ -65,8 +65,7 @@ def selectivity_of_case(
     ):
         if wrong:
             raise fault(case.label, f"{problem}; simulate it with {remedy}")
-    wanted = selections_along(selections, [STRAIN])
-    chosen = chosen_indices({STRAIN: case_file[STRAIN].values}, wanted).get(STRAIN, [0])
+    chosen = chosen_indices({STRAIN: case_file[STRAIN].values}, selections).get(STRAIN, [0])
     solver, factor = _Solver(case, capacitor), float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
     gauges, status, reached = [], list[str](), has_shape(case_file)
     measured = case_file["capacitance"].values[chosen]

@@ -63,12 +63,13 @@ def relaxed_shapes(
     sheets = [None if k == 0 else _rough_sheet(net, fabric, k) for k in range(starts)]
     searches = [partial(_relaxed_from, settings=settings, start=sheet) for sheet in sheets]
     states = run_each(net.shape, [fabric] * starts, searches)
-    unfolded = 0.5 * np.asarray(fabric.fold_stiffness) @ np.asarray(fabric.rest_fold) ** 2
-    scale, shapes = float(unfolded), list[RelaxedShape]()
+    stiffness = np.asarray(fabric.fold_stiffness)
+    scale = float(0.5 * stiffness @ np.asarray(fabric.rest_fold) ** 2)
+    stiff, shapes = stiffness > 0, list[RelaxedShape]()
     for state in states:
         if not state.converged:
             continue
-        angles = _angles(net, fabric, state)
+        angles = np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
         for k, known in enumerate(shapes):
             if _same(known, state, angles, scale):
                 shapes[k] = RelaxedShape(known.state, known.angles, known.starts + 1)
@@ -96,11 +97,6 @@ def _rough_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
     noise = np.fft.ifft2(np.fft.fft2(noise, axes=(0, 1)) * smooth[..., None], axes=(0, 1)).real
     noise *= random.uniform(0.05, 0.5) * side / noise.std()
     return Configuration(positions + noise, np.asarray(flat.lengths))
-
-
-def _angles(net: Network, fabric: Fabric, state: State) -> Float[np.ndarray, " hinge"]:
-    stiff = np.asarray(fabric.fold_stiffness) > 0
-    return np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
 
 
 def _same(
