@@ -30,12 +30,7 @@ def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     if is_case(cube):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
         return in_cloth(cube, cube)
-    if is_measured(cube):
-        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
-    dims = design_dims(cube)
-    known = (*dims, STRAIN)
-    problem = f"is not a coordinate of a shape; select along {', '.join(known)}"
-    refuse_others(selections, known, problem)
+    dims = _dims_of_shapes(cube, selections)
     left = selected(cube, {dim: selections[dim] for dim in dims if dim in selections})
     designs = left[["status", "case_id"]].stack(design=dims)
     designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
@@ -65,6 +60,16 @@ def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
 
 
+def _dims_of_shapes(cube: xr.Dataset, selections: Mapping[str, Any]) -> tuple[str, ...]:
+    """The dimensions of the designs of a cube; BadInput if it can have no shapes of selections."""
+    if is_measured(cube):
+        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
+    known = (*design_dims(cube), STRAIN)
+    remedy = f"select along {', '.join(known)}"
+    refuse_others(selections, known, f"is not a coordinate of a shape; {remedy}")
+    return known[:-1]
+
+
 def of_chosen_cases(
     compute: Callable[[xr.Dataset, Mapping[str, Any]], xr.Dataset],
     cube: xr.Dataset,
@@ -82,12 +87,7 @@ def of_chosen_cases(
         if where is not None:
             raise fault("where", "is a condition on designs, and a test is one; leave it out")
         return compute(chosen_case(cube, selections), along)
-    if is_measured(cube):
-        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
-    dims = design_dims(cube)
-    known = (*dims, STRAIN)
-    remedy = f"select along {', '.join(known)}"
-    refuse_others(selections, known, f"is not a coordinate of a state; {remedy}")
+    dims = _dims_of_shapes(cube, selections)
     chosen_indices({STRAIN: cube[STRAIN].values}, along)
     left = selected(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()

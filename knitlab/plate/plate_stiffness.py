@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
+from knitlab.cube.case_file import LENGTH_FACTOR, length_unit, network_configurations
 from knitlab.cube.cube_file import cube_name, is_case, is_measured, model_options
 from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import chosen_indices
-from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
 from knitlab.meshes.chosen_case import has_shape, of_chosen_cases
 from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
@@ -65,9 +64,9 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
     for index in strains:
         plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(3, np.nan)
         if reached[index]:
-            state = configurations(case_file.isel({STRAIN: [index]}))[0]
-            lengths = np.asarray(state.lengths)
-            plate = solver.plate(fabric, Configuration(state.positions / factor, lengths / factor))
+            state = network_configurations(case_file.isel({STRAIN: [index]}))[0]
+            lengths = factor * np.asarray(state.lengths)
+            plate, _ = solver.response(fabric, state)
         sides = dict(zip(SIDES, [*lengths, 0.0], strict=False))
         plates.append(_numbers(plate, factor) | sides)
     about_status = {

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import fourier_gaussian
 from scipy.sparse.linalg import splu
 
 from knitlab.equilibrium.equilibrium import run_each
@@ -92,9 +93,9 @@ def _rough_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
     side = float(np.asarray(fabric.cell_sides).min())
     positions = np.asarray(flat.positions)
     noise = random.normal(size=positions.shape)
-    waves = np.fft.fftfreq(positions.shape[0])[:, None], np.fft.fftfreq(positions.shape[1])[None]
-    smooth = np.exp(-((waves[0] ** 2 + waves[1] ** 2) * random.uniform(1, 8) ** 2) * np.pi**2)
-    noise = np.fft.ifft2(np.fft.fft2(noise, axes=(0, 1)) * smooth[..., None], axes=(0, 1)).real
+    width = random.uniform(1, 8) / np.sqrt(2)
+    smooth = fourier_gaussian(np.fft.fft2(noise, axes=(0, 1)), (width, width, 0))
+    noise = np.fft.ifft2(smooth, axes=(0, 1)).real
     noise *= random.uniform(0.05, 0.5) * side / noise.std()
     return Configuration(positions + noise, np.asarray(flat.lengths))
 

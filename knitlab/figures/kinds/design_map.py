@@ -56,8 +56,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
         spread = _spread(design)
         return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
 
-    height = max(2.4, 1.2 + 0.5 * _row_count(designs))
-    figure, axes = subplots(height)
+    figure, axes = subplots(max(2.4, 1.2 + 0.5 * row_count(designs)))
     label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
     label += "\n(negative: auxetic)"
     marked = draw_map(axes, cubes, name, label, text, signed=True)
@@ -150,7 +149,8 @@ def _marks(name: str, design: xr.Dataset) -> str:
     return "".join(note[0] for note in _notes(name, design))
 
 
-def _row_count(designs: Sequence[xr.Dataset]) -> int:
+def row_count(designs: Sequence[xr.Dataset]) -> int:
+    """Number of rows of a map of designs."""
     return len({int(design["n_stripe"]) for design in designs})
 
 
@@ -206,7 +206,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
             Merit(straight, f"R² of a line over {window} [1]", ".2f"),
         )
     designs = [design for cube in cubes for design in designs_of(cube)]
-    height = 0.5 + 0.38 * max(_row_count(designs), 3)
+    height = 0.5 + 0.38 * max(row_count(designs), 3)
     heights = height, height, 3.1
     figure, (*maps, below) = subplots(sum(heights), 3, height_ratios=heights)
     marked: set[Status] = set()
