@@ -16,8 +16,9 @@ import shutil
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -48,7 +49,7 @@ class Clock:
     """Processor time of this process by stage; time belongs to the innermost stage [s]."""
 
     def __init__(self) -> None:
-        self.seconds = Counter[str]()
+        self.seconds = defaultdict[str, float](float)
         self.stages = ["rest"]
         self.since = 0.0  # since the process began, its interpreter included
 
@@ -81,19 +82,32 @@ class Clock:
         self.stages.pop()
 
 
+def after(first: Callable[[], None], function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, called after another one."""
+
+    def call(*arguments: Any) -> Any:
+        first()
+        return function(*arguments)
+
+    return call
+
+
 def measure(words: list[str]) -> None:
     """Run a command line in this process and print its processor time by stage as JSON."""
     clock = Clock()
     builtins.__import__ = clock.timed(builtins.__import__, "imports")
     importlib.import_module = clock.timed(importlib.import_module, "imports")
-    from jax._src.dispatch import LogElapsedTimeContextManager as Compiling
+    from jax._src.dispatch import LogElapsedTimeContextManager
 
     from knitlab.cli import main
 
     # JAX reports these times when they have ended, when it no longer says what they are part of.
-    enter, leave = Compiling.__enter__, Compiling.__exit__
-    Compiling.__enter__ = lambda span: clock.enter("compilation") or enter(span)
-    Compiling.__exit__ = lambda span, *error: clock.leave() or leave(span, *error)
+    for name, turn in (
+        ("__enter__", partial(clock.enter, "compilation")),
+        ("__exit__", clock.leave),
+    ):
+        own = getattr(LogElapsedTimeContextManager, name)
+        setattr(LogElapsedTimeContextManager, name, after(turn, own))
     for place, stage in TIMED.items():
         module, name = place.split(":")
         holder = importlib.import_module(module)
@@ -141,7 +155,8 @@ def draw(cube: xr.Dataset, path: Path) -> None:
         seconds = bars.sel(stage=stage).values
         axes.barh(names, seconds, left=left, label=stage)
         left = left + seconds
-    axes.bar_label(axes.containers[-1], [f"{total:.1f} s" for total in left], padding=3)
+    for name, total in zip(names, left, strict=True):
+        axes.annotate(f" {total:.1f} s", (total, name), va="center")
     axes.invert_yaxis()
     axes.set_xlim(0, 1.1 * left.max())
     axes.set_xlabel("processor time [s]")

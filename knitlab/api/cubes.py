@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.case_file import in_cloth, length_unit
+from knitlab.cube.case_file import length_unit
 from knitlab.cube.comparison import compared
 from knitlab.cube.cube_file import is_case, open_cube
 from knitlab.cube.find import Found, find_designs
@@ -46,24 +46,6 @@ def opened_with_shapes(shapes: Cube) -> xr.Dataset:
         problem = "is a cube that was not opened from a file, beside which shapes lie"
         raise fault("shapes", f"{problem}; give its path")
     return cube
-
-
-def in_cloth_of_test(
-    test: xr.Dataset, selections: Mapping[str, Any], where: str | None = None
-) -> xr.Dataset:
-    """A test with its shapes in mm of cloth; BadInput if it is asked for other designs."""
-    refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-    if where is not None:
-        raise fault("where", "is a condition on designs, and a test is one; leave it out")
-    return in_cloth(test, test)
-
-
-def one_case(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The contents of the case file of one design, or a test, with its shapes in mm of cloth."""
-    cube = opened_with_shapes(shapes)
-    if is_case(cube):
-        return in_cloth_of_test(cube, selections)
-    return chosen_case(cube, Path(cube.encoding["source"]).parent, selections)
 
 
 def query(
@@ -295,7 +277,7 @@ def export(
     output, selections = Path(output), {**selections, **named}
     suffix, several = output.suffix.lower(), (formats.SERIES, formats.FOLD)
     check_suffix(output, (*formats.FORMATS, *several), "a mesh")
-    case_file = one_case(shapes, selections)
+    case_file = chosen_case(opened_with_shapes(shapes), selections)
     rows = chosen_strains(case_file, selections, several=suffix in several)
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:

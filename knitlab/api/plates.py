@@ -6,9 +6,8 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.api.cubes import Cube, in_cloth_of_test, opened_with_shapes
-from knitlab.cube.cube_file import is_case
-from knitlab.plate.plate_stiffness import plates_of_case, plates_of_cube
+from knitlab.api.cubes import Cube, opened_with_shapes
+from knitlab.plate.plate_stiffness import plates_of
 from knitlab.plate.shell_cards import CARDS, check_card
 
 
@@ -56,11 +55,7 @@ def plate_stiffness(
     selections = {**selections, **named}
     if output is not None:
         check_card(output := Path(output))
-    cube = opened_with_shapes(shapes)
-    if is_case(cube):
-        plates = plates_of_case(in_cloth_of_test(cube, selections, where), selections)
-    else:
-        plates = plates_of_cube(cube, Path(cube.encoding["source"]).parent, selections, where)
+    plates = plates_of(opened_with_shapes(shapes), selections, where)
     if output is not None:
         CARDS[output.suffix.lower()](plates, output)
     return plates

@@ -8,17 +8,18 @@ from typing import Any, get_args
 import numpy as np
 import xarray as xr
 
-from knitlab.api.cubes import Cube, in_cloth_of_test, one_case, opened_with_shapes
+from knitlab.api.cubes import Cube, opened_with_shapes
 from knitlab.cube.case_file import network_configurations
-from knitlab.cube.cube_file import design_dims, is_case
+from knitlab.cube.cube_file import is_case
 from knitlab.cube.schema import STRAIN, described
+from knitlab.cube.selection import selections_along
 from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.fabric.fabric import Configuration
 from knitlab.figures.figure_files import draw_into
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.meshes.chosen_case import chosen_cases, chosen_strains
+from knitlab.meshes.chosen_case import chosen_case, chosen_strains, of_chosen_cases
 from knitlab.sensing.crosstalk import cross_talk as cross_talk_of
 from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set, sensor_case
 from knitlab.sensing.maxwell import Others, capacitance_matrices
@@ -158,23 +159,13 @@ def cross_talk(
     pairs = [(names.index(one), names.index(other)) for one, other in sensors]
     axis = DIRECTIONS.index(pull)
     try:
-        found = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
+        table = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
     except NoDerivative as problem:
         raise fault(case.label, f"{problem}; take a design that relaxes to one shape") from problem
-    both, labels = ("sensor", "pulled"), ["-".join(pair) for pair in sensors]
-    scale = _lengthened(of_set, relaxed, capacitor)
-    own = np.diag(found.gauge_factor)
-    variables = {
-        "gauge_factor": (found.gauge_factor, "change of ln C by the strain of the pulled part"),
-        "cross_talk": (found.gauge_factor / own[:, None], "reading over that of its own strain"),
-        "strain": (found.strain, "strain over that of the pulled part"),
-        "coupling": (found.coupling, "largest capacitance between sensors over the reading"),
-    }
-    about = {"design": case.label, "pull": pull, "others": others}
-    table = xr.Dataset(coords={"sensor": labels, "pulled": labels}, attrs=about)
-    table["reading"] = "sensor", scale * found.reading, PICOFARAD | {"long_name": "reading"}
-    for name, (values, meaning) in variables.items():
-        table[name] = both, values, {"units": "1", "long_name": meaning}
+    labels = ["-".join(pair) for pair in sensors]
+    table["reading"].values *= _lengthened(of_set, relaxed, capacitor)
+    table = table.assign_coords(sensor=labels, pulled=labels)
+    table.attrs |= {"design": case.label, "pull": pull, "others": others}
     if output is not None:
         draw_into(partial(cross_talk_figure, table), Path(output))
     return table
@@ -228,19 +219,11 @@ def selectivity(
     if along not in DIRECTIONS:
         raise fault("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
     cube = opened_with_shapes(shapes)
+    compute = partial(selectivity_of_case, along=along)
+    found = of_chosen_cases(compute, cube, selections, where)
+    found[STATUS] = found[STATUS].fillna("")
     if is_case(cube):
-        found = selectivity_of_case(in_cloth_of_test(cube, selections, where), along, selections)
         found.attrs["design"] = recorded_case(cube).label
-    else:
-        dims, folder = design_dims(cube), Path(cube.encoding["source"]).parent
-        parts = [
-            selectivity_of_case(case_file, along, selections).expand_dims(
-                {dim: [value] for dim, value in zip(dims, design, strict=True)}
-            )
-            for design, case_file in chosen_cases(cube, folder, selections, where).items()
-        ]
-        found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
-        found[STATUS] = found[STATUS].fillna("")
     if output is not None:
         draw_into(partial(selectivity_figure, found), Path(output))
     return found
@@ -262,8 +245,9 @@ def _states(
     shapes: Cube, selections: Mapping[str, Any]
 ) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
     """One design with electrodes, its states and strains, and relaxed, in mm of the network."""
-    case_file = one_case(shapes, selections)
-    chosen = chosen_strains(case_file, selections, several=STRAIN in selections)
+    case_file = chosen_case(opened_with_shapes(shapes), selections)
+    along = selections_along(selections, [STRAIN])
+    chosen = chosen_strains(case_file, along, several=STRAIN in along)
     case, capacitor = sensor_case(case_file)
     every = network_configurations(case_file)
     strains = case_file[STRAIN].values[chosen].tolist()

@@ -22,7 +22,6 @@ from knitlab.stability.continuation import (
     Kind,
     NotFollowed,
     PathPoint,
-    Steps,
     equilibrium,
     follow,
     switched,
@@ -77,7 +76,6 @@ def branches(
     """
     case = _single(workflow, overrides or settings, output)
     net, fabric = case.assemble()
-    steps = Steps()
     with one_thread_of_blas():
         system = System(net.shape, fabric)
         test = stretch(system, case.applied_strain[:1], case.equilibrium_solver, load=case.load)
@@ -85,14 +83,14 @@ def branches(
             raise fault(case.label, "does not relax; raise max_iterations")
         equations = FabricEquations(system, test.loading)
         until = -BELOW_REST, case.applied_strain[-1]
-        waiting = deque([equilibrium(equations, equations.start, 0.0, steps)])
+        waiting = deque([equilibrium(equations, equations.start, 0.0)])
         followed: list[list[PathPoint]] = []
         while waiting and len(followed) < MOST_BRANCHES:
-            points = follow(equations, waiting.popleft(), until, steps)
+            points = follow(equations, waiting.popleft(), until)
             followed.append(points)
             for point in points:
                 if point.kind is Kind.branch and len(followed) + len(waiting) < MOST_BRANCHES:
-                    sides = switched(equations, point, ONTO_BRANCH, steps)
+                    sides = switched(equations, point, ONTO_BRANCH)
                     waiting += _new(equations, sides, [*followed, *([each] for each in waiting)])
     table = _table(equations, followed)
     table.attrs["design"] = case.label

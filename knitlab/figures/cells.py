@@ -7,12 +7,13 @@ import numpy as np
 import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.figures.style import Look, ink_on
+from knitlab.figures.style import Look, ink_on, name_rows, number, value_colours
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},
@@ -68,6 +69,22 @@ def cell(
     if text:
         inside: Look = {"ha": "center", "va": "center", "color": ink_on(look["facecolor"])}
         axes.text(column, (bottom + top) / 2, text, zorder=4, **inside, **letters)
+
+
+def number_table(
+    axes: Axes, values: xr.DataArray, rows: str, columns: str, colours: ScalarMappable | None = None
+) -> None:
+    """Draw a table of numbers on colours, by default signed ones; missing ones are white."""
+    numbers = values.transpose(rows, columns).values
+    rgba = (colours or value_colours(numbers, signed=True)).to_rgba(numbers)
+    axes.imshow(rgba)
+    for row, column in np.argwhere(np.isfinite(numbers)).tolist():
+        text, ink = number(float(numbers[row, column]), ".3g"), ink_on(rgba[row, column, :3])
+        axes.text(column, row, text, ha="center", va="center", color=ink)
+    name_rows(axes, [str(name) for name in values[rows].values])
+    axes.set_xticks(range(numbers.shape[1]), [str(name) for name in values[columns].values])
+    axes.set(xlabel=columns, ylabel=rows)
+    remove_frame(axes)
 
 
 def remove_frame(axes: Axes) -> None:

@@ -95,8 +95,10 @@ def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
     mark, suffix, note = f"{MARK}{fingerprint}", output.suffix.lower(), PngInfo()
     key = "Keywords" if suffix == ".pdf" else "Description"
     # In memory, as matplotlib raises errors of its own where a disk is full.
-    file, plain = BytesIO(), {"pil_kwargs": {"compress_level": 0}} if suffix == ".png" else {}
-    figure.savefig(file, format=suffix.removeprefix("."), metadata={key: mark}, **plain)
+    file, settings = BytesIO(), dict[str, Any](metadata={key: mark})
+    if suffix == ".png":  # compressed below
+        settings["pil_kwargs"] = {"compress_level": 0}
+    figure.savefig(file, format=suffix.removeprefix("."), **settings)
     if suffix == ".png":
         note.add_text("Description", mark)
         image = Image.open(file).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from knitlab.cube.find import Found, Reached
 from knitlab.cube.schema import VARIABLES
 from knitlab.cube.target import Target
-from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look, subplots
 
 MOST_SHOWN = 6  # designs that are drawn, the nearest first
 WANTED = CATEGORY_COLOURS[2]
@@ -108,8 +108,7 @@ def pareto_figure(
 
     ``candidates`` has the number of the candidate whose search each trial belongs to.
     """
-    figure = Figure(figsize=(ONE_COLUMN * 1.4, 3.0), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = subplots(3.0, width=ONE_COLUMN * 1.4)
     for number in sorted(candidates.unique()):
         of_search = (candidates == number).to_numpy()
         axes.plot(*distances[of_search].T, "o", ms=4, alpha=0.7, label=f"search {number}")

@@ -3,15 +3,18 @@
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from knitlab.figures.cells import number_table
 from knitlab.figures.style import (
     CATEGORY_COLOURS,
     ONE_COLUMN,
     TWO_COLUMNS,
     Look,
-    number,
     print_style,
+    subplots,
 )
 
 MARKS = {"limit": ("^", "limit point: it snaps"), "branch": ("o", "branch point")}
@@ -22,10 +25,13 @@ MICROJOULES = 1e3  # in N mm
 @print_style()
 def branches_figure(points: xr.Dataset) -> Figure:
     """Force and lowest eigenvalue along branches, solid where stable, against the strain."""
-    figure = Figure(figsize=(TWO_COLUMNS, 3.2), layout="constrained")
-    force, eigenvalue = figure.subplots(1, 2)
+    figure, (force, eigenvalue) = subplots(3.2, 1, 2)
     strain = points["applied_strain"].values
-    for axes, name in ((force, "reaction_force"), (eigenvalue, "lowest_eigenvalue")):
+    for axes, name, label in (
+        (force, "reaction_force", "reaction force [N]"),
+        (eigenvalue, "lowest_eigenvalue", "lowest eigenvalue [N/mm]"),
+    ):
+        axes.set(xlabel="applied strain [1]", ylabel=label)
         values = points[name].values
         for branch in np.unique(points["branch"]):
             own = points["branch"].values == branch
@@ -39,11 +45,7 @@ def branches_figure(points: xr.Dataset) -> Figure:
             if at.any():
                 axes.plot(strain[at], values[at], marker, color="black", ms=4, label=label)
         axes.axhline(0, color="0.7", lw=0.6, zorder=0)
-        axes.set(xlabel="applied strain [1]", ylabel=f"{points[name].attrs['long_name']}")
-    force.set_ylabel("reaction force [N]")
-    eigenvalue.set_ylabel("lowest eigenvalue [N/mm]")
-    handles, labels = force.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(*force.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.suptitle(f"{points.attrs['design']}; dotted: unstable", fontsize="small")
     return figure
 
@@ -82,7 +84,15 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
     left = f"; {hidden} more" if hidden else ""
     figure.suptitle(f"relaxed shapes of {shapes.attrs['design']}{left}", fontsize="small")
     if count > 1:
-        _draw_barriers(figure.add_subplot(grid[1, :]), few)
+        axes, barrier = figure.add_subplot(grid[1, :]), MICROJOULES * few["barrier"]
+        barrier = barrier.where(~np.eye(count, dtype=bool))
+        names = [f"shape {k}" for k in few["shape"].values]
+        barrier = barrier.assign_coords(shape=names, to=names)
+        # Light enough for black text.
+        light = ScalarMappable(Normalize(0, 2 * max(float(barrier.max()), 1e-9)), "Blues")
+        number_table(axes, barrier, "shape", "to", light)
+        title = "estimated energy to go from one to another [µJ]"
+        axes.set(ylabel="from", title=title)
     return figure
 
 
@@ -98,18 +108,3 @@ def _nearest(height: np.ndarray, to: np.ndarray, *, shifted: bool) -> np.ndarray
                 moved = np.roll(field, shift, axis=(0, 1))
             best = min(best, moved, key=lambda each: float(((each - to) ** 2).sum()))
     return best
-
-
-def _draw_barriers(axes: Axes, few: xr.Dataset) -> None:
-    """Energies between shapes, from rows to columns."""
-    count, values = few.sizes["shape"], MICROJOULES * few["barrier"].values
-    off_diagonal = np.where(np.eye(count, dtype=bool), np.nan, values)
-    # Light enough for black text.
-    axes.imshow(off_diagonal, cmap="Blues", vmin=0, vmax=2 * np.nanmax([*off_diagonal.flat, 1e-9]))
-    for row, column in np.ndindex(count, count):
-        text = "" if row == column else number(float(values[row, column]), ".3g")
-        axes.text(column, row, text, ha="center", va="center", fontsize=7)
-    names = [f"shape {k}" for k in few["shape"].values]
-    axes.set_xticks(range(count), names)
-    axes.set_yticks(range(count), names)
-    axes.set(xlabel="to", ylabel="from", title="estimated energy to go from one to another [µJ]")

@@ -12,6 +12,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
 
 ONE_COLUMN = 85 / 25.4  # width of one journal column [in]
 TWO_COLUMNS = 175 / 25.4  # width of two journal columns [in]
@@ -42,14 +45,22 @@ print_style = partial(mpl.rc_context, PRINT)
 Look = dict[str, Any]  # keyword arguments of an artist of matplotlib
 
 
+def subplots(
+    height: float, rows: int = 1, columns: int = 1, *, width: float = TWO_COLUMNS, **look: Any
+) -> tuple[Figure, Any]:
+    """A figure of a size [inch] with axes, or a grid of them, that share its space."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, **look)
+
+
 def number(value: float, form: str = ".2f") -> str:
     """A number as text, with a true minus sign."""
     return format(value, form).replace("-", MINUS)
 
 
-def shades(count: int, end: float = 0.8) -> list[Any]:
+def shades(count: int) -> list[Any]:
     """Colours of things in an order."""
-    return list(mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, end, count)))
+    return list(mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.8, count)))
 
 
 def ink_on(colour: Any) -> str:
@@ -61,6 +72,27 @@ def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
     """Name the rows of a plot, the first of them at the top."""
     axes.set_yticks(range(len(names)), names, **letters)
     axes.set_ylim(len(names) - 0.5, -0.5)
+
+
+def frame_polar(axes: PolarAxes, title: str, names: Sequence[str]) -> None:
+    """Circles for the values of all lines, one at zero if some are negative, and directions.
+
+    ``names`` are those of 0°, 45° and 90°.
+    """
+    values = np.concatenate([np.asarray(line.get_ydata()) for line in axes.lines])
+    low, high = min(values.min(), 0), max(values.max(), 0)
+    if low < 0:
+        low -= 0.25 * (high - low)
+        angles = np.linspace(0, 2 * np.pi, 181)
+        axes.plot(angles, 0 * angles, color="black", lw=0.8)
+    axes.set_rlim(low, high + 0.05 * (high - low))
+    axes.set_title(title, pad=12)
+    axes.set_thetagrids(range(0, 360, 45), [*names, *[""] * 5])
+    axes.set_rlabel_position(22)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.tick_params(axis="y", labelsize=6)
+    axes.grid(color="0.88", lw=0.5)
+    axes.spines["polar"].set_color("0.88")
 
 
 def value_colours(values: np.ndarray, signed: bool = False) -> ScalarMappable:

@@ -211,14 +211,10 @@ def patches_of(front: Bool[np.ndarray, "course wale"], title: str) -> ReadChart:
                 _read(front, title, start, shift, tolerance, slender)
                 for start, shift in product(STARTS, shifts)
             ]
-            best = min(tried, key=_badness)
+            best = min(tried, key=lambda r: (r.odd.sum(), len(r.problems), r.letters.size))
             if not best.problems:
                 return best
     return best
-
-
-def _badness(read: ReadChart) -> tuple[int, int, int]:
-    return int(read.odd.sum()), len(read.problems), read.letters.size
 
 
 def _read(

@@ -1,6 +1,6 @@
 """The one case, and the strains of it, that selections choose."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import Bool
 
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
-from knitlab.cube.cube_file import design_dims, is_measured, source_of
+from knitlab.cube.cube_file import design_dims, is_case, is_measured, source_of
 from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.selection import (
@@ -22,17 +22,15 @@ from knitlab.cube.selection import (
 from knitlab.io.errors import BadInput, ErrorCollector, fault
 
 
-def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Contents of the case file of the one design of a cube that selections leave.
+def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+    """Contents of the case file of the one design of a cube that selections leave, or of a test.
 
-    BadInput if they leave no design or several, or the folder has no sound case file of it.
+    BadInput if they leave no design or several, or beside the cube is no sound case file of it.
     """
-    if is_measured(cube):
-        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
-    dims = design_dims(cube)
-    known = (*dims, STRAIN)
-    problem = f"is not a coordinate of a shape; select along {', '.join(known)}"
-    refuse_others(selections, known, problem)
+    if is_case(cube):
+        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+        return in_cloth(cube, cube)
+    dims = _dims_of_shapes(cube, selections)
     left = selected(cube, {dim: selections[dim] for dim in dims if dim in selections})
     designs = left[["status", "case_id"]].stack(design=dims)
     designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
@@ -46,6 +44,7 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     (only,) = designs["design"].values
     case_id = str(designs["case_id"].item())
     name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
+    folder = Path(cube.encoding["source"]).parent
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
     if stored is StoredCase.damaged:
         raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
@@ -61,35 +60,60 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
 
 
-def chosen_cases(
-    cube: xr.Dataset, folder: Path, selections: Mapping[str, Any] = {}, where: str | None = None
-) -> dict[tuple[Any, ...], xr.Dataset]:
-    """Contents of the case files of the designs that selections and a condition leave.
-
-    Designs without one are left out. BadInput if none has one, or the one that is left has not.
-    """
+def _dims_of_shapes(cube: xr.Dataset, selections: Mapping[str, Any]) -> tuple[str, ...]:
+    """The dimensions of the designs of a cube; BadInput if it can have no shapes of selections."""
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
-    dims = design_dims(cube)
-    known = (*dims, STRAIN)
+    known = (*design_dims(cube), STRAIN)
     remedy = f"select along {', '.join(known)}"
-    refuse_others(selections, known, f"is not a coordinate of a state; {remedy}")
-    chosen_indices({STRAIN: cube[STRAIN].values}, selections_along(selections, [STRAIN]))
+    refuse_others(selections, known, f"is not a coordinate of a shape; {remedy}")
+    return known[:-1]
+
+
+def of_chosen_cases(
+    compute: Callable[[xr.Dataset, Mapping[str, Any]], xr.Dataset],
+    cube: xr.Dataset,
+    selections: Mapping[str, Any] = {},
+    where: str | None = None,
+) -> xr.Dataset:
+    """What is computed of a test, or the case file of each design that selections leave of a cube.
+
+    It is computed with the selections of strains. Designs without a file are left out, and missing
+    if others have their labels; ``length_unit`` names those of all. BadInput if none has a file, or
+    the one that is left has not.
+    """
+    along = selections_along(selections, [STRAIN])
+    if is_case(cube):
+        if where is not None:
+            raise fault("where", "is a condition on designs, and a test is one; leave it out")
+        return compute(chosen_case(cube, selections), along)
+    dims = _dims_of_shapes(cube, selections)
+    chosen_indices({STRAIN: cube[STRAIN].values}, along)
     left = selected(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
     if rows.empty:
         raise fault("where" if where else "selections", "leaves no design; choose others")
-    faults, case_files = ErrorCollector(), dict[tuple[Any, ...], xr.Dataset]()
-    for design in rows.itertuples(index=False, name=None):
+    faults, case_files = ErrorCollector(), list[tuple[xr.Dataset, dict[str, Any]]]()
+    for labels in rows.itertuples(index=False, name=None):
+        design = dict(zip(dims, labels, strict=True))
         with faults:
             # Of a cube few designs may have their shapes beside it.
-            case_files[design] = chosen_case(cube, folder, dict(zip(dims, design, strict=True)))
+            case_files.append((chosen_case(cube, design), design))
     if len(rows) == 1 and faults.all:
         raise BadInput(faults.all)
     if not case_files:
         problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
-        raise fault(str(folder / "cases"), problem)
-    return case_files
+        raise fault(str(Path(cube.encoding["source"]).parent / "cases"), problem)
+    parts = [
+        compute(case_file, along).expand_dims({dim: [label] for dim, label in design.items()})
+        for case_file, design in case_files
+    ]
+    found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
+    for dim in dims:
+        found = found.reindex({dim: cube[dim][cube[dim].isin(found[dim])]})
+        found[dim].attrs |= cube[dim].attrs
+    units = sorted({each.attrs["length_unit"] for each in parts})
+    return found.assign_attrs(length_unit=" and ".join(units))
 
 
 def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:

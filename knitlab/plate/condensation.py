@@ -75,10 +75,6 @@ class PlateSolver:
         self._shape = replace(shape, frame=UPRIGHT if sheared else None)
         self._response = LinearResponse(self._shape, np.arange(3 * shape.nodes))
 
-    def plate(self, fabric: Fabric, state: Configuration) -> Plate:
-        """The plate of one state."""
-        return self.response(fabric, state)[0]
-
     def response(
         self, fabric: Fabric, state: Configuration
     ) -> tuple[Plate, Float[np.ndarray, "6 node_y node_x 3"]]:

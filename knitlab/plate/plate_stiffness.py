@@ -1,19 +1,17 @@
 """The plates of the states of a case, and of the designs of a cube, as labelled datasets."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.case_file import LENGTH_FACTOR, configurations, length_unit
-from knitlab.cube.cube_file import cube_name, design_dims, is_measured, model_options
-from knitlab.cube.schema import COORDINATES, STRAIN
-from knitlab.cube.selection import chosen_indices, selections_along
-from knitlab.fabric.fabric import Configuration
+from knitlab.cube.case_file import LENGTH_FACTOR, length_unit, network_configurations
+from knitlab.cube.cube_file import cube_name, is_case, is_measured, model_options
+from knitlab.cube.schema import STRAIN
+from knitlab.cube.selection import chosen_indices
 from knitlab.io.errors import fault
-from knitlab.meshes.chosen_case import chosen_cases, has_shape
+from knitlab.meshes.chosen_case import has_shape, of_chosen_cases
 from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
 from knitlab.sweep.recorded_case import recorded_case
 
@@ -66,49 +64,48 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
     for index in strains:
         plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(3, np.nan)
         if reached[index]:
-            state = configurations(case_file.isel({STRAIN: [index]}))[0]
-            lengths = np.asarray(state.lengths)
-            plate = solver.plate(fabric, Configuration(state.positions / factor, lengths / factor))
+            state = network_configurations(case_file.isel({STRAIN: [index]}))[0]
+            lengths = factor * np.asarray(state.lengths)
+            plate, _ = solver.response(fabric, state)
         sides = dict(zip(SIDES, [*lengths, 0.0], strict=False))
         plates.append(_numbers(plate, factor) | sides)
-    labels = {STRAIN: case_file[STRAIN].values[list(strains)]}
-    values = {name: np.array([each[name] for each in plates]) for name in (STATUS, *VARIABLES)}
-    return _labelled(values, labels).assign_attrs(length_unit=length_unit(case_file))
+    about_status = {
+        "units": "1",
+        "long_name": "whether a state has a stiffness",
+        "flag_values": np.array([*PlateStatus], np.int8),
+        "flag_meanings": " ".join(status.name for status in PlateStatus),
+    }
+    found = xr.Dataset(
+        {STATUS: (STRAIN, np.array([each[STATUS] for each in plates], np.int8), about_status)},
+        {
+            STRAIN: case_file[STRAIN].variable[list(strains)],
+            "row": list(DIRECTIONS),
+            "column": list(DIRECTIONS),
+        },
+        {
+            "title": "knitlab plates: x along the courses (weft), y along the wales (warp)",
+            "length_unit": length_unit(case_file),
+        },
+    )
+    for name, (dims, unit, meaning) in VARIABLES.items():
+        about = {"units": unit, "long_name": meaning}
+        found[name] = (STRAIN, *dims), np.array([each[name] for each in plates]), about
+    return found
 
 
-def plates_of_cube(
-    cube: xr.Dataset, folder: Path, selections: Mapping[str, Any] = {}, where: str | None = None
+def plates_of(
+    cube: xr.Dataset, selections: Mapping[str, Any] = {}, where: str | None = None
 ) -> xr.Dataset:
-    """The plates of the designs of a cube that have a periodic shape in its folder.
+    """The plates of a test, or of the designs of a cube that have a periodic shape in its folder.
 
     BadInput if no design has, or a selection or condition is at fault.
     """
-    if not is_measured(cube) and model_options(cube).get("boundary") == "clamped":
+    simulated = not (is_case(cube) or is_measured(cube))
+    if simulated and model_options(cube).get("boundary") == "clamped":
         raise fault(cube_name(cube), OF_PERIODIC)
-    dims = design_dims(cube)
-    case_files = chosen_cases(cube, folder, selections, where)
-    strains = selections_along(selections, [STRAIN])
-    plates = {design: plates_of_case(each, strains) for design, each in case_files.items()}
-    present = [set(labels) for labels in zip(*plates, strict=True)]
-    labels = {
-        dim: [value for value in cube[dim].values.tolist() if value in own]
-        for dim, own in zip(dims, present, strict=True)
-    }
-    labels[STRAIN] = sorted({s for each in plates.values() for s in each[STRAIN].values.tolist()})
-    units = {each.attrs["length_unit"] for each in plates.values()}
-    shape = [len(each) for each in labels.values()]
-    values = {
-        name: np.full((*shape, *(len(DIRECTIONS) for _ in inner)), np.nan)
-        for name, (inner, *_) in VARIABLES.items()
-    }
-    values[STATUS] = np.full(shape, int(PlateStatus.no_shape))
-    for design, plate in plates.items():
-        at = [labels[dim].index(value) for dim, value in zip(dims, design, strict=True)]
-        places = [labels[STRAIN].index(strain) for strain in plate[STRAIN].values.tolist()]
-        index: tuple[Any, ...] = (*at, places)
-        for name, every in values.items():
-            every[index] = plate[str(name)].values
-    return _labelled(values, labels).assign_attrs(length_unit=" and ".join(sorted(units)))
+    plates = of_chosen_cases(plates_of_case, cube, selections, where)
+    plates[STATUS] = plates[STATUS].fillna(PlateStatus.no_shape).astype(np.int8)
+    return plates
 
 
 def known_states(plates: xr.Dataset) -> Iterator[xr.Dataset]:
@@ -150,7 +147,6 @@ def _numbers(plate: Plate, factor: float) -> dict[str, Any]:
         "bending_stiffness": d * factor,
         "membrane_force": plate.forces[:3] / factor,
         "moment": plate.forces[3:],
-        "length_shear": ((), "mm", "shift of the upper end of the periodic cell along the courses"),
         "reference_height": plate.height * factor,
         STATUS: int(plate.status),
     }
@@ -160,24 +156,3 @@ def _numbers(plate: Plate, factor: float) -> dict[str, Any]:
         sides = in_plane(a / factor), in_plane(a / factor, np.pi / 2)
         numbers = [*sides[0], *sides[1], 1 / np.linalg.inv(a / factor)[2, 2]]
     return values | dict(zip(names, numbers, strict=True))
-
-
-def _labelled(values: Mapping[str, np.ndarray], labels: Mapping[str, Any]) -> xr.Dataset:
-    """A dataset with dimensions, units and meanings."""
-    dataset = xr.Dataset(
-        {STATUS: (tuple(labels), values[STATUS].astype(np.int8))},
-        {**labels, "row": list(DIRECTIONS), "column": list(DIRECTIONS)},
-        {"title": "knitlab plates: x along the courses (weft), y along the wales (warp)"},
-    )
-    for name, (dims, unit, meaning) in VARIABLES.items():
-        about = {"units": unit, "long_name": meaning}
-        dataset[name] = (*labels, *dims), values[name], about
-    dataset[STATUS].attrs |= {
-        "units": "1",
-        "long_name": "whether a state has a stiffness",
-        "flag_values": np.array([*PlateStatus], np.int8),
-        "flag_meanings": " ".join(status.name for status in PlateStatus),
-    }
-    for name in set(labels) & set(COORDINATES):
-        dataset[name].attrs |= COORDINATES[name].attributes
-    return dataset

@@ -5,10 +5,10 @@ other nodes follow. The response is that of the relaxed equilibrium to small for
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 
 from knitlab.equilibrium.adjoint import LinearResponse
@@ -24,17 +24,6 @@ from knitlab.simulation.case import Case
 STEP = 1e-3  # mean strain of the part that is pulled
 
 
-@dataclass(frozen=True)
-class CrossTalk:
-    """Readings of sensors in the relaxed state, and their changes while one part is pulled."""
-
-    matrix: Float[np.ndarray, "electrode electrode"]  # [pF], of one period if periodic
-    reading: Float[np.ndarray, " sensor"]  # [pF]
-    gauge_factor: Float[np.ndarray, "sensor strained"]  # d ln C by mean strain of the part [1]
-    strain: Float[np.ndarray, "sensor strained"]  # mean strain of each part, over that pulled [1]
-    coupling: Float[np.ndarray, "sensor sensor"]  # largest mutual capacitance over the reading [1]
-
-
 def cross_talk(
     case: Case,
     relaxed: Configuration,
@@ -44,8 +33,11 @@ def cross_talk(
     axis: int,
     others: Others,
     polarised: float = 0.0,
-) -> CrossTalk:
-    """The cross-talk of sensors, pulled along an axis one by one; or NoDerivative."""
+) -> xr.Dataset:
+    """The cross-talk of sensors, pulled along an axis one by one; or NoDerivative.
+
+    Readings in the relaxed state [pF], of one period if periodic, and what it is along ``pulled``.
+    """
     shape = of_set.shape
     free, start = all_free(shape), np.asarray(relaxed.flattened())
     parts = [part_of(of_set, pair) for pair in sensors]
@@ -67,8 +59,19 @@ def cross_talk(
             pairs = [(a, b) for a in sensors[i] for b in sensors[j] if a != b]
             largest = max(-float(matrices[0, a, b]) for a, b in pairs)
             coupling[i, j] = largest / found[0, i]
-    return CrossTalk(
-        matrices[0], found[0], slopes, (strains / np.diag(strains)[:, None]).T, coupling
+    of_others = slopes / np.diag(slopes)[:, None], (strains / np.diag(strains)[:, None]).T
+    variables = {
+        "gauge_factor": (slopes, "change of ln C by the strain of the pulled part"),
+        "cross_talk": (of_others[0], "reading over that of its own strain"),
+        "strain": (of_others[1], "strain over that of the pulled part"),
+        "coupling": (coupling, "largest capacitance between sensors over the reading"),
+    }
+    return xr.Dataset(
+        {"reading": ("sensor", found[0], {"units": "pF", "long_name": "reading"})}
+        | {
+            name: (("sensor", "pulled"), values, {"units": "1", "long_name": meaning})
+            for name, (values, meaning) in variables.items()
+        }
     )
 
 

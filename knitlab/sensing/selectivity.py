@@ -17,8 +17,8 @@ import xarray as xr
 from jaxtyping import Float
 
 from knitlab.cube.case_file import LENGTH_FACTOR, length_unit, network_configurations
-from knitlab.cube.schema import COORDINATES, STRAIN
-from knitlab.cube.selection import chosen_indices, selections_along
+from knitlab.cube.schema import STRAIN
+from knitlab.cube.selection import chosen_indices
 from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import ORDER, Capacitor
@@ -50,7 +50,7 @@ Moves = Float[np.ndarray, "6 node_y node_x 3"]
 
 
 def selectivity_of_case(
-    case_file: xr.Dataset, along: str, selections: Mapping[str, Any] = {}
+    case_file: xr.Dataset, selections: Mapping[str, Any], along: str
 ) -> xr.Dataset:
     """The selectivity of a periodic case with electrodes, relaxed or at selected strains.
 
@@ -65,9 +65,7 @@ def selectivity_of_case(
     ):
         if wrong:
             raise fault(case.label, f"{problem}; simulate it with {remedy}")
-    strains = case_file[STRAIN].values
-    wanted = selections_along(selections, [STRAIN])
-    chosen = chosen_indices({STRAIN: strains}, wanted).get(STRAIN, [0])
+    chosen = chosen_indices({STRAIN: case_file[STRAIN].values}, selections).get(STRAIN, [0])
     solver, factor = _Solver(case, capacitor), float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
     gauges, status, reached = [], list[str](), has_shape(case_file)
     measured = case_file["capacitance"].values[chosen]
@@ -84,64 +82,45 @@ def selectivity_of_case(
             known = solver.gauges(state)
             status[-1] = UNSTABLE if known is None else KNOWN
             gauges[-1] = gauges[-1] if known is None else part * known
-    return _labelled(
-        np.array(gauges), measured, status, strains[chosen], along, factor
-    ).assign_attrs(length_unit=length_unit(case_file))
-
-
-def _labelled(
-    gauges: Float[np.ndarray, "state 2 4"],
-    capacitance: Float[np.ndarray, " state"],
-    status: list[str],
-    strains: Float[np.ndarray, " state"],
-    along: str,
-    factor: float,
-) -> xr.Dataset:
-    """A dataset with dimensions, units and meanings."""
-    by_strain, by_curvature = gauges[..., :2], factor * gauges[..., 2:]
+    by_strain, by_curvature = np.split(np.array(gauges), 2, axis=-1)
+    by_curvature *= factor
     number = DIRECTIONS.index(along)
     sensed, other = by_strain[..., number], by_strain[..., 1 - number]
     with np.errstate(divide="ignore"):
         ratio = np.abs(sensed / other)
-    values = capacitance, by_strain, by_curvature, ratio, by_curvature / sensed[..., None]
-    dataset = xr.Dataset(
+    values = measured, by_strain, by_curvature, ratio, by_curvature / sensed[..., None]
+    about = {"units": "1", "long_name": "whether it is known, or why not"}
+    found = xr.Dataset(
+        {STATUS: (STRAIN, status, about)},
         {
-            STATUS: (
-                (STRAIN,),
-                status,
-                {"units": "1", "long_name": "whether it is known, or why not"},
-            )
+            STRAIN: case_file[STRAIN].variable[chosen],
+            "sides": list(SIDES),
+            "direction": list(DIRECTIONS),
         },
-        {STRAIN: strains, "sides": list(SIDES), "direction": list(DIRECTIONS)},
-        {"title": f"selectivity of sensors along the {along}", "along": along},
+        {
+            "title": f"selectivity of sensors along the {along}",
+            "along": along,
+            "length_unit": length_unit(case_file),
+        },
     )
     for (name, (dims, units, meaning)), value in zip(VARIABLES.items(), values, strict=True):
-        about = {"units": units, "long_name": meaning}
-        dataset[name] = (STRAIN, *dims), value, about
-    dataset[STRAIN].attrs |= COORDINATES[STRAIN].attributes
-    return dataset
+        found[name] = (STRAIN, *dims), value, {"units": units, "long_name": meaning}
+    return found
 
 
 def selectivity_table(selectivity: xr.Dataset, sides: str) -> pd.DataFrame:
     """One row for each state: gauge factors along the sensor, across it, and of bending."""
     along = selectivity.attrs["along"]
     across = DIRECTIONS[1 - DIRECTIONS.index(along)]
-    held = selectivity.sel(sides=sides)
+    held = selectivity.sel(sides=sides, drop=True)
     columns = {"capacitance": held["capacitance"]}
     for direction, word in ((along, "along"), (across, "across")):
-        columns[word] = held["strain_gauge"].sel(direction=direction)
+        columns[word] = held["strain_gauge"].sel(direction=direction, drop=True)
     columns["selectivity"] = held["selectivity"]
     for direction, word in ((along, "along"), (across, "across")):
-        columns[f"bent_{word}"] = held["bending_gauge"].sel(direction=direction)
+        columns[f"bent_{word}"] = held["bending_gauge"].sel(direction=direction, drop=True)
     columns["status"] = held[STATUS]
-    dims = held[STATUS].dims
-    flat = xr.Dataset(
-        {
-            name: each.drop_vars(["sides", "direction"], errors="ignore")
-            for name, each in columns.items()
-        }
-    )
-    table = flat.to_dataframe(dim_order=list(dims)).reset_index()
+    table = xr.Dataset(columns).to_dataframe(dim_order=list(held[STATUS].dims)).reset_index()
     return table[table["status"] != ""].reset_index(drop=True)
 
 
@@ -203,14 +182,16 @@ class _Solver:
             component, size = COMPONENTS[change], sign * of.step[change]
             still = Configuration(of.moves[component], np.zeros_like(lengths))
             moved = size * np.tile(panels_on(chart, shape, still), (len(shifts), 1, 1))
-            panels.append(_after(size * np.eye(6)[component], row, moved))
+            # Corners after a mean deformation, and after moves that turn with the sheet.
+            lanes = (jnp.asarray(each.transpose(1, 2, 0)) for each in (row, moved))
+            panels.append(deformed(jnp.asarray(size * np.eye(6)[component]), *lanes))
             stretched = size if component == along else 0.0
             periods.append(lengths[along] * np.sqrt(1 + 2 * stretched))
         around = Around(apart=self._apart)
         if not copies:
             around = replace(around, axis=along, period=np.array(periods))
         number = np.tile(chart.electrode, len(shifts))
-        found = matrices_of(np.stack(panels), number, 2, around)
+        found = matrices_of(np.stack(panels).transpose(0, 3, 1, 2), number, 2, around)
         return readings(found, [(0, 1)], "floating").reshape(-1, 2)
 
 
@@ -222,13 +203,3 @@ class _State:
     moves: Moves
     height: float
     step: Float[np.ndarray, "4"]
-
-
-def _after(
-    deformation: Float[np.ndarray, "6"],
-    corners: Float[np.ndarray, "panel 4 3"],
-    moved: Float[np.ndarray, "panel 4 3"],
-) -> Float[np.ndarray, "panel 4 3"]:
-    """Corners after a mean deformation, and after moves that turn with the sheet."""
-    lanes = (jnp.asarray(each.transpose(1, 2, 0)) for each in (corners, moved))
-    return np.asarray(deformed(jnp.asarray(deformation), *lanes)).transpose(2, 0, 1)

@@ -18,6 +18,10 @@ from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from knitlab.stability.equations import Equations, Vector
 
+# Steps along a branch, in strain and in u over its size.
+FIRST, LONGEST, SMALLEST = 0.005, 0.02, 1e-5
+MOST_POINTS = 400  # of a branch
+TOLERANCE = 1e-9  # largest force in equilibrium [N]
 MOST_ITERATIONS = 12  # of Newton's method at a point
 EASY = 4  # iterations up to which the next step is longer
 NUMBER = 6  # of lowest eigenvalues that are computed
@@ -57,62 +61,44 @@ class PathPoint:
         return int((self.eigenvalues < 0).sum())
 
 
-@dataclass(frozen=True)
-class Steps:
-    """Steps along a branch, in strain and in u over its size."""
-
-    first: float = 0.005
-    longest: float = 0.02
-    smallest: float = 1e-5
-    tolerance: float = 1e-9  # of the largest force [N]
-    most: int = 400  # points
-
-
-def equilibrium(equations: Equations, u: Vector, t: float, steps: Steps = Steps()) -> PathPoint:
+def equilibrium(equations: Equations, u: Vector, t: float) -> PathPoint:
     """The equilibrium near u at a parameter, with the tangent towards larger ones."""
     held = np.append(np.zeros(len(u)), 1.0)
-    u, t = _corrected(equations, u, t, held, steps)[:2]
+    u, t, _ = _corrected(equations, u, t, held)
     return _point(equations, u, t, held)
 
 
-def follow(
-    equations: Equations,
-    start: PathPoint,
-    until: tuple[float, float],
-    steps: Steps = Steps(),
-) -> list[PathPoint]:
+def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -> list[PathPoint]:
     """Points of a branch from one of it, in the direction of its tangent, and its critical points.
 
-    It ends where the parameter leaves a range, after ``steps.most`` points, or where no smaller
-    step succeeds. NotFollowed is never raised: what was reached is returned.
+    It ends where the parameter leaves a range, after :data:`MOST_POINTS`, or where no smaller step
+    succeeds. NotFollowed is never raised: what was reached is returned.
     """
-    points, length = [start], steps.first
-    while len(points) < steps.most and until[0] <= points[-1].parameter <= until[1]:
+    points, length = [start], FIRST
+    while len(points) < MOST_POINTS and until[0] <= points[-1].parameter <= until[1]:
         last = points[-1]
         try:
-            u, t, iterations = _stepped(equations, last, length, steps)
+            u, t, iterations = _stepped(equations, last, length)
             point = _point(equations, u, t, last.tangent)
         except NotFollowed:
             length /= 2
-            if length < steps.smallest:
+            if length < SMALLEST:
                 break
             continue
-        if point.tangent @ last.tangent < 0.5 and length > 16 * steps.smallest:
+        if point.tangent @ last.tangent < 0.5 and length > 16 * SMALLEST:
             length /= 4  # a sharp turn: it may have jumped to another branch
             continue
-        points += [*_critical_points(equations, last, point, length, steps), point]
-        length = min(1.5 * length, steps.longest) if iterations <= EASY else length / 1.5
+        points += [*_critical_points(equations, last, point, length), point]
+        length = min(1.5 * length, LONGEST) if iterations <= EASY else length / 1.5
     return points
 
 
-def switched(
-    equations: Equations, at: PathPoint, amplitude: float, steps: Steps = Steps()
-) -> list[PathPoint]:
+def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[PathPoint]:
     """Points on either side of the other branch that crosses the one of a branch point.
 
     ``amplitude`` is the distance to them, in u over its size and in t.
     """
-    mode = at.modes[:, _critical(at)]
+    mode = at.modes[:, np.argmin(np.abs(at.eigenvalues))]
     directions = [np.append(mode, 0.0), _across_mode(equations, at, mode)]
     # Both branches lie in the plane of these directions, and mostly at right angles.
     apart = [each - at.tangent * (each @ at.tangent) for each in directions]
@@ -121,10 +107,9 @@ def switched(
     points = []
     for sign in (1.0, -1.0):
         u = at.unknowns + sign * amplitude * equations.size * other[:-1]
+        t = at.parameter + sign * amplitude * other[-1]
         try:
-            u, t, _ = _corrected(
-                equations, u, at.parameter + sign * amplitude * other[-1], other, steps
-            )
+            u, t, _ = _corrected(equations, u, t, other)
             points.append(_point(equations, u, t, sign * other))
         except NotFollowed:
             continue
@@ -143,27 +128,21 @@ def _across_mode(equations: Equations, at: PathPoint, mode: Vector) -> Float[np.
     return direction / np.linalg.norm(direction)
 
 
-def _stepped(
-    equations: Equations, last: PathPoint, length: float, steps: Steps
-) -> tuple[Vector, float, int]:
+def _stepped(equations: Equations, last: PathPoint, length: float) -> tuple[Vector, float, int]:
     u = last.unknowns + length * equations.size * last.tangent[:-1]
     t = last.parameter + length * last.tangent[-1]
-    return _corrected(equations, u, t, last.tangent, steps)
+    return _corrected(equations, u, t, last.tangent)
 
 
 def _corrected(
-    equations: Equations,
-    u: Vector,
-    t: float,
-    normal: Float[np.ndarray, " free+1"],
-    steps: Steps,
+    equations: Equations, u: Vector, t: float, normal: Float[np.ndarray, " free+1"]
 ) -> tuple[Vector, float, int]:
     """Newton's method in the plane through (u, t) across a direction; NotFollowed if it fails."""
     for iteration in range(1, MOST_ITERATIONS + 1):
         force = equations.force(u, t)
         if not np.isfinite(force).all():
             raise NotFollowed("the energy is not defined there")
-        if np.abs(force).max() <= steps.tolerance:
+        if np.abs(force).max() <= TOLERANCE:
             return u, t, iteration
         by_parameter = equations.force_by_parameter(u, t)
         moved = _bordered(
@@ -212,7 +191,7 @@ def _point(
 
 
 def lowest_eigenvalues(
-    equations: Equations, stiffness: sp.csc_array, number: int = NUMBER
+    equations: Equations, stiffness: sp.csc_array
 ) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
     """The lowest eigenvalues of a stiffness, ascending, and their modes, but neutral motions."""
     rigid, size = equations.neutral, stiffness.shape[0]
@@ -221,7 +200,7 @@ def lowest_eigenvalues(
         rigid = np.concatenate([rigid, equations.lift], axis=1)
     if size <= DENSE:
         values, modes = np.linalg.eigh(stiffness.toarray() + 10 * largest * rigid @ rigid.T)
-        return values[:number], modes[:, :number]
+        return values[:NUMBER], modes[:, :NUMBER]
     shift = -1e-4 * largest
     while _negative(stiffness, shift):
         shift *= 4
@@ -237,7 +216,7 @@ def lowest_eigenvalues(
         dtype=float,
     )
     start = without_rigid(np.random.default_rng(0).normal(size=size))
-    values, modes = eigsh(stiffness, number, sigma=shift, OPinv=inverse, v0=start)
+    values, modes = eigsh(stiffness, NUMBER, sigma=shift, OPinv=inverse, v0=start)
     order = np.argsort(values)
     return values[order], modes[:, order]
 
@@ -250,19 +229,15 @@ def _negative(stiffness: sp.csc_array, shift: float) -> int:
     return int((factors.U.diagonal() < 0).sum())
 
 
-def _critical(point: PathPoint) -> int:
-    return int(np.argmin(np.abs(point.eigenvalues)))
-
-
 def _critical_points(
-    equations: Equations, before: PathPoint, after: PathPoint, length: float, steps: Steps
+    equations: Equations, before: PathPoint, after: PathPoint, length: float
 ) -> Iterator[PathPoint]:
     """The points between two at which an eigenvalue is zero, by root finding along the branch."""
     few, many = sorted((before.unstable, after.unstable))
     critical: Sequence[int] = range(few, min(many, len(before.eigenvalues)))
 
     def at(distance: float) -> PathPoint:
-        u, t, _ = _stepped(equations, before, distance, steps)
+        u, t, _ = _stepped(equations, before, distance)
         return _point(equations, u, t, before.tangent)
 
     def crossing(value: Callable[[PathPoint], float]) -> tuple[float, PathPoint] | None:
@@ -272,7 +247,7 @@ def _critical_points(
                 lambda distance: value(at(distance) if distance else before),
                 0.0,
                 length,
-                xtol=min(1e-6, steps.smallest),
+                xtol=min(1e-6, SMALLEST),
             )
             return float(distance), at(float(distance))
         except (NotFollowed, ValueError):

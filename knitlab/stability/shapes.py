@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import fourier_gaussian
 from scipy.sparse.linalg import splu
 
 from knitlab.equilibrium.equilibrium import run_each
@@ -63,12 +64,13 @@ def relaxed_shapes(
     sheets = [None if k == 0 else _rough_sheet(net, fabric, k) for k in range(starts)]
     searches = [partial(_relaxed_from, settings=settings, start=sheet) for sheet in sheets]
     states = run_each(net.shape, [fabric] * starts, searches)
-    unfolded = 0.5 * np.asarray(fabric.fold_stiffness) @ np.asarray(fabric.rest_fold) ** 2
-    scale, shapes = float(unfolded), list[RelaxedShape]()
+    stiffness = np.asarray(fabric.fold_stiffness)
+    scale = float(0.5 * stiffness @ np.asarray(fabric.rest_fold) ** 2)
+    stiff, shapes = stiffness > 0, list[RelaxedShape]()
     for state in states:
         if not state.converged:
             continue
-        angles = _angles(net, fabric, state)
+        angles = np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
         for k, known in enumerate(shapes):
             if _same(known, state, angles, scale):
                 shapes[k] = RelaxedShape(known.state, known.angles, known.starts + 1)
@@ -91,16 +93,11 @@ def _rough_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
     side = float(np.asarray(fabric.cell_sides).min())
     positions = np.asarray(flat.positions)
     noise = random.normal(size=positions.shape)
-    waves = np.fft.fftfreq(positions.shape[0])[:, None], np.fft.fftfreq(positions.shape[1])[None]
-    smooth = np.exp(-((waves[0] ** 2 + waves[1] ** 2) * random.uniform(1, 8) ** 2) * np.pi**2)
-    noise = np.fft.ifft2(np.fft.fft2(noise, axes=(0, 1)) * smooth[..., None], axes=(0, 1)).real
+    width = random.uniform(1, 8) / np.sqrt(2)
+    smooth = fourier_gaussian(np.fft.fft2(noise, axes=(0, 1)), (width, width, 0))
+    noise = np.fft.ifft2(smooth, axes=(0, 1)).real
     noise *= random.uniform(0.05, 0.5) * side / noise.std()
     return Configuration(positions + noise, np.asarray(flat.lengths))
-
-
-def _angles(net: Network, fabric: Fabric, state: State) -> Float[np.ndarray, " hinge"]:
-    stiff = np.asarray(fabric.fold_stiffness) > 0
-    return np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
 
 
 def _same(

@@ -102,11 +102,9 @@ def above(
     return min(max(margin, -LARGEST), LARGEST)
 
 
-def below(
-    value: float, limit: float, *, strict: bool = False, scale: float | None = None
-) -> float | None:
+def below(value: float, limit: float, *, strict: bool = False) -> float | None:
     """Margin of a value that must be at most a limit; otherwise as :func:`above`."""
-    return above(-value, -limit, strict=strict, scale=scale)
+    return above(-value, -limit, strict=strict)
 
 
 def within(value: float, lowest: float, highest: float) -> float | None:

@@ -40,7 +40,7 @@ SWAPPED = [1, 0, 2, 4, 3, 5]
 
 
 def plate_of(net, fabric, state):
-    return PlateSolver(net.shape, len(state.lengths) == 3).plate(fabric, state)
+    return PlateSolver(net.shape, len(state.lengths) == 3).response(fabric, state)[0]
 
 
 def plain_sheet():

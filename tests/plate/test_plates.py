@@ -135,7 +135,7 @@ def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
     ("change", "message"),
     [
         ({"applied_strain": 0.14}, "the cube has no applied_strain = 0.14"),
-        ({"cell_x": 0}, "is not a coordinate of a state; select along"),
+        ({"cell_x": 0}, "is not a coordinate of a shape; select along"),
         ({"n_subunit": 24}, "has no case file in"),
         ({"where": "n_stripe > 9"}, "leaves no design; choose others"),
         ({"output": "card.txt"}, "has no suffix of a card or table; give one of .csv, .json, .inp"),

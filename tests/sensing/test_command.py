@@ -39,7 +39,7 @@ def test_gauge_factors_and_cross_talk_are_printed_and_drawn(tmp_path):
         ([*ONE, "--sensor", "w1"], "electrode '': is no ridge"),
         ([*ONE, "--sensor", "w1-w9"], "has 4 ridges of this kind"),
         ([*ONE, "--electrode", "w1", "--sensor", "w1-w2"], "--electrode: gives one table and"),
-        ([*ONE, "--select", "cell_x=1"], "is not a coordinate of a state"),
+        ([*ONE, "--select", "cell_x=1"], "is not a coordinate of a shape"),
         ([*ONE, "--electrode", "w1", "--where", "n_stripe > 2"], "select one design"),
     ],
 )

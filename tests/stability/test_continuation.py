@@ -6,14 +6,18 @@ import scipy.sparse as sp
 
 from knitlab.stability.continuation import (
     Kind,
-    Steps,
     equilibrium,
     follow,
     lowest_eigenvalues,
     switched,
 )
 
-FINE = Steps(first=0.01, longest=0.03, tolerance=1e-12)
+
+@pytest.fixture(autouse=True)
+def fine(monkeypatch):
+    """Steps and tolerance for energies of the order of 1."""
+    for name, value in (("FIRST", 0.01), ("LONGEST", 0.03), ("TOLERANCE", 1e-12)):
+        monkeypatch.setattr(f"knitlab.stability.continuation.{name}", value)
 
 
 class Analytic:
@@ -64,7 +68,7 @@ class Strut(Analytic):
 
 
 def test_a_truss_snaps_at_its_limit_points_and_is_followed_through_them():
-    points = follow(Truss(), equilibrium(Truss(), np.array([0.3]), 0.0, FINE), (-0.1, 0.1), FINE)
+    points = follow(Truss(), equilibrium(Truss(), np.array([0.3]), 0.0), (-0.1, 0.1))
     limits = [point for point in points if point.kind is Kind.limit]
     # The force is largest where the length cubed is the rest length.
     height = np.sqrt(Truss.rest ** (2 / 3) - 1)
@@ -79,15 +83,15 @@ def test_a_truss_snaps_at_its_limit_points_and_is_followed_through_them():
 
 
 def test_a_strut_buckles_at_its_critical_force_onto_the_buckled_branches():
-    straight = follow(Strut(), equilibrium(Strut(), np.zeros(1), 1.0, FINE), (0.9, 2.5), FINE)
+    straight = follow(Strut(), equilibrium(Strut(), np.zeros(1), 1.0), (0.9, 2.5))
     (critical,) = [point for point in straight if point.kind is not Kind.regular]
     assert critical.kind is Kind.branch
     assert critical.parameter == pytest.approx(2.0, abs=1e-5)
     assert {point.unstable for point in straight if point.parameter > 2.01} == {1}
-    branches = switched(Strut(), critical, 0.1, FINE)
+    branches = switched(Strut(), critical, 0.1)
     assert sorted(branch.unknowns[0] for branch in branches) == pytest.approx([-0.1, 0.1])
     for branch in branches:
-        buckled = follow(Strut(), branch, (1.9, 2.5), FINE)
+        buckled = follow(Strut(), branch, (1.9, 2.5))
         assert buckled[-1].parameter > 2.5
         for point in buckled:
             angle = point.unknowns[0]
@@ -121,8 +125,8 @@ class Rotated(Analytic):
 
 
 def test_the_other_branch_of_a_pitchfork_is_reached_in_any_axes():
-    start = equilibrium(Rotated(), np.zeros(4), 0.0, FINE)
-    points = follow(Rotated(), start, (-0.1, 0.5), FINE)
+    start = equilibrium(Rotated(), np.zeros(4), 0.0)
+    points = follow(Rotated(), start, (-0.1, 0.5))
     (critical,) = [point for point in points if point.kind is not Kind.regular]
     assert (critical.kind, critical.parameter) == (Kind.branch, pytest.approx(0.3, abs=1e-5))
     across = [(Rotated.axes.T @ point.unknowns)[0] for point in switched(Rotated(), critical, 0.01)]

@@ -16,7 +16,7 @@ from knitlab.cube.selection import choices
 from knitlab.cube.strain_window import with_columns
 from knitlab.figures import cells, style
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
 from knitlab.io.errors import fault, unknown
 
 PERIODS = "periods"
@@ -53,8 +53,7 @@ def value_grid(
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
     height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = subplots(height)
     colours = style.value_colours(values.values)
     large = values.shape[1] <= MOST_COLUMNS and values.shape[0] <= MOST_ROWS
     form, rgba = _same_decimals(values.values), colours.to_rgba(values.values)
@@ -201,8 +200,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
     names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
     height = max(2.4, 1.1 + 0.16 * len(names))
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = subplots(height)
     for k, value in enumerate(rows[setting].values):
         one = rows.isel({setting: k})
         values = one[of].where(one["status"] == Status.ok)

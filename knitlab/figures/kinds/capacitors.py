@@ -12,7 +12,7 @@ from knitlab.cube.cube_file import base_dims, is_measured, source_of
 from knitlab.cube.schema import RUN
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import break_note, broken, snapped_before
-from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
+from knitlab.figures.style import CATEGORY_COLOURS, Look, subplots
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
 
@@ -35,8 +35,7 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
         shown = "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes"
         remedy = "give cubes of the workflows sensor and sensor_stripes"
         raise fault("capacitors", f"{shown}, and no cube has one; {remedy}")
-    figure = Figure(figsize=(TWO_COLUMNS, 3.1), layout="constrained")
-    ratios, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
+    figure, (ratios, absolute, slopes) = subplots(3.1, 1, 3, width_ratios=(1.3, 1.3, 0.9))
     names, cells = zip(*samples, strict=True)
     any_measured = any(map(is_measured, cells))
     for (label, cell), colour, dashes in zip(samples, CATEGORY_COLOURS, DASHES * 2, strict=False):

@@ -59,8 +59,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     colours = ScalarMappable(Normalize(heights.min(), heights.max()), SEQUENCE_COLOURS)
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
-    figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = style.subplots(height, width=ONE_COLUMN * 1.2)
     unit = length_unit(case)
     sheets.draw_faces(axes, faces, colours.to_rgba(heights), unit)
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
@@ -222,8 +221,8 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
     widths, heights = 1.1 * np.transpose(spans)
     height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    grid = figure.subplots(1, len(states), squeeze=False, sharey=True, width_ratios=widths)[0]
+    look: Look = {"squeeze": False, "sharey": True, "width_ratios": widths}
+    figure, (grid,) = style.subplots(height, 1, len(states), **look)
     for axes, state in zip(grid, states, strict=True):
         nodes = state["position"].values
         faces = sheets.faces_of(nodes - [0, nodes[..., 1].min(), 0])

@@ -19,7 +19,7 @@ from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import RUN, STRIPE_DIMS, Status
 from knitlab.figures.cells import designs_of
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import TWO_COLUMNS, Look, shades
+from knitlab.figures.style import Look, shades, subplots
 from knitlab.io.errors import fault
 
 BAND = 0.25  # opacity of a band
@@ -73,8 +73,7 @@ def _curves(cubes: Sequence[xr.Dataset], rows: Mapping[str, str]) -> Figure:
     stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})
     periods = np.unique([float(design["periods"]) for design in designs])
     colours = dict(zip(periods, shades(len(periods)), strict=True))
-    figure = Figure(figsize=(TWO_COLUMNS, 4.9), layout="constrained")
-    grid = figure.subplots(len(rows), len(stripes), sharex=True, sharey="row", squeeze=False)
+    figure, grid = subplots(4.9, len(rows), len(stripes), sharex=True, sharey="row", squeeze=False)
     # Axial strain follows the diagonal and energy rises from 0, so that this corner is free.
     row, corner = (1, "lower right") if rows is ROWS else (2, "upper left")
     for column, n_stripe in zip(grid.T, stripes, strict=True):
@@ -186,9 +185,8 @@ def stripe_tension(cube: xr.Dataset) -> Figure:
 
 def stripe_panels(cube: xr.Dataset) -> tuple[Figure, Sequence[Axes]]:
     """A figure with one panel for each knit of a cube of pure stripes."""
-    figure = Figure(figsize=(TWO_COLUMNS, 3.2), layout="constrained")
     knits = cube["knit"].values
-    panels = figure.subplots(1, len(knits), squeeze=False)[0]
+    figure, (panels,) = subplots(3.2, 1, len(knits), squeeze=False)
     for axes, knit in zip(panels, knits, strict=True):
         axes.set(title=f"$n \\times n$ {knit}", xlabel="applied strain [1]")
     return figure, panels

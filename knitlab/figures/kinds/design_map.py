@@ -22,7 +22,7 @@ from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import snapped_before
 from knitlab.figures.nearest_designs import non_dominated
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
@@ -56,13 +56,10 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
         spread = _spread(design)
         return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
 
-    height = max(2.4, 1.2 + 0.5 * _row_count(designs))
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = subplots(max(2.4, 1.2 + 0.5 * row_count(designs)))
     label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
     label += "\n(negative: auxetic)"
     marked = draw_map(axes, cubes, name, label, text, signed=True)
-    axes.set_xlabel(cells.PERIODS_LABEL)
     said = "lowest ν, and the applied strain there" if lowest else "ν"
     notes = [f"in each cell: (n_stripe, n_subunit), {said}"]
     if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
@@ -124,7 +121,7 @@ def draw_map(
                 size = 1 - 2 * inset, top - bottom - 2 * inset
                 axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
     cells.name_columns_and_rows(axes, [f"{p:g}" for p in periods], list(map(str, stripes)))
-    axes.set_ylabel("n_stripe: stitches\nacross a rib stripe")
+    axes.set(xlabel=cells.PERIODS_LABEL, ylabel="n_stripe: stitches\nacross a rib stripe")
     style.colour_bar(axes, colours, pad=0.01, label=label)
     return marked
 
@@ -152,7 +149,8 @@ def _marks(name: str, design: xr.Dataset) -> str:
     return "".join(note[0] for note in _notes(name, design))
 
 
-def _row_count(designs: Sequence[xr.Dataset]) -> int:
+def row_count(designs: Sequence[xr.Dataset]) -> int:
+    """Number of rows of a map of designs."""
     return len({int(design["n_stripe"]) for design in designs})
 
 
@@ -208,14 +206,14 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
             Merit(straight, f"R² of a line over {window} [1]", ".2f"),
         )
     designs = [design for cube in cubes for design in designs_of(cube)]
-    height = 0.5 + 0.38 * max(_row_count(designs), 3)
-    figure = Figure(figsize=(TWO_COLUMNS, 2 * height + 3.1), layout="constrained")
-    *maps, below = figure.subplots(3, 1, height_ratios=(height, height, 3.1))
+    height = 0.5 + 0.38 * max(row_count(designs), 3)
+    heights = height, height, 3.1
+    figure, (*maps, below) = subplots(sum(heights), 3, height_ratios=heights)
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
         label = fill(merit.label, 18)
         marked |= draw_map(axes, cubes, merit.name, label, merit.text)
-    maps[1].set_xlabel(cells.PERIODS_LABEL)
+    maps[0].set_xlabel("")
     notes = ["in each cell: (n_stripe, n_subunit), value"]
     notes += sorted({note for design in designs for note in _notes(merits[1].name, design)})
     marks_legend(figure, marked, NO_VALUE, notes, cubes)

@@ -8,7 +8,7 @@ from matplotlib.projections.polar import PolarAxes
 from knitlab.cube.cube_file import parameters_of
 from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, frame_polar, subplots
 from knitlab.io.errors import fault
 
 ANGLE = "load_angle"
@@ -36,42 +36,28 @@ def directions(cube: xr.Dataset) -> Figure:
     if not complete.any():
         raise fault("directions", "there is no strain at which all pulls have a Poisson's ratio")
     at = stacked.isel({STRAIN: int(np.flatnonzero(complete)[-1])})
-    figure = Figure(figsize=(TWO_COLUMNS, 4.2), layout="constrained")
-    ratio, force = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
-    strain = f"{float(at[STRAIN]):.0%}"
+    figure, (ratio, force) = subplots(4.2, 1, 2, subplot_kw={"projection": "polar"})
     # A checkerboard is its own mirror image: a quarter of the directions tells the others.
     mirrored = parameters_of(cube).get("pattern") == ["GR", "RG"]
     _draw(ratio, at["poisson_ratio"], "Poisson's ratio", mirrored)
     _draw(force, 10 * at["force_per_width"], "force over width [N/cm]", mirrored)
-    figure.suptitle(f"at an applied strain of {strain}", fontsize="small")
+    figure.suptitle(f"at an applied strain of {float(at[STRAIN]):.0%}", fontsize="small")
     figure.legend(*ratio.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 
 
 def _draw(axes: PolarAxes, values: xr.DataArray, title: str, mirrored: bool) -> None:
     angles = np.deg2rad(values[ANGLE].values)
-    whole = np.concatenate([angles, angles + np.pi])
-    quarter = mirrored and np.isclose(angles[-1] - angles[0], np.pi / 2)
+    whole, order = np.concatenate([angles, angles + np.pi]), [1, 1]
+    if mirrored and np.isclose(angles[-1] - angles[0], np.pi / 2):
+        whole = np.concatenate([angles, np.pi - angles[::-1], np.pi + angles, -angles[::-1]])
+        order = [1, -1] * 2
     for row, colour, marker in zip(values, CATEGORY_COLOURS, MARKERS, strict=False):
         n_stripe, n_subunit = row["design"].item()
         look: Look = {"label": f"({n_stripe}, {n_subunit})", "lw": 0.9, "ms": 3}
-        curve = np.tile(row.values, 2)
-        if quarter:
-            whole = np.concatenate([angles, np.pi - angles[::-1], np.pi + angles, -angles[::-1]])
-            curve = np.concatenate([row.values, row.values[::-1]] * 2)
+        curve = np.concatenate([row.values[::step] for step in order])
         axes.plot([*whole, whole[0]], [*curve, curve[0]], color=colour, marker=marker, **look)
-    low, high = float(values.min()), float(values.max())
-    bottom = min(low - 0.15 * (high - low), 0.0)
-    axes.set_rlim(bottom, max(high, 0.0) + 0.05 * (high - low))
-    if low < 0:
-        axes.plot(np.linspace(0, 2 * np.pi, 181), np.zeros(181), color="0.4", lw=1.0, zorder=0)
-    axes.grid(lw=0.5)
-    axes.tick_params(axis="y", labelsize=6)
-    axes.tick_params(axis="x", pad=6)
-    axes.set_rlabel_position(67.5)
-    names = ["0°\ncourses", "45°", "90° wales", *("",) * 5]
-    axes.set_thetagrids(range(0, 360, 45), names)
-    axes.set_title(title, fontsize=8, pad=14)
+    frame_polar(axes, title, ["0°\ncourses", "45°", "90° wales"])
 
 
 FIGURES = {"directions": FigureKind(directions, coordinates=(STRAIN,))}

@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 
 from knitlab.figures.cells import cell, remove_frame
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import MINUS, TWO_COLUMNS, Look, name_rows
+from knitlab.figures.style import MINUS, TWO_COLUMNS, Look, name_rows, subplots
 from knitlab.io.errors import fault
 from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.margin import Grade, signed
@@ -38,9 +38,9 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     if not names:
         raise fault("options", "no claim can be judged by these cubes; run more of their designs")
     varied = differing(ranked)
-    size = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown)), 1.6 + 0.18 * len(names) + 0.13 * len(varied)
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.add_subplot()
+    width = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown))
+    height = 1.6 + 0.18 * len(names) + 0.13 * len(varied)
+    figure, axes = subplots(height, width=width)
     for column, options in enumerate(shown):
         for row, name in enumerate(names):
             result = options.results[name]

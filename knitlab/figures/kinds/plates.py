@@ -4,12 +4,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.projections.polar import PolarAxes
-from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures import sheets
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import TWO_COLUMNS, shades
+from knitlab.figures.style import frame_polar, shades, subplots
 from knitlab.io.errors import fault
 
 MOST_STATES = 4
@@ -33,8 +31,7 @@ def polar_moduli(case: xr.Dataset) -> Figure:
     if count > MOST_STATES:
         shown = np.unique(np.linspace(0, count - 1, MOST_STATES).round().astype(int))
         plates = plates.isel(applied_strain=shown)
-    figure = Figure(figsize=(TWO_COLUMNS, 3.6), layout="constrained")
-    panels = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
+    figure, panels = subplots(3.6, 1, 2, subplot_kw={"projection": "polar"})
     handles = []
     for k, colour in enumerate(shades(plates.sizes["applied_strain"])):
         state = plates.isel(applied_strain=k)
@@ -45,27 +42,10 @@ def polar_moduli(case: xr.Dataset) -> Figure:
         handles.append(Line2D([], [], color=colour, label=label))
     unit = "N/mm" if plates.attrs["length_unit"] == "mm" else f"N per {plates.attrs['length_unit']}"
     for axes, title in zip(panels, (f"modulus [{unit}]", "Poisson's ratio [1]"), strict=True):
-        _frame(axes, title)
+        frame_polar(axes, title, ["         x, course", "", "y, wale"])
     figure.suptitle(sheets.design_text(case), fontsize="medium")
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
-
-
-def _frame(axes: PolarAxes, title: str) -> None:
-    """Circles for values, from 0 or, if some are negative, from below them, and directions."""
-    values = np.concatenate([np.asarray(line.get_ydata()) for line in axes.lines])
-    low, high = min(values.min(), 0), max(values.max(), 0)
-    if low < 0:
-        low -= 0.25 * (high - low)
-        axes.plot(ANGLES, 0 * ANGLES, color="black", lw=0.8)
-    axes.set_rlim(low, high + 0.05 * (high - low))
-    axes.set_title(title, pad=12)
-    axes.set_thetagrids(range(0, 360, 45), ["         x, course", "", "y, wale", *[""] * 5])
-    axes.set_rlabel_position(22)
-    axes.yaxis.set_major_locator(MaxNLocator(4))
-    axes.tick_params(axis="y", labelsize=6)
-    axes.grid(color="0.88", lw=0.5)
-    axes.spines["polar"].set_color("0.88")
 
 
 FIGURES = {

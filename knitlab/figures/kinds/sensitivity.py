@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from knitlab.cube.schema import Status
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import TWO_COLUMNS, Look, colour_bar, number, value_colours
+from knitlab.figures.style import Look, colour_bar, number, subplots, value_colours
 from knitlab.io.errors import fault
 
 QUANTITY = "poisson_ratio_sensitivity"
@@ -44,8 +44,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     bound = bound or 1.0
     colours = value_colours(np.array([-bound, bound]))
     rgba = colours.to_rgba(values)
-    figure = Figure(figsize=(TWO_COLUMNS, 1.7 + 0.24 * len(designs)), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = subplots(1.7 + 0.24 * len(designs))
     marked: set[Status] = set()
     for row, (design, sensitivities) in enumerate(zip(designs, values, strict=True)):
         if not np.isfinite(sensitivities).all():

@@ -13,7 +13,7 @@ from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
 from knitlab.figures.cells import design_name, designs_of
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import TWO_COLUMNS, Look, colour_bar, value_colours
+from knitlab.figures.style import Look, colour_bar, subplots, value_colours
 from knitlab.io.errors import fault
 
 SHOWN_STRAIN = 0.23
@@ -36,8 +36,7 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     if not shown:
         names = ", ".join(map(str, PAPER_DESIGNS))
         raise fault("tension", f"no cube has one of {names} with more than one unit cell")
-    figure = Figure(figsize=(TWO_COLUMNS, 5.2), layout="constrained")
-    grid = figure.subplots(len(COMPONENTS), len(shown), squeeze=False)
+    figure, grid = subplots(5.2, len(COMPONENTS), len(shown), squeeze=False)
     for row, (name, label) in zip(grid, COMPONENTS.items(), strict=True):
         values = np.concatenate([sample[name].values.ravel() for sample in shown])
         colours = value_colours(values, signed=True)

@@ -12,9 +12,9 @@ from knitlab.cube.schema import STRAIN, VARIABLES
 from knitlab.cube.uncertainty import LOWEST, PARAMETER, QUANTITIES, uncertainty_of
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.kinds.design_map import draw_map
+from knitlab.figures.kinds.design_map import draw_map, row_count
 from knitlab.figures.kinds.sensitivity import SYMBOLS
-from knitlab.figures.style import TWO_COLUMNS, number
+from knitlab.figures.style import number, subplots
 from knitlab.io.errors import fault, unknown
 
 if TYPE_CHECKING:  # which imports JAX
@@ -48,7 +48,6 @@ def uncertainty_map(
     name = of if single else LOWEST
     known = uncertainty_of(cube, uncertain_stripes(material))
     shown = known.isel({STRAIN: 0}) if single else known
-    designs = cells.designs_of(shown)
     unit = VARIABLES[of].units
 
     def text(deviation: float, design: xr.Dataset) -> str:
@@ -61,14 +60,10 @@ def uncertainty_map(
         form = f".{min(max(digits, 0), MOST_PLACES)}f"
         return f"{number(float(design[name]), form)} ± {deviation:{form}}\n{leader}"
 
-    rows = len({int(design["n_stripe"]) for design in designs})
-    height = max(2.4, 1.2 + 0.55 * rows)
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = subplots(max(2.4, 1.2 + 0.55 * row_count(cells.designs_of(shown))))
     what = VARIABLES[name].long_name + (f"\nat {cube[STRAIN].item():.0%}" if single else "")
     label = f"standard deviation of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
     marked = draw_map(axes, [shown], f"{name}_sd", label, text)
-    axes.set_xlabel(cells.PERIODS_LABEL)
     cells.marks_legend(figure, marked, "no derivative, or no value", NOTES)
     return figure
 
