@@ -19,6 +19,7 @@ class Fault:
         return f"{self.path}: {self.problem}"
 
 
+MOST = 200  # faults of a file that a message lists
 LONGEST = 500  # characters of a value that a message shows
 MOST_NAMES = 20  # largest number of names that a message lists
 SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
@@ -68,7 +69,7 @@ def faults_of(
     inner = {entry["loc"][:-1] for entry in entries}
     return [
         Fault(": ".join(filter(None, (source, ".".join(map(str, entry["loc"]))))), problem)
-        for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries)
+        for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries[:MOST])
         if entry["type"] != "too_short" or entry["loc"] not in inner
     ]
 

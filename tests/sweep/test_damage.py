@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import socket
+import time
 from contextlib import suppress
 
 import click
@@ -13,7 +14,9 @@ import xarray as xr
 from click.testing import CliRunner
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
+from knitlab.cli import main
 from knitlab.cli.options import CommandGroup
 from knitlab.cli.output import droppable_output
 from knitlab.cube.cube_file import open_cube, write_cube
@@ -25,6 +28,7 @@ from knitlab.io.json_file import with_checksum
 from knitlab.io.names import is_name
 from knitlab.io.seal import LENGTH
 from knitlab.sweep.merge import merge_folders
+from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.results_folder import CaseState, status
 from knitlab.sweep.run import RunOptions, run_plan
@@ -278,6 +282,28 @@ def test_a_workflow_that_is_too_large_is_a_sentence(tmp_path, text):
     (tmp_path / "large.toml").write_text(text)
     with pytest.raises(BadInput, match="is not TOML"):
         make_plan(str(tmp_path / "large.toml"))
+
+
+def test_a_file_is_too_long_or_has_its_first_faults_listed(tmp_path):
+    path = tmp_path / "large.toml"
+    path.write_text(f'title = "{"x" * 6_000_000}"')
+    with pytest.raises(BadInput, match="has more than 5,000,000 characters"):
+        make_plan(str(path))
+    path.write_text("".join(f"a{number} = 1\n" for number in range(20_000)))
+    with pytest.raises(BadInput, match="there is no setting 'a0'") as caught:
+        make_plan(str(path))
+    assert len(caught.value.faults) <= 200
+
+
+def test_an_image_of_many_patches_and_a_list_of_many_columns_take_a_moment(folder, tmp_path):
+    Image.new("RGB", (2000, 2000)).save(tmp_path / "map.png")
+    began = time.process_time()
+    rows = Pattern(image="map.png", colours={"black": "R"}).patches(tmp_path)
+    assert rows == ("R" * 2000,) * 2000
+    words = ["query", str(folder), "--columns", "n_stripe," * 100_000]
+    said = CliRunner().invoke(main, words)
+    assert said.stdout.split() == ["n_stripe", "4", "4"]
+    assert time.process_time() - began < 3.0
 
 
 @pytest.mark.parametrize("condition", ["abs(" * 5000, "1" * 5000 + " > 0", f"n_stripe > {10**900}"])
