@@ -38,7 +38,8 @@ def query(
     from knitlab.cube.query import main_columns, query_cubes, variables_table
 
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
-    names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else []
+    parts = re.findall(r"(?:\([^)]*\)?|[^,(])+", columns or "")
+    names = [*dict.fromkeys(part.strip() for part in parts)]
     opened = [open_cube(cube, lazily=True) for cube in cubes]
     if listed:
         options.show(variables_table(opened), style)

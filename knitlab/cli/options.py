@@ -38,7 +38,7 @@ class EncodedPath(click.Path):
     def convert(self, value: Any, *about: Any) -> Any:
         """Fail if it has none."""
         try:
-            str(Path(value).resolve()).encode(sys.getfilesystemencoding())
+            os.path.realpath(value).encode(sys.getfilesystemencoding())
         except UnicodeEncodeError as error:
             problem = f"{value!a}: its path is no text in {error.encoding}"
             self.fail(f"{problem}; rename it, or set LC_ALL=C.UTF-8", *about)
@@ -59,14 +59,18 @@ class CommandGroup(click.Group):
     """Commands that explain bad input in sentences, and end with exit code 2."""
 
     def main(self, *words: Any, **settings: Any) -> Any:
-        """Run; Ctrl-C ends the process at once until work begins, as imports may lose it."""
+        """Run; the work never depends on what is shown.
+
+        Ctrl-C ends the process at once until work begins, as imports may lose it.
+        """
         before = signal.getsignal(signal.SIGINT)
         alone = threading.current_thread() is threading.main_thread()
         ours = alone and before in (signal.default_int_handler, end_at_once)
         if ours:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
         try:
-            return super().main(*words, **settings)
+            with droppable_output():
+                return super().main(*words, **settings)
         finally:
             if ours:
                 signal.signal(signal.SIGINT, before)
@@ -91,21 +95,23 @@ class CommandGroup(click.Group):
         return found
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command that is named; its work never depends on what it shows."""
-        with droppable_output():
-            try:
-                return super().invoke(ctx)
-            except BadInput as error:
-                command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
-                for each in error.faults:
-                    echo_problem(_with_option(str(each), command))
-                sys.exit(BAD_INPUT)
-            except (MemoryError, OSError, UnicodeEncodeError) as error:
-                if isinstance(error, OSError) and error.errno not in LACKING:
-                    raise
+        """Run the command that is named; exit code 2 with a sentence if it cannot be done."""
+        try:
+            return super().invoke(ctx)
+        except BadInput as error:
+            command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
+            for each in error.faults:
+                echo_problem(_with_option(str(each), command))
+        except (MemoryError, OSError, UnicodeEncodeError) as error:
+            if not isinstance(error, OSError) or error.errno in LACKING:
                 problem = str(error) or "there is not enough memory"
                 echo_problem(f"this machine cannot do it: {problem}; free some, or take another")
-                sys.exit(BAD_INPUT)
+            elif error.errno is None:
+                raise
+            else:
+                place = error.filename or "the current folder"
+                echo_problem(f"{place}: cannot be used ({error.strerror}); check the path")
+        sys.exit(BAD_INPUT)
 
 
 def echo_problem(problem: object) -> None:

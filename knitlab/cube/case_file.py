@@ -27,8 +27,8 @@ SHAPES = (
 )
 
 
-UNREADABLE = (OSError, RuntimeError, ValueError, IndexError)
-"""What netCDF raises of a file that it cannot read."""
+UNREADABLE = (OSError, RuntimeError, ValueError, TypeError, AttributeError, LookupError)
+"""What netCDF and xarray raise of a file that they cannot read."""
 
 
 class StoredCase(Enum):
@@ -81,7 +81,7 @@ def read_code(results: Path, case_id: str) -> str | None:
     """Fingerprint of the code that computed a case; None if the file is not a case file."""
     try:
         return str(read_values(case_path(results, case_id), ["code"])["code"])
-    except (*UNREADABLE, KeyError):
+    except UNREADABLE:
         return None
 
 

@@ -12,6 +12,7 @@ import xarray as xr
 from pydantic import BaseModel
 
 from knitlab.cube import schema
+from knitlab.cube.case_file import UNREADABLE
 from knitlab.cube.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault, fault
@@ -137,9 +138,7 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         try:
             sealed = has_seal(path)
         except ValueError:
-            # Of a file that another program has open, which is named as that.
-            with suppress(OSError, RuntimeError):
-                _opened(path).close()
+            _check_unlocked(path)
             raise
         cube = _opened(path)
         # One without a seal may be damaged anywhere.
@@ -149,7 +148,7 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     except FileNotFoundError as error:
         problem = "does not exist; run a workflow or import an experiment first"
         raise fault(str(path), problem) from error
-    except (OSError, ValueError, RuntimeError) as error:
+    except UNREADABLE as error:
         of_system = isinstance(error, OSError) and (error.errno or 0) > 0  # others are of netCDF
         if of_system or isinstance(error, UnicodeError):
             why = getattr(error, "strerror", error)
@@ -198,16 +197,21 @@ def _opened(path: Path) -> xr.Dataset:
     """A netCDF file, opened; from its bytes where it cannot be locked."""
     try:
         return xr.open_dataset(path, engine="netcdf4")
-    except (OSError, RuntimeError) as error:  # the second, at times, of a file that is open here
-        if is_locked(path):
-            problem = "is opened for writing by another program; close it there, or set"
-            remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
-            raise fault(str(path), remedy) from error
+    except (OSError, RuntimeError):  # the second, at times, of a file that is open here
+        _check_unlocked(path)
         with suppress(OSError, ValueError, RuntimeError):
             dataset = xr.open_dataset(path.read_bytes(), engine="netcdf4")
             dataset.encoding["source"] = str(path)
             return dataset
         raise
+
+
+def _check_unlocked(path: Path) -> None:
+    """BadInput if another program has a file open for writing."""
+    if is_locked(path):
+        problem = "is opened for writing by another program; close it there, or set"
+        remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
+        raise fault(str(path), remedy)
 
 
 def of_schema(cube: xr.Dataset) -> xr.Dataset:

@@ -21,6 +21,7 @@ from knitlab.cube.cube_file import cube_name, design_dims, is_measured, paramete
 from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.explorer.shapes import shape_of
 from knitlab.io.errors import BadInput
+from knitlab.io.image_file import read_image
 from knitlab.sweep.results_folder import earlier_failures, read_plan
 
 EXPANDED = "stripe_parameter"  # a variable along it becomes one for each label
@@ -190,9 +191,8 @@ def figures_of(folder: Path) -> dict[str, Any]:
 
 def _reduced(path: Path) -> str:
     """A figure as the address of an image: reduced without other loss, or as it is if smaller."""
+    drawn = Image.fromarray(read_image(path)[..., :3])
     stored = path.read_bytes()
-    with Image.open(path) as image:
-        drawn = image.convert("RGB")
     drawn.thumbnail((WIDEST, 4 * WIDEST), Image.Resampling.LANCZOS)
     written = io.BytesIO()
     drawn.save(written, "WEBP", lossless=True)

@@ -100,14 +100,14 @@ def run_design(
         problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"
         raise fault("the package cmaes", problem)
     path = folder / REQUEST
-    if path.is_file() and path.read_text() != request.text:
+    if path.is_file() and path.read_bytes() != request.text.encode():
         problem = "holds the design of another request; name another results folder, or remove it"
         raise fault(str(folder), problem)
     # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
         starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
-            temporary.write_text(request.text)
+            temporary.write_bytes(request.text.encode())
         left, at_once = max(budget - simulations, 1), max(workers, 1)
         designs = starts[:left]
         seconds = np.inf if minutes is None else 60 * minutes / -(-len(designs) // at_once)

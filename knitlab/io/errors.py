@@ -20,6 +20,8 @@ class Fault:
         return f"{self.path}: {self.problem}"
 
 
+MOST = 200  # faults of a file that a message lists
+LONGEST = 500  # characters of a value that a message shows
 MOST_NAMES = 20  # largest number of names that a message lists
 SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
 """Pydantic's error types for values that should be a single one."""
@@ -74,7 +76,7 @@ def faults_of(
     inner = {entry["loc"][:-1] for entry in entries}
     return [
         Fault(": ".join(filter(None, (source, ".".join(map(str, entry["loc"]))))), problem)
-        for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries)
+        for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries[:MOST])
         if entry["type"] != "too_short" or entry["loc"] not in inner
     ]
 
@@ -102,11 +104,20 @@ def _problem(entry: ErrorDetails, known: Mapping[str, str]) -> str:
         return unknown(str(key), known, "setting") if known else remedy
     if isinstance(given, list) and kind in SINGLE_VALUES:
         if isinstance(key, int):
-            return f"is a list within a list, {given!r}; remove one pair of brackets"
-        return f"is a list, {given!r}; give one value"
+            return f"is a list within a list, {shown(given)}; remove one pair of brackets"
+        return f"is a list, {shown(given)}; give one value"
     of_value = kind == "value_error"
-    text = str(entry["ctx"]["error"]) if of_value else f"{entry['msg']}, but is {given!r}"
+    text = str(entry["ctx"]["error"]) if of_value else f"{entry['msg']}, but is {shown(given)}"
     return text[:1].lower() + text[1:]
+
+
+def shown(value: object) -> str:
+    """A value as it is written in Python, without the rest of a long one."""
+    try:
+        text = repr(value)
+    except ValueError:  # of a whole number of thousands of digits
+        text = "a number too long to show"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
 
 
 def unknown(name: str, known: Iterable[str], kind: str = "") -> str:

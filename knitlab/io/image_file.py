@@ -18,8 +18,8 @@ def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
     try:
         with Image.open(plain_file(path)) as image:
             if image.width * image.height > MOST_PIXELS:
-                problem = f"has {image.width} x {image.height} pixels; give one for each patch or"
-                raise fault(str(path), f"{problem} stitch, at most {MOST_PIXELS:,}")
+                problem = f"has {image.width} x {image.height} pixels, above {MOST_PIXELS:,}; make"
+                raise fault(str(path), f"{problem} it smaller, with one for each patch or stitch")
             return np.asarray(image.convert("RGBA"))
     # A damaged image raises many types.
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:

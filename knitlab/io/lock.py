@@ -18,6 +18,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from knitlab.io.errors import BadInput, CannotWrite, Fault, fault
+from knitlab.io.text_file import plain_file
 
 LOCK_NAME = ".lock"
 GATE_NAME = ".lock-gate"
@@ -104,7 +105,7 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AbstractContextM
     holder += f" since {datetime.now().isoformat(timespec='seconds')}"
     holder += f" (shard {shard[1]} of {shard[2]})" if shard else ""
     with suppress(OSError):  # the lock works without the file that names its holder
-        _holder_path(folder, name).write_text(holder, encoding="utf-8")
+        plain_file(_holder_path(folder, name)).write_text(holder, encoding="utf-8")
     return lock
 
 
@@ -117,7 +118,7 @@ def _refuse_unless_without_locks(folder: Path, error: OSError) -> None:
 def _in_use(folder: Path, name: str) -> BadInput:
     by = "another process"
     with suppress(OSError, ValueError):
-        by = _holder_path(folder, name).read_text(encoding="utf-8") or by
+        by = plain_file(_holder_path(folder, name)).read_text(encoding="utf-8") or by
     return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")
 
 

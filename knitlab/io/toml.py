@@ -13,6 +13,7 @@ from knitlab.io.errors import fault, naming
 from knitlab.io.text_file import read_text
 
 TOML = (".toml",)  # suffix
+MOST_CHARACTERS = 5_000_000
 Schema = TypeVar("Schema", bound=BaseModel)
 
 
@@ -24,8 +25,11 @@ class StrictModel(BaseModel):
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The table in a TOML file; BadInput if it cannot be read, or is not TOML."""
+    text = read_text(path)
+    if len(text) > MOST_CHARACTERS:
+        raise fault(str(path), f"has more than {MOST_CHARACTERS:,} characters; make it shorter")
     try:
-        return tomllib.loads(read_text(path))
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # the second of nested lists
         raise fault(str(path), f"is not TOML ({error}); correct that line") from error
 

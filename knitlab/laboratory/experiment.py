@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from pydantic import BaseModel
 
 from knitlab.cube.cube_file import (
     ATTRIBUTE,
@@ -22,6 +23,7 @@ from knitlab.cube.schema import CYCLE, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint, file_digest, provenance, text_fingerprint
+from knitlab.io.json_file import json_table
 from knitlab.io.names import named_folder
 from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import Values, read_capacitance, read_tensile
@@ -29,6 +31,15 @@ from knitlab.laboratory.markers import read_markers
 
 READERS = {"markers": read_markers, "tensile": read_tensile, "capacitance": read_capacitance}
 IMPORTS = "imports"
+
+
+class ImportRecord(BaseModel):
+    """What is read of the record of an import."""
+
+    variables: list[str]
+
+
+Imports = dict[str, ImportRecord]
 
 
 @dataclass(frozen=True)
@@ -73,14 +84,18 @@ def import_records(
         "files": {name: file_digest(path.parent / name) for name in dict.fromkeys(files) if name},
         "variables": list(dict.fromkeys(name for values in cycles for name in values)),
     }
-    imports = {kind: record}
+    imports: dict[str, Any] = {kind: record}
     if cube_file.exists():
         old = read_cube(cube_file)
         if not is_measured(old):
             problem = "holds simulations; give the description another name, or another folder"
             raise fault(str(cube_file), problem)
-        imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
+        problem = f"{IMPORTS} is not a table as knitlab writes it; import all records again"
+        stated = json_table(old.attrs.get(IMPORTS, "{}"), str(cube_file), Imports, problem)
+        imports = {**stated, **imports}
         kept = [name for other in imports if other != kind for name in imports[other]["variables"]]
+        if missing := {*kept} - {*old.data_vars}:
+            raise fault(str(cube_file), f"has no {', '.join(missing)}; import all records again")
         coordinates = (*design_dims(cube), "applied_strain", SOURCE)
         same = parameters_of(old) == parameters_of(cube) and all(
             name in old.coords and np.array_equal(old[name], cube[name]) for name in coordinates

@@ -192,20 +192,24 @@ ROWS = _Lines("row", "row, from the top,", "courses", "garter", GARTER_STITCHES_
 def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]:
     from matplotlib.colors import to_hex  # slow to import, and only used for images
 
-    pixels = read_image(path) / 255
+    pixels = read_image(path)
     try:
         letters = {to_hex(colour): letter for colour, letter in colours.items()}
     except ValueError as error:
         raise fault(str(path), f"{error}; name colours such as #ff0000") from error
-    names = [
-        ["transparent" if (pixel[3:] < 1).any() else to_hex(pixel[:3]) for pixel in line]
-        for line in pixels
-    ]
-    for (y, x), name in np.ndenumerate(names):
+    # Each pixel as one number, as images have few colours.
+    numbers = np.ascontiguousarray(pixels).view(np.uint32)[..., 0]
+    drawn = np.full(numbers.shape, "", dtype="<U1")
+    for number in np.unique(numbers):
+        is_colour = numbers == number
+        y, x = np.unravel_index(is_colour.argmax(), numbers.shape)
+        red, green, blue, opacity = pixels[y, x] / 255
+        name = "transparent" if opacity < 1 else to_hex((red, green, blue))
         if name not in letters:
             problem = f"pixel {x + 1} of line {y + 1} is {name}, which colours gives no letter"
             raise fault(str(path), f"{problem}; it has {', '.join(letters)}")
-    return tuple("".join(letters[name] for name in line) for line in names)
+        drawn[is_colour] = letters[name]
+    return tuple(map("".join, drawn.tolist()))
 
 
 def is_pattern_name(text: str) -> bool:

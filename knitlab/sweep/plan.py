@@ -37,11 +37,10 @@ from knitlab.sweep.recorded_case import case_of_record
 from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
-from knitlab.sweep.workflow_text import WorkflowText
+from knitlab.sweep.workflow_text import MOST_CASES, WorkflowText
 
 RECORDED = ("workflow", "title", "figures", "dims", "overrides", "inputs", "stripes", "material")
 """Attributes of a plan that its file has as they are."""
-MOST_CASES = 100_000
 
 
 @dataclass(frozen=True)

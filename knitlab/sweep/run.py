@@ -27,6 +27,7 @@ from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.results_folder import FAILURES, PLAN, CaseState, Failure, earlier_failures
 from knitlab.sweep.workers import BatchError, SchedulerLost, Simulate, Task
 
+LONGEST = 1e6  # time for one case [s]; timers take no more for a batch of many
 ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
 
 
@@ -55,8 +56,9 @@ class RunOptions:
             for name, number in (("workers", self.workers or 0), ("retries", self.retries))
             if not isinstance(number, int) or number < 0
         ]
-        if self.case_timeout is not None and not self.case_timeout > 0:
-            faults.append(Fault(f"case_timeout {self.case_timeout}", "is not above 0; raise it"))
+        if self.case_timeout is not None and not 0 < self.case_timeout <= LONGEST:
+            problem = f"is not above 0 and at most {LONGEST:,.0f} s; change it, or leave it out"
+            faults.append(Fault(f"case_timeout {self.case_timeout}", problem))
         raise_any(faults)
 
     def processors(self, batches: int) -> int:

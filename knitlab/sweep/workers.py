@@ -143,9 +143,9 @@ def _alarm(seconds: float | None) -> Iterator[None]:
         yield
         return
     before = signal.signal(signal.SIGALRM, ring)
-    # Repeatedly, because an exception raised in a callback may be lost.
-    signal.setitimer(signal.ITIMER_REAL, seconds, max(seconds, 1.0))
     try:
+        # Repeatedly, because an exception raised in a callback may be lost.
+        signal.setitimer(signal.ITIMER_REAL, seconds, max(seconds, 1.0))
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)

@@ -140,7 +140,9 @@ class ProtocolSection(StrictModel):
     method: Method = "equilibrium"
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
-    further_strains: Annotated[tuple[PositiveFloat, ...], Field(strict=False)] = ()
+    further_strains: Annotated[
+        tuple[PositiveFloat, ...], Field(strict=False, max_length=MOST_STEPS)
+    ] = ()
     load: LoadKind = "warp"
     load_ratio: Annotated[FiniteFloat, Field(gt=-1)] | None = None
     load_angle: Annotated[float, Field(ge=0, lt=180), Unit("degree")] | None = None

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from knitlab.cube.schema import SAMPLE, Variable
 from knitlab.fabric.electrodes import ElectrodeLayout
-from knitlab.io.errors import BadInput, Fault, faults_of, unknown
+from knitlab.io.errors import MOST_NAMES, BadInput, Fault, fault, faults_of, unknown
 from knitlab.io.toml import read_toml
 from knitlab.simulation.case import Label
 from knitlab.sweep.declared_fields import declared
@@ -29,6 +29,7 @@ KEYS = dict.fromkeys(Workflow.model_fields, "") | {
     name: setting.section for name, setting in SETTINGS.items()
 }
 """Keys of a workflow, with the table of each."""
+MOST_CASES = 100_000
 PAIRED = "paired"  # the table of a workflow whose lists change together
 LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
 
@@ -101,11 +102,15 @@ class WorkflowText:
         for name, given in self.axes.items():
             section, values = SETTINGS[name].section, []
             source = self.source(f"{section}.{name}")
+            if len(given) > MOST_CASES:
+                raise fault(source, f"has {len(given):,} values, above {MOST_CASES:,}; give fewer")
             for number, value in enumerate(given, start=1):
                 try:
                     table = SECTIONS[section].model_validate({name: _listed(section, name, value)})
                     values.append(getattr(table, name))
                 except ValidationError as error:
+                    if len(faults) > MOST_NAMES:
+                        break
                     problems = [entry.problem for entry in faults_of(error, "") if number > 1]
                     faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
             if len(set(values)) < len(values) and name not in self.paired:

@@ -25,6 +25,14 @@ def test_a_reader_that_takes_one_line_ends_no_command_with_an_error():
     assert b"Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "code"), [("--help", 0), ("run --help", 0), ("--version", 0), ("unknown", 2)]
+)
+def test_what_no_command_prints_may_be_lost_too(words, code):
+    done = shell(f"{sys.executable} -m knitlab {words} >/dev/full 2>/dev/full")
+    assert done.returncode == code
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "output",

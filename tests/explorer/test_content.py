@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 import shutil
 
 import numpy as np
@@ -20,6 +21,7 @@ from knitlab.explorer.cube_content import (
     variables_of,
 )
 from knitlab.explorer.shapes import MOST_NODES, shape_of
+from knitlab.io.errors import BadInput
 from tests.explorer.conftest import HOSTILE, PREVIEW, REFERENCE
 from tests.explorer.test_positions import unpacked
 
@@ -174,6 +176,21 @@ def test_figures_that_are_left_out_are_counted(tmp_path):
         Image.new("RGB", (4, 4)).save(tmp_path / "figures" / f"{number:02}.png")
     found = figures_of(tmp_path)
     assert (len(found["shown"]), found["left_out"]) == (MOST_FIGURES, 3)
+
+
+def test_a_damaged_figure_is_a_sentence(tmp_path):
+    path = tmp_path / "figures" / "shape.png"
+    path.parent.mkdir()
+    Image.new("RGB", (40, 40)).save(path)
+    contents = path.read_bytes()
+    for damaged in (b"", contents[:50], contents.replace(b"IDAT", b"IDAU")):
+        path.write_bytes(damaged)
+        with pytest.raises(BadInput, match=r"shape\.png: cannot be read as an image"):
+            figures_of(tmp_path)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(BadInput, match=r"shape\.png: cannot be read as an image"):
+        figures_of(tmp_path)
 
 
 @pytest.mark.slow

@@ -320,5 +320,8 @@ def test_a_killed_design_resumes_to_the_same_result(tmp_path):
     kept = json.loads((tmp_path / "whole" / "sleeve" / "request.json").read_text())
     assert kept["vary"]["n_stripe"] == [4]
     (tmp_path / "sleeve.toml").write_text(REQUEST.replace("-0.2", "-0.1"))
-    with pytest.raises(kl.BadInput, match="holds the design of another request"):
-        kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")
+    request = tmp_path / "results" / "sleeve" / "request.json"
+    for contents in (request.read_bytes(), b"\xff"):
+        request.write_bytes(contents)
+        with pytest.raises(kl.BadInput, match="holds the design of another request"):
+            kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")

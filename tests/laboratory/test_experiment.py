@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from knitlab.cli import main
 from knitlab.cube.cube_file import open_cube
 from knitlab.cube.schema import COORDINATES, VARIABLES
+from knitlab.io.errors import BadInput
 from knitlab.laboratory.experiment import import_records
 from knitlab.measure.capacitance.sensor import mean_slope
 from tests.figures.test_sensor import with_electrodes
@@ -74,6 +75,19 @@ def test_imports_in_any_order_and_twice_make_one_cube(tmp_path, cube):
     imports = json.loads(other.attrs["imports"])
     assert set(imports) == set(KINDS)
     assert set(imports["markers"]["files"]) == {"markers.npy", "tensile.csv"}
+
+
+@pytest.mark.parametrize(
+    "imports",
+    [5, "", "[]", '{"tensile": null}', '{"tensile": {"variables": ["of_no_import"]}}'],
+)
+def test_imports_of_another_form_are_a_sentence(tmp_path, imports):
+    path = Laboratory(tmp_path).write()
+    file = import_records("tensile", path, tmp_path).path
+    changed = xr.load_dataset(file).assign_attrs(imports=imports)
+    changed.to_netcdf(file)
+    with pytest.raises(BadInput, match=r"cube\.nc: .*import all records again"):
+        import_records("markers", path, tmp_path)
 
 
 def test_a_trigger_synchronises_as_well_as_a_given_offset(tmp_path, cube):

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import socket
+import time
 from contextlib import suppress
 
 import click
@@ -13,7 +14,9 @@ import xarray as xr
 from click.testing import CliRunner
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
+from knitlab.cli import main
 from knitlab.cli.options import CommandGroup
 from knitlab.cli.output import droppable_output
 from knitlab.cube.cube_file import open_cube, write_cube
@@ -23,7 +26,9 @@ from knitlab.figures.claims_page import _escaped
 from knitlab.io.errors import BadInput
 from knitlab.io.json_file import with_checksum
 from knitlab.io.names import is_name
+from knitlab.io.seal import LENGTH
 from knitlab.sweep.merge import merge_folders
+from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.results_folder import CaseState, status
 from knitlab.sweep.run import RunOptions, run_plan
@@ -218,6 +223,16 @@ def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
     assert "cube.nc was not as it had been written; it is kept as cube-damaged.nc" in said
 
 
+@pytest.mark.parametrize("sealed", [True, False])
+def test_a_damaged_name_of_an_attribute_is_a_sentence(folder, undamaged, sealed):
+    contents = (folder / "cube.nc").read_bytes()
+    contents = contents if sealed else contents[:-LENGTH]
+    (folder / "cube.nc").write_bytes(contents.replace(b"workflow", b"workfloh"))
+    with pytest.raises(BadInput, match="a damaged one"):
+        open_cube(folder)
+    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
+
+
 def test_a_csv_has_no_formulas(folder):
     cube = open_cube(folder)
     cube["case_id"][0, 0] = "=cmd|' /C calc'!A0"
@@ -233,6 +248,9 @@ def test_a_file_that_never_ends_is_a_sentence(folder, tmp_path):
         with suppress(BadInput):
             status("periodic", results=tmp_path, check=True)
         path.unlink()
+    holder = folder / ".lock.holder"
+    holder.unlink()
+    os.mkfifo(holder)
     assert not ran(folder).failures
 
 
@@ -248,6 +266,10 @@ MANY = [1 + k / 1000 for k in range(1000)]
         ({"n_stripe": [4] * 5000, "n_subunit": [16] * 5000}, "at most 300"),
         (("n_stripe=" + "9" * 5000,), "valid integer"),
         (("n_stripe=" + "[" * 5000,), "valid integer"),
+        (("n_stripe=0x" + "f" * 5000,), "a number too long to show"),
+        ({"further_strains": [0.1 + k / 1e5 for k in range(2000)]}, "at most 1000"),
+        ({"k_t_factor": [1.0] * 1_000_000}, "has 1,000,000 values, above 100,000"),
+        (("k_t_factor=" + "," * 100_000,), "valid number"),
     ],
 )
 def test_a_sweep_that_is_too_large_is_refused_before_it_is_expanded(overrides, problem):
@@ -260,6 +282,28 @@ def test_a_workflow_that_is_too_large_is_a_sentence(tmp_path, text):
     (tmp_path / "large.toml").write_text(text)
     with pytest.raises(BadInput, match="is not TOML"):
         make_plan(str(tmp_path / "large.toml"))
+
+
+def test_a_file_is_too_long_or_has_its_first_faults_listed(tmp_path):
+    path = tmp_path / "large.toml"
+    path.write_text(f'title = "{"x" * 6_000_000}"')
+    with pytest.raises(BadInput, match="has more than 5,000,000 characters"):
+        make_plan(str(path))
+    path.write_text("".join(f"a{number} = 1\n" for number in range(20_000)))
+    with pytest.raises(BadInput, match="there is no setting 'a0'") as caught:
+        make_plan(str(path))
+    assert len(caught.value.faults) <= 200
+
+
+def test_an_image_of_many_patches_and_a_list_of_many_columns_take_a_moment(folder, tmp_path):
+    Image.new("RGB", (2000, 2000)).save(tmp_path / "map.png")
+    began = time.process_time()
+    rows = Pattern(image="map.png", colours={"black": "R"}).patches(tmp_path)
+    assert rows == ("R" * 2000,) * 2000
+    words = ["query", str(folder), "--columns", "n_stripe," * 100_000]
+    said = CliRunner().invoke(main, words)
+    assert said.stdout.split() == ["n_stripe", "4", "4"]
+    assert time.process_time() - began < 3.0
 
 
 @pytest.mark.parametrize("condition", ["abs(" * 5000, "1" * 5000 + " > 0", f"n_stripe > {10**900}"])
@@ -282,9 +326,16 @@ def test_a_mute_scheduler_is_a_sentence():
 
 
 @pytest.mark.parametrize(
-    "error", [MemoryError(), OSError(errno.EMFILE, "Too many open files"), "\udcff".encode]
+    ("error", "sentence"),
+    [
+        (MemoryError(), "this machine cannot do it: there is not enough memory"),
+        (OSError(errno.EMFILE, "Too many open files"), "this machine cannot do it"),
+        ("\udcff".encode, "this machine cannot do it"),
+        (PermissionError(errno.EACCES, "Permission denied", "here"), "here: cannot be used (Perm"),
+        (FileNotFoundError(errno.ENOENT, "No such file"), "the current folder: cannot be used"),
+    ],
 )
-def test_what_a_machine_lacks_is_a_sentence(error):
+def test_what_a_machine_lacks_or_forbids_is_a_sentence(error, sentence):
     @click.group(cls=CommandGroup)
     def program():
         pass
@@ -297,7 +348,7 @@ def test_what_a_machine_lacks_is_a_sentence(error):
 
     said = CliRunner().invoke(program, ["fail"])
     assert said.exit_code == 2
-    assert "this machine cannot do it" in said.stderr
+    assert said.stderr.startswith(f"knitlab: {sentence}")
 
 
 def test_nothing_in_a_name_is_obeyed_by_a_terminal_or_a_page(capsys):

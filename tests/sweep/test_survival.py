@@ -218,6 +218,14 @@ def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     assert not list(tmp_path.glob(".timed-out-*"))
 
 
+def test_a_time_that_is_over_at_once_ends_with_its_case(tmp_path):
+    before = signal.getsignal(signal.SIGALRM)
+    run = ran(few_cases(), tmp_path, case_timeout=1e-300)
+    assert statuses(run)["failed"]
+    assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0, 0)
+
+
 @pytest.mark.slow
 def test_an_existing_scheduler_is_used(tmp_path):
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
