@@ -206,8 +206,8 @@ def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]
     for number in np.unique(numbers):
         is_colour = numbers == number
         y, x = np.unravel_index(is_colour.argmax(), numbers.shape)
-        *colour, opacity = pixels[y, x] / 255
-        name = "transparent" if opacity < 1 else to_hex(colour)
+        red, green, blue, opacity = pixels[y, x] / 255
+        name = "transparent" if opacity < 1 else to_hex((red, green, blue))
         if name not in letters:
             problem = f"pixel {x + 1} of line {y + 1} is {name}, which colours gives no letter"
             raise fault(str(path), f"{problem}; it has {', '.join(letters)}")
