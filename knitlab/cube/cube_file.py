@@ -22,8 +22,10 @@ from knitlab.io.seal import has_seal, seal
 
 CUBE = "cube.nc"
 ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
+TEXTS = ("case_id", "code")  # variables that are no numbers
 OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that follow from these
 ROUND_OFF = 1e-6  # force over the largest that counts as none
+GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
 
 
@@ -160,11 +162,36 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
         problem = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
         raise fault(str(path), f"{problem}; give a cube.nc or a results folder")
+    if problem := _problem_of_form(cube):
+        raise Damaged([Fault(str(path), f"{problem}; run its workflow again")])
     if strangers := set(np.unique(cube["status"]).tolist()) - set(map(int, schema.Status)):
         problem = f"has designs of the unknown status {', '.join(map(str, sorted(strangers)))}"
         raise Damaged([Fault(str(path), f"{problem}; run its workflow again")])
     parameters_of(cube)
     return cube
+
+
+def _problem_of_form(cube: xr.Dataset) -> str:
+    """What another program has made of a cube that no cube of knitlab is; empty if nothing."""
+    for dim in {*design_dims(cube), STRAIN} & {*cube.dims}:
+        index = cube.indexes.get(dim)
+        if index is None or index.hasnans or not index.is_unique:
+            return f"has no {dim} that tells its values apart"
+        if dim == STRAIN and index.dtype.kind not in "fiu":
+            return f"has a {dim} that is no number"
+    own = {name for name in cube.variables if name in VARIABLES or name in cube.dims}
+    for name in own:
+        variable = cube.variables[name]
+        if name in VARIABLES and (variable.dtype.kind in "fiub") == (name in TEXTS):
+            return f"has a {name} of the type {variable.dtype}"
+        if any(not isinstance(variable.attrs.get(key, ""), str) for key in ("units", "long_name")):
+            return f"has a {name} whose unit or long name is no text"
+    for name, value in cube.attrs.items():
+        if str(name).startswith(GAUGE) and not (
+            isinstance(value, float | np.integer) and 0 < value < np.inf
+        ):
+            return f"has a {name} that is no length"
+    return ""
 
 
 def _in_order(cube: xr.Dataset) -> xr.Dataset:

@@ -93,8 +93,8 @@ def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, s
     for each in one.samples:
         size = f"{each.size} unit cells" if each.size else ""
         options = f"options {letters[each.options]}" if each.options in letters else ""
-        texts = _shown(each.cube), _escaped(each.experiment), each.boundary, size, options
-        judged_on.append(", ".join(filter(None, texts)))
+        named = _shown(each.cube), _escaped(each.experiment), _escaped(each.boundary)
+        judged_on.append(", ".join(filter(None, (*named, size, options))))
     if one.contrary:
         judged_on.append(f"but it {contrary(one.contrary, _shown)}")
     cells = {
@@ -164,7 +164,7 @@ def _blocks(judgements: Sequence[Judgement], links: Mapping[Key, str]) -> list[s
         if rows := [_row(one, letters, figures.get(_key(one), "")) for one in graded]:
             blocks += [f"## {heading}", _table(rows)]
     if letters:
-        items = [f"- {letter}: {text}" for text, letter in letters.items()]
+        items = [f"- {letter}: {_escaped(text)}" for text, letter in letters.items()]
         blocks += ["## Model options", "\n".join(items)]
     return blocks
 

@@ -117,6 +117,11 @@ def shown(value: object) -> str:
         text = repr(value)
     except ValueError:  # of a whole number of thousands of digits
         text = "a number too long to show"
+    return shortened(text)
+
+
+def shortened(text: str) -> str:
+    """A text without the rest of a long one."""
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
 
 

@@ -1,12 +1,12 @@
 """Ctrl-C while the command line is imported ends it with one line, as imports may lose the error.
 
-A program of a user that imports knitlab gets its KeyboardInterrupt as ever.
+A program of a user that imports knitlab gets its KeyboardInterrupt as ever. Until this module is
+there Python itself answers, so that it imports only what Python has imported by then.
 """
 
 import os
 import signal
 import sys
-from pathlib import Path
 from types import FrameType
 
 INTERRUPTED = 128 + signal.SIGINT  # exit code, as a shell reports it
@@ -21,6 +21,7 @@ def end_at_once(number: int, frame: FrameType | None) -> None:
 
 
 _words = sys.orig_argv[1:3]
-is_command = _words == ["-m", "knitlab"] or [Path(word).stem for word in _words[:1]] == ["knitlab"]
+_names = [os.path.basename(word).partition(".")[0] for word in _words[:1]]  # noqa: PTH119
+is_command = _words == ["-m", "knitlab"] or _names == ["knitlab"]
 if is_command and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, end_at_once)

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from knitlab.io.errors import fault
-from knitlab.io.text_file import read_text
+from knitlab.io.text_file import plain_file
 
 END = "\n}\n"
 CHECKSUM = re.compile(r',\n "sha256": "(\w+)"\n}\n\Z')
@@ -23,7 +23,12 @@ def with_checksum(text: str) -> str:
 
 def read_json(path: Path, schema: Any, name: str, remedy: str) -> dict[str, Any]:
     """The table in a file of a name; BadInput if it is none, does not fit, or is damaged."""
-    text = read_text(path)
+    try:
+        text = plain_file(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    except ValueError as error:
+        raise fault(str(path), f"is not {name}; {remedy}") from error
     if stated := CHECKSUM.search(text):
         own = text[: stated.start()] + END
         if hashlib.sha256(own.encode()).hexdigest() != stated[1]:

@@ -84,7 +84,7 @@ def import_records(
         "files": {name: file_digest(path.parent / name) for name in dict.fromkeys(files) if name},
         "variables": list(dict.fromkeys(name for values in cycles for name in values)),
     }
-    imports: dict[str, Any] = {kind: record}
+    imports: dict[str, dict[str, Any]] = {kind: record}
     if cube_file.exists():
         old = read_cube(cube_file)
         if not is_measured(old):

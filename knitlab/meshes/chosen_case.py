@@ -109,9 +109,10 @@ def of_chosen_cases(
         for case_file, design in case_files
     ]
     found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
-    for dim in dims:
-        found = found.reindex({dim: cube[dim][cube[dim].isin(found[dim])]})
-        found[dim].attrs |= cube[dim].attrs
+    # Designs are in the order of the cube, before what else there is.
+    known = {dim: cube[dim][cube[dim].isin(found[dim])] for dim in dims}
+    found = xr.merge([xr.Dataset(coords=known), found.reindex(known)], combine_attrs="no_conflicts")
+    found = found.transpose(*dims, ...)
     units = sorted({each.attrs["length_unit"] for each in parts})
     return found.assign_attrs(length_unit=" and ".join(units))
 

@@ -13,7 +13,9 @@ import xarray as xr
 from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.cube_file import (
     ATTRIBUTE,
+    GAUGE,
     OPTION,
+    TEXTS,
     Damaged,
     design_dims,
     differences,
@@ -32,13 +34,12 @@ from knitlab.simulation.measurement import FIXED_COORDINATES, fixed_coordinates,
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.results_folder import CaseState, Cell, Design, cells
 
-TEXT_VARIABLES = ("case_id", "code")
 MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
 """Parameters in which designs of one cube may differ."""
 DAMAGED_CUBE = "cube-damaged.nc"
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
-GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}  # in mm
+GAUGE_ATTRIBUTES = {field.name: f"{GAUGE}{field.name}" for field in fields(Gauge)}  # in mm
 
 
 class Entry(NamedTuple):
@@ -235,10 +236,10 @@ def _gridded(
     arrays: dict[str, np.ndarray] = {
         name: np.full((*grid, *(sizes[dim] for dim in variable.dims)), np.nan)
         for name, variable in VARIABLES.items()
-        if name in names and name not in TEXT_VARIABLES
+        if name in names and name not in TEXTS
     }
     arrays["status"] = np.full(grid, Status.excluded, np.int8)
-    arrays |= {name: np.full(grid, "", dtype=object) for name in TEXT_VARIABLES}
+    arrays |= {name: np.full(grid, "", dtype=object) for name in TEXTS}
 
     index_of = [{label: k for k, label in enumerate(given)} for given in along.values()]
     rank = {strain: k for k, strain in enumerate(strains)}
@@ -248,7 +249,7 @@ def _gridded(
         for name, value in entry.values.items():
             dims = VARIABLES[name].dims
             if "applied_strain" not in dims:
-                arrays[name][at] = str(value) if name in TEXT_VARIABLES else value
+                arrays[name][at] = str(value) if name in TEXTS else value
             else:
                 # Values of an old cube may be padded to more unit cells than the new one has.
                 extents = zip(dims[1:], np.shape(value)[1:], strict=True)

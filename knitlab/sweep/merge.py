@@ -60,7 +60,7 @@ class FolderContents:
             cube = cube_file.of_schema(cube)
             if cube_file.is_measured(cube):
                 raise fault(str(path), "holds an experiment; only simulations are merged")
-            workflow, dims = str(cube.attrs["workflow"]), cube_file.design_dims(cube)
+            workflow, dims = str(cube.attrs.get("workflow", workflow)), cube_file.design_dims(cube)
             gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
             parameters = parameters_of(cube) | gauge
         record = results_folder.read_plan(path) if (path / PLAN).exists() else None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from knitlab.io.errors import Fault, fault, unknown
+from knitlab.io.errors import Fault, fault, shortened, unknown
 from knitlab.io.names import named_folder
 from knitlab.io.shipped import shipped
 
@@ -58,9 +58,9 @@ def read_overrides(
             value, shown = read_value(text) if text else None, given
             wrong = "is not KEY=VALUE; give both"
         if value is None:
-            faults.append(Fault(f"{source} {given}", wrong))
+            faults.append(Fault(f"{source} {shortened(given)}", wrong))
         else:
-            read.append(Override(key, value, f"{source} {shown}"))
+            read.append(Override(key, value, f"{source} {shortened(shown)}"))
     return read, faults
 
 

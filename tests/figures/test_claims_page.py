@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.cube.cube_file import write_cube
-from knitlab.figures.claims_page import introduction, reliance, write_page
+from knitlab.figures.claims_page import _blocks, introduction, reliance, write_page
 from knitlab.io.errors import BadInput
 from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.judgement import judged
@@ -35,6 +35,15 @@ def judgements(cubes):
 def test_a_page_of_another_format_is_refused(tmp_path):
     with pytest.raises(BadInput, match="is not a page of Markdown; give it the suffix"):
         write_page([], tmp_path / "page.html")
+
+
+def test_model_options_are_shown_as_they_are(tmp_path):
+    boards = good_checkerboards().assign_attrs(model_boundary="<b>", model_cell_size="<i>")
+    write_cube(boards, tmp_path / "cube.nc")
+    text = "".join(_blocks(judged(read_claims(), [tmp_path / "cube.nc"]), {}))
+    assert r"\<b\>" in text
+    assert r"cell_size \<i\>" in text
+    assert "<b>" not in text
 
 
 @pytest.mark.slow
