@@ -10,7 +10,7 @@ from knitlab.figures.figure_files import draw_into
 from knitlab.inverse.design import BUDGET, Designed, run_design
 from knitlab.inverse.request import checked_request, read_request
 from knitlab.inverse.trial import ShapeFunction
-from knitlab.io.errors import fault
+from knitlab.io.errors import fault, shortened
 from knitlab.io.names import named_folder
 
 UNLIMITED = 1_000_000  # number of simulations if the budget is a time
@@ -116,9 +116,9 @@ def _read_budget(budget: str) -> tuple[int, float | None]:
         number = float(budget.removesuffix("min")) if timed else int(budget)
     except ValueError:
         number = 0
-    if not number > 0:
-        problem = "is neither a number of simulations nor a time such as 30min"
-        raise fault(f"budget {budget}", problem)
+    if not 0 < number <= UNLIMITED:
+        problem = f"is neither a number of simulations up to {UNLIMITED:,} nor a time such as 30min"
+        raise fault(f"budget {shortened(budget)}", problem)
     return (UNLIMITED, number) if timed else (int(number), None)
 
 

@@ -16,7 +16,7 @@ from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.figures.figure_files import draw_into
 from knitlab.figures.stability import branches_figure, shapes_figure
-from knitlab.io.errors import fault
+from knitlab.io.errors import fault, shown
 from knitlab.simulation.case import Case
 from knitlab.stability.continuation import (
     Kind,
@@ -32,6 +32,7 @@ from knitlab.sweep.figure_names import check_figure_suffix
 from knitlab.sweep.workflow_text import Overrides
 
 MOST_BRANCHES = 6
+MOST_STARTS = 10_000  # sheets to relax for shapes
 ONTO_BRANCH = 0.01  # distance from a branch point at which the other branch begins
 MIRRORED = 1e-6  # difference of energies of two sides of a branch that are mirror images
 SAME_POINT = 0.3  # distance from a known branch, over that, below which it is not another
@@ -204,8 +205,8 @@ def shapes(
         >>> int(atlas["starts"].sum()) + atlas.attrs["not_converged"]
         3
     """
-    if starts < 1:
-        raise fault("starts", f"is {starts}; give 1 or more")
+    if not 1 <= starts <= MOST_STARTS:
+        raise fault("starts", f"is {shown(starts)}; give 1 to {MOST_STARTS:,}")
     case = _single(workflow, overrides or settings, output)
     net, fabric = case.assemble()
     known, failed = relaxed_shapes(net, fabric, case.equilibrium_solver, starts)

@@ -17,7 +17,7 @@ import pandas as pd
 import pint
 from jaxtyping import Float
 
-from knitlab.io.errors import Fault, fault, raise_any, shown
+from knitlab.io.errors import Fault, fault, raise_any
 from knitlab.io.text_file import read_text
 
 SEPARATORS = ",;\t| "  # of columns; any number of spaces is one separator
@@ -204,8 +204,8 @@ def _fields(line: str, separator: str) -> list[str]:
         return line.split()
     try:
         fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    except csv.Error as error:  # of a field of hundreds of thousands of characters
-        raise fault(f"line {shown(line)}", f"is none of a table ({error}); correct it") from error
+    except csv.Error:  # of a field of hundreds of thousands of characters
+        fields = [line]
     return [field.strip().replace("\u2212", "-") for field in fields]
 
 

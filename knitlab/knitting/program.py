@@ -15,7 +15,7 @@ from knitlab.knitting.machine import Machine
 
 DIRECTED = ("knit", "tuck")
 OF_CARRIERS = ("in", "out", "inhook", "releasehook", "outhook")
-NEEDLE = re.compile(r"([fb])(-?\d+)")
+NEEDLE = re.compile(r"([fb])(-?\d{1,9})")
 KINDS = {"knit": "knit", "tuck": "knit", "xfer": "transfer", "drop": "drop"}
 CARRIER_CHANGES = ("in", "out", "inhook", "outhook")
 

@@ -65,6 +65,7 @@ def test_tables_and_programs_of_a_plated_sample_are_read(tmp_path):
         ("a.txt", "# nothing\n", "has no stitches; write a row of k and p for each course"),
         ("a.png", "no image", "cannot be read as an image"),
         ("a.k", "inhook 3\ntuck - f1 3\n", "knits no stitch through another"),
+        ("a.k", "inhook 3\ntuck - f" + "1" * 5000 + " 3\n", "knits no stitch through another"),
         (
             "a.k",
             "tuck - f1 3\ntuck - b1 3\nknit + f1 3\nknit + b1 3\n" * 2,

@@ -94,7 +94,11 @@ def test_a_flat_sheet_and_a_rough_one_relax_to_one_shape_of_a_small_design():
     ("call", "message"),
     [
         (lambda: kl.branches("periodic", n_stripe=4), "select one of n_stripe 4"),
-        (lambda: kl.shapes("periodic", n_stripe=4, n_subunit=16, starts=0), "give 1 or more"),
+        (lambda: kl.shapes("periodic", n_stripe=4, n_subunit=16, starts=0), "give 1 to 10,000"),
+        (
+            lambda: kl.shapes("periodic", n_stripe=4, n_subunit=16, starts=10**5000),
+            "a number too long to show; give 1 to 10,000",
+        ),
         (lambda: kl.branches("preview", n_stripe=4, n_subunit=16), "take method = equilibrium"),
         (lambda: kl.branches(output="a.txt"), "no suffix of a figure"),
     ],
