@@ -173,7 +173,8 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 def _problem_of_form(cube: xr.Dataset) -> str:
     """What another program has made of a cube that no cube of knitlab is; empty if nothing."""
-    for dim in {*design_dims(cube), STRAIN} & {*cube.dims}:
+    dims = (*design_dims(cube), STRAIN)
+    for dim in dims:
         index = cube.indexes.get(dim)
         if index is None or index.hasnans or not index.is_unique:
             return f"has no {dim} that tells its values apart"
@@ -184,6 +185,8 @@ def _problem_of_form(cube: xr.Dataset) -> str:
         variable = cube.variables[name]
         if name in VARIABLES and (variable.dtype.kind in "fiub") == (name in TEXTS):
             return f"has a {name} of the type {variable.dtype}"
+        if name in VARIABLES and not {*variable.dims} <= {*dims, *VARIABLES[name].dims}:
+            return f"has a {name} along {', '.join(map(str, variable.dims))}"
         if any(not isinstance(variable.attrs.get(key, ""), str) for key in ("units", "long_name")):
             return f"has a {name} whose unit or long name is no text"
     for name, value in cube.attrs.items():

@@ -57,7 +57,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     if not path.exists():
         return None
     try:
-        cube = of_schema(read_cube(path))
+        cube = stored_in(read_cube(path), path)
     except Damaged:
         path.replace(path.with_name(DAMAGED_CUBE))
         return None
@@ -65,8 +65,6 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     if dims != plan.dims:
         problem = f"has the dimensions {', '.join(dims)}, but the workflow has"
         raise fault(str(path), f"{problem} {', '.join(plan.dims)}; name another results folder")
-    if not {*UNIT_CELLS, "code"} <= set(cube):
-        raise fault(str(path), "is of another version of knitlab; name another results folder")
     others = set(cells(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
     listed = "; ".join(str(change) for change in changed if change.key[0] not in MAY_DIFFER)
@@ -74,6 +72,14 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
         problem = f"holds {len(others)} designs computed otherwise ({listed}); name another results"
         problem += " folder, or list the values of a setting to make it a dimension"
         raise fault(str(path), problem)
+    return cube
+
+
+def stored_in(cube: xr.Dataset, path: Path) -> xr.Dataset:
+    """What a run stores of the simulated cube of a path; BadInput if it lacks what all have."""
+    cube = of_schema(cube)
+    if not {*UNIT_CELLS, "code"} <= set(cube):
+        raise fault(str(path), "is of another version of knitlab; name another results folder")
     return cube
 
 

@@ -17,7 +17,7 @@ from knitlab.io.errors import Fault, fault, raise_any
 from knitlab.io.lock import held
 from knitlab.io.names import named_folder
 from knitlab.sweep import results_folder
-from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes
+from knitlab.sweep.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes, stored_in
 from knitlab.sweep.plan import joined_plan
 from knitlab.sweep.reproduce import CURVES, comparison
 from knitlab.sweep.results_folder import PLAN, Cell, Design, Failure
@@ -57,9 +57,9 @@ class FolderContents:
         workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
         if cube is not None:
-            cube = cube_file.of_schema(cube)
             if cube_file.is_measured(cube):
                 raise fault(str(path), "holds an experiment; only simulations are merged")
+            cube = stored_in(cube, path / CUBE)
             workflow, dims = str(cube.attrs.get("workflow", workflow)), cube_file.design_dims(cube)
             gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
             parameters = parameters_of(cube) | gauge

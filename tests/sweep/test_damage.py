@@ -228,6 +228,8 @@ def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
     ("change", "problem"),
     [
         (lambda cube: cube.drop_vars("applied_strain"), "no applied_strain that tells"),
+        (lambda cube: cube.isel(applied_strain=1), "no applied_strain that tells"),
+        (lambda cube: cube.assign(poisson_ratio=("odd", [1.0])), "poisson_ratio along odd"),
         (lambda cube: cube.assign_coords(n_subunit=[16.0, math.nan]), "no n_subunit that tells"),
         (lambda cube: cube.assign_coords(n_subunit=[16, 16]), "no n_subunit that tells"),
         (lambda cube: cube.assign_coords(applied_strain=[*"abc"]), "applied_strain that is no"),
@@ -256,6 +258,13 @@ def test_a_cube_without_the_name_of_its_workflow_is_merged_as_its_folder(folder,
     del cube.attrs["workflow"]
     cube.to_netcdf(folder / "cube.nc")
     assert merge_folders([folder], tmp_path / "merged").folder.name == "periodic"
+
+
+def test_a_cube_without_unit_cells_is_of_another_version(folder, tmp_path):
+    xr.load_dataset(folder / "cube.nc").drop_vars("unit_cells_x").to_netcdf(folder / "cube.nc")
+    for use in (ran, lambda folder: merge_folders([folder], tmp_path / "merged")):
+        with pytest.raises(BadInput, match=r"cube\.nc: is of another version of knitlab"):
+            use(folder)
 
 
 @pytest.mark.parametrize("sealed", [True, False])
