@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -42,9 +43,16 @@ main()
 
 
 def said(words, **environment):
-    environment = os.environ | environment
+    def heeding_ctrl_c():
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # tests in the background ignore it
+
     return subprocess.run(
-        [sys.executable, *words], env=environment, capture_output=True, text=True, timeout=120
+        [sys.executable, *words],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        preexec_fn=heeding_ctrl_c,
     )
 
 
