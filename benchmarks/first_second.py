@@ -148,7 +148,7 @@ def repeated(words: tuple[str, ...], cold: bool, repeats: int) -> dict[str, floa
 def draw(cube: xr.Dataset, path: Path) -> None:
     """Stacked bars of the stages, one for each run and label."""
     bars = cube["processor_time"].stack(bar=("run", "label")).dropna("bar", how="all")
-    figure, axes = plt.subplots(figsize=(7, 0.6 + 0.42 * bars.sizes["bar"]), layout="constrained")
+    figure, axes = plt.subplots(figsize=(7, 1.1 + 0.42 * bars.sizes["bar"]), layout="constrained")
     names = [f"{run}, {label}" for run, label in bars["bar"].values]
     left = np.zeros(len(names))
     for stage in STAGES:
@@ -158,9 +158,9 @@ def draw(cube: xr.Dataset, path: Path) -> None:
     for name, total in zip(names, left, strict=True):
         axes.annotate(f" {total:.1f} s", (total, name), va="center")
     axes.invert_yaxis()
-    axes.set_xlim(0, 1.1 * left.max())
+    axes.set_xlim(0, 1.15 * left.max())
     axes.set_xlabel("processor time [s]")
-    figure.legend(loc="outside upper center", ncols=len(STAGES), fontsize="small")
+    figure.legend(loc="outside upper center", ncols=4, fontsize="small")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
 
@@ -175,8 +175,9 @@ def draw(cube: xr.Dataset, path: Path) -> None:
     show_default=True,
     help="Folder of the cube and the figure.",
 )
+@click.option("--only", multiple=True, type=click.Choice(list(RUNS)), help="Only these runs.")
 @click.option("--of", hidden=True)
-def main(label: str, repeats: int, results: Path, of: str | None) -> None:
+def main(label: str, repeats: int, results: Path, only: tuple[str, ...], of: str | None) -> None:
     """Time short runs by stage, print the table, keep it under LABEL and draw all labels."""
     if of is not None:
         measure(json.loads(of))
@@ -184,6 +185,7 @@ def main(label: str, repeats: int, results: Path, of: str | None) -> None:
     table = {
         f"{name}, {'cold' if cold else 'warm'}": repeated(words, cold, repeats)
         for name, words in RUNS.items()
+        if name in (only or RUNS)
         for cold in (False, True)
     }
     seconds = xr.DataArray(
@@ -195,10 +197,12 @@ def main(label: str, repeats: int, results: Path, of: str | None) -> None:
     cube = seconds.to_dataset(name="processor_time")
     if path.exists():
         kept = xr.load_dataset(path)
-        cube = xr.concat([kept.drop_sel(label=label, errors="ignore"), cube], "label")
+        labels = dict.fromkeys([*kept["label"].values, label])  # in the order of measurement
+        cube = cube.combine_first(kept).reindex(label=list(labels))
     path.parent.mkdir(parents=True, exist_ok=True)
     cube.to_netcdf(path)
-    click.echo(seconds.sel(label=label).to_pandas().assign(all=lambda t: t.sum(axis=1)).round(2))
+    shown = seconds.sel(label=label).to_pandas().assign(all=lambda t: t.sum(axis=1))
+    click.echo(shown.round(2).to_string())
     draw(cube, results / "figures" / "first_second.png")
 
 
