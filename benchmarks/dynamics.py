@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from benchmarks.command_line import results_in
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.cube.cube_file import CUBE
 from knitlab.dynamics.damped_test import on_grid
@@ -131,13 +132,7 @@ TIMED = {
 @click.command()
 @click.option("--repeats", default=3, show_default=True, help="Repeats of every measurement.")
 @click.option("--only", multiple=True, type=click.Choice(list(TIMED)), help="Only these.")
-@click.option(
-    "--results",
-    type=click.Path(path_type=Path),
-    default=Path("results/reference/dynamics_benchmark"),
-    show_default=True,
-    help="Folder of the cube.",
-)
+@results_in("dynamics_benchmark")
 @click.option("--here", type=click.Choice(list(TIMED)), help="Time one in this process, once.")
 def main(repeats: int, only: tuple[str, ...], results: Path, here: str | None) -> None:
     """Time the dynamics and print the median of the repeats, with the aim."""

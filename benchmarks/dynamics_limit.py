@@ -23,6 +23,7 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.clamped_grid import LEAST_BYTES, grid_of, rows_of
+from benchmarks.command_line import results_in
 from benchmarks.dynamics import STEP, cases
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.dynamics.damped_test import on_grid
@@ -54,13 +55,7 @@ DIMS = "size", "program", "repeat"
 
 @click.command()
 @click.option("--repeats", default=7, show_default=True, help="Repeats of every measurement.")
-@click.option(
-    "--results",
-    type=click.Path(path_type=Path),
-    default=Path("results/reference/dynamics_benchmark"),
-    show_default=True,
-    help="Folder of the cube limit.nc.",
-)
+@results_in("dynamics_benchmark")
 def main(repeats: int, results: Path) -> None:
     """Time a step by every method and print medians, ratios and the fraction of the bandwidth."""
     if find_spec("numba") is None:

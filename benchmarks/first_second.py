@@ -4,121 +4,32 @@ Each run of the command line is a process of its own, which simulates without wo
 of its processor time can be told apart: imports, compilation by JAX (tracing, lowering, and
 compiling or loading a program), mechanics, measurement of the states, cube and case files, figures,
 and the rest. Medians of several repeats are kept under a label, such as ``before`` and ``after``,
-and drawn as stacked bars. To measure an older commit, run this file in a checkout of it, with the
-same ``--results``.
+and drawn as stacked bars. To measure an older commit, run this file and ``stage_clock.py`` in a
+checkout of it, with the same ``--results``.
 """
 
-import builtins
-import importlib
 import json
 import os
 import shutil
 import subprocess
 import sys
-import time
-from collections import defaultdict
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import click
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
+from benchmarks.command_line import results_in
+from benchmarks.solver.cube import machine, read_cube, write_cube
+from benchmarks.stage_clock import STAGES
+from knitlab.io.fingerprint import provenance
+
 RUNS = {
     "one design": ("periodic", "--set", "n_stripe=4", "--set", "n_subunit=16"),
     "preview": ("preview",),
 }
-STAGES = ("imports", "compilation", "mechanics", "measurement", "cube", "figures", "rest")
-TIMED = {
-    "knitlab.simulation.simulate:tensile_tests": "mechanics",
-    "knitlab.simulation.simulate:sibling_tests": "mechanics",
-    "knitlab.simulation.simulate:measured": "measurement",
-    "knitlab.simulation.simulate:write_case_file": "cube",
-    "knitlab.sweep.run:build_cube": "cube",
-    "knitlab.sweep.run:write_cube": "cube",
-    "knitlab.figures.drawing:draw_figures": "figures",
-}
-"""Functions whose time counts as a stage, but for other stages within."""
-
-
-class Clock:
-    """Processor time of this process by stage; time belongs to the innermost stage [s]."""
-
-    def __init__(self) -> None:
-        self.seconds = defaultdict[str, float](float)
-        self.stages = ["rest"]
-        self.since = 0.0  # since the process began, its interpreter included
-
-    def turn(self) -> None:
-        """Count what has passed since the last turn to the present stage."""
-        now = time.process_time()
-        self.seconds[self.stages[-1]] += now - self.since
-        self.since = now
-
-    def timed(self, function: Callable[..., Any], stage: str) -> Callable[..., Any]:
-        """The function, with its time counted to a stage."""
-
-        def call(*arguments: Any, **options: Any) -> Any:
-            self.enter(stage)
-            try:
-                return function(*arguments, **options)
-            finally:
-                self.leave()
-
-        return call
-
-    def enter(self, stage: str) -> None:
-        """Count time to a stage from now on."""
-        self.turn()
-        self.stages.append(stage)
-
-    def leave(self) -> None:
-        """Count time to the stage before from now on."""
-        self.turn()
-        self.stages.pop()
-
-
-def after(first: Callable[[], None], function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, called after another one."""
-
-    def call(*arguments: Any) -> Any:
-        first()
-        return function(*arguments)
-
-    return call
-
-
-def measure(words: list[str]) -> None:
-    """Run a command line in this process and print its processor time by stage as JSON."""
-    clock = Clock()
-    builtins.__import__ = clock.timed(builtins.__import__, "imports")
-    importlib.import_module = clock.timed(importlib.import_module, "imports")
-    from jax._src.dispatch import LogElapsedTimeContextManager
-
-    from knitlab.cli import main
-
-    # JAX reports these times when they have ended, when it no longer says what they are part of.
-    for name, turn in (
-        ("__enter__", partial(clock.enter, "compilation")),
-        ("__exit__", clock.leave),
-    ):
-        own = getattr(LogElapsedTimeContextManager, name)
-        setattr(LogElapsedTimeContextManager, name, after(turn, own))
-    for place, stage in TIMED.items():
-        module, name = place.split(":")
-        holder = importlib.import_module(module)
-        setattr(holder, name, clock.timed(getattr(holder, name), stage))
-    try:
-        main(words, standalone_mode=False)
-    except SystemExit as ended:
-        if ended.code:
-            raise
-    clock.turn()
-    print(json.dumps(clock.seconds))
 
 
 def repeated(words: tuple[str, ...], cold: bool, repeats: int) -> dict[str, float]:
@@ -134,7 +45,7 @@ def repeated(words: tuple[str, ...], cold: bool, repeats: int) -> dict[str, floa
             shutil.rmtree(results, ignore_errors=True)
             called = ["run", *words, "--results", str(results), "--workers", "0"]
             done = subprocess.run(
-                [sys.executable, "-m", "benchmarks.first_second", "--of", json.dumps(called)],
+                [sys.executable, "-m", "benchmarks.stage_clock", *called],
                 env=environment,
                 capture_output=True,
                 text=True,
@@ -168,20 +79,10 @@ def draw(cube: xr.Dataset, path: Path) -> None:
 @click.command()
 @click.argument("label", default="after")
 @click.option("--repeats", default=3, show_default=True, help="Repeats of every run.")
-@click.option(
-    "--results",
-    type=click.Path(path_type=Path),
-    default=Path("results/reference/run_benchmark"),
-    show_default=True,
-    help="Folder of the cube and the figure.",
-)
+@results_in("run_benchmark")
 @click.option("--only", multiple=True, type=click.Choice(list(RUNS)), help="Only these runs.")
-@click.option("--of", hidden=True)
-def main(label: str, repeats: int, results: Path, only: tuple[str, ...], of: str | None) -> None:
+def main(label: str, repeats: int, results: Path, only: tuple[str, ...]) -> None:
     """Time short runs by stage, print the table, keep it under LABEL and draw all labels."""
-    if of is not None:
-        measure(json.loads(of))
-        return
     table = {
         f"{name}, {'cold' if cold else 'warm'}": repeated(words, cold, repeats)
         for name, words in RUNS.items()
@@ -196,11 +97,10 @@ def main(label: str, repeats: int, results: Path, only: tuple[str, ...], of: str
     path = results / "first_second.nc"
     cube = seconds.to_dataset(name="processor_time")
     if path.exists():
-        kept = xr.load_dataset(path)
+        kept = read_cube(path)
         labels = dict.fromkeys([*kept["label"].values, label])  # in the order of measurement
         cube = cube.combine_first(kept).reindex(label=list(labels))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    cube.to_netcdf(path)
+    write_cube(cube.assign_attrs({**provenance(), **machine()}), path)
     shown = seconds.sel(label=label).to_pandas().assign(all=lambda t: t.sum(axis=1))
     click.echo(shown.round(2).to_string())
     draw(cube, results / "figures" / "first_second.png")

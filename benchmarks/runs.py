@@ -18,7 +18,7 @@ import click
 import numpy as np
 import xarray as xr
 
-from benchmarks.command_line import COMMAND, processor_seconds
+from benchmarks.command_line import COMMAND, processor_seconds, results_in
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.cube.cube_file import CUBE
 from knitlab.fabric.threads import ONE_THREAD
@@ -68,13 +68,7 @@ RUNS = {
 @click.command()
 @click.option("--repeats", default=3, show_default=True, help="Repeats of every run.")
 @click.option("--only", multiple=True, type=click.Choice(list(RUNS)), help="Only these runs.")
-@click.option(
-    "--results",
-    type=click.Path(path_type=Path),
-    default=Path("results/reference/run_benchmark"),
-    show_default=True,
-    help="Folder of the cube.",
-)
+@results_in("run_benchmark")
 def main(repeats: int, only: tuple[str, ...], results: Path) -> None:
     """Time whole runs and print the median of their repeats, with the range."""
     path = results / FILE

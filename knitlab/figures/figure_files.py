@@ -55,7 +55,7 @@ def requested_figures(
         problem = f"{number} slices are too many to draw in a run; draw one by knitlab map"
         faults.append(Fault("figures", problem))
         kinds = [kind for kind in kinds if kind in COMPARING]
-    requested, digest = list[RequestedFigure](), file_digest(cube_path(folder))
+    requested, digest = list[RequestedFigure](), file_digest(cube_path(folder)) if kinds else ""
     for kind in kinds:
         compared = () if kind in COMPARING else swept
         for values in itertools.product(*(cube[dim].values for dim in compared)):
