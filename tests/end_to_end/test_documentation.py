@@ -91,7 +91,7 @@ EXAMPLES = [
     "example",
     [
         pytest.param(
-            each, id=str(each), marks=pytest.mark.slow if each.words[0] == "claims" else ()
+            each, id=str(each), marks=pytest.mark.nightly if each.words[0] == "claims" else ()
         )
         for each in EXAMPLES
     ],
@@ -249,10 +249,18 @@ TESTED_ELSEWHERE = {
 """What needs minutes, shapes or a cluster, and its tests in Python."""
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if examples(page)])
+def test_the_commands_of_a_page_have_the_options_that_it_shows(page):
+    for example in examples(page):
+        command = main.commands[example.words[0]]
+        known = {name for option in command.params for name in option.opts + option.secondary_opts}
+        shown = {word.split("=")[0] for word in example.words if re.match("-[a-z-]", word)}
+        assert shown <= known, example
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "page", pages(page for page in PAGES if "how-to" in page and examples(page))
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("page", [page for page in PAGES if "how-to" in page and examples(page)])
 def test_the_commands_of_a_page_run_with_a_stand_in_for_the_simulation(page, tmp_path, monkeypatch):
     for name in ("docs", "params", "workflows", "results/reference"):
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -39,7 +39,7 @@ def test_what_no_command_prints_may_be_lost_too(words, code):
     [
         pytest.param("2>&1 | head -1", id="closed pipe"),
         pytest.param("2>/dev/full >/dev/full", id="full disk", marks=pytest.mark.nightly),
-        pytest.param("2>&- >&-", id="closed streams"),
+        pytest.param("2>&- >&-", id="closed streams", marks=pytest.mark.nightly),
         pytest.param("2>&-", id="closed error stream", marks=pytest.mark.nightly),
     ],
 )

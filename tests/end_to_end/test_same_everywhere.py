@@ -66,11 +66,9 @@ needs_linux = pytest.mark.skipif(
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @needs_linux
-@pytest.mark.parametrize(
-    ("kernel", "threads"),
-    [pytest.param("Sandybridge", 2, marks=pytest.mark.nightly), ("SkylakeX", 1)],
-)
+@pytest.mark.parametrize(("kernel", "threads"), [("Sandybridge", 2), ("SkylakeX", 1)])
 def test_threads_and_kernels_do_not_change_the_ratios_of_the_preview(usual, kernel, threads):
     if not runs_here(kernel):
         pytest.skip(f"this processor does not know {KERNELS[kernel]}")

@@ -90,6 +90,7 @@ def test_the_match_is_as_good_as_the_noise(fit):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
     again = simulated_test(fit.after)
     np.testing.assert_allclose(again.values, fit.curves[1], rtol=1e-6, atol=1e-9)

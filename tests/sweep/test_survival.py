@@ -88,6 +88,7 @@ def test_kills_at_any_change_of_a_file_lose_no_finished_case(tmp_path, uninterru
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_killed_run_with_workers_resumes(tmp_path, uninterrupted):
     plan = stand_in.plan_of()
     process = stand_in_process("run", tmp_path, WORKERS)
@@ -133,7 +134,8 @@ def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("before", [pytest.param(None, marks=pytest.mark.nightly), ignoring_ctrl_c])
+@pytest.mark.nightly
+@pytest.mark.parametrize("before", [None, ignoring_ctrl_c])
 def test_a_terminated_run_ends_as_by_ctrl_c(tmp_path, before):
     ended_by(signal.SIGTERM, tmp_path, preexec_fn=before)
 

@@ -134,13 +134,14 @@ def good_stripes() -> xr.Dataset:
 
 @pytest.fixture
 def verdicts(tmp_path):
-    def judge(checkerboards, stripes):
+    def judge(checkerboards, stripes, *names):
+        claims = [claim for claim in read_claims() if not names or claim.name in names]
         paths = []
         for name, cube in {"checkerboards": checkerboards, "stripes": stripes}.items():
             paths.append(tmp_path / name / "cube.nc")
             paths[-1].parent.mkdir(exist_ok=True)
             write_cube(cube, paths[-1])
-        return {each.claim.name: each.result.verdict for each in judged(read_claims(), paths)}
+        return {each.claim.name: each.result.verdict for each in judged(claims, paths)}
 
     return judge
 
@@ -236,7 +237,7 @@ def test_a_claim_fails_on_a_cube_made_to_break_it(verdicts, name):
     boards, stripes = good_checkerboards(), good_stripes()
     boards = boards.assign_coords(cell_y=np.arange(ROWS), cell_x=np.arange(COLUMNS))
     SPOILT[name](boards, stripes)
-    assert verdicts(boards, stripes)[name] is Grade.fails
+    assert verdicts(boards, stripes, name)[name] is Grade.fails
 
 
 @pytest.mark.slow
