@@ -158,15 +158,14 @@ def run(
 
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
-    from knitlab.cube.cube_file import open_cube
     from knitlab.figures.figure_files import is_drawn, requested_figures
     from knitlab.sweep.results_folder import finished_plan
 
-    record = finished_plan(workflow, settings, results)
-    if record is None:
+    finished = finished_plan(workflow, settings, results)
+    if finished is None:
         return False
+    record, cube = finished
     folder = results / record["workflow"]
-    cube = open_cube(folder, lazily=True)
     figures, faults = requested_figures(record["figures"], cube, folder)
     if not all(is_drawn(figure.output, figure.fingerprint) for figure in figures):
         return False

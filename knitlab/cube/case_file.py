@@ -2,7 +2,9 @@
 
 import hashlib
 import math
+import os
 from collections.abc import Collection
+from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +22,7 @@ from knitlab.io.text_file import plain_file
 if TYPE_CHECKING:  # imports JAX
     from knitlab.fabric.fabric import Configuration
 
+NETCDF, CHECKSUM = ".nc", ".sha256"  # suffixes of a case file and of its checksum
 LENGTH_FACTOR = "mm_of_cloth_per_mm_of_network"  # attribute of a case with shapes in mm of cloth
 SHAPES = (
     *("position", "length_x", "length_y", "length_shear"),
@@ -41,12 +44,19 @@ class StoredCase(Enum):
 
 def case_path(results: Path, case_id: str) -> Path:
     """Path of the file of a case in a results folder."""
-    return inside(results / "cases", f"{case_id}.nc")
+    return inside(results / "cases", f"{case_id}{NETCDF}")
 
 
 def checksum_path(results: Path, case_id: str) -> Path:
     """Path of its checksum, in the format of ``sha256sum --check``."""
-    return inside(results / "cases", f"{case_id}.sha256")
+    return case_path(results, case_id).with_suffix(CHECKSUM)
+
+
+def stored_names(results: Path) -> set[str]:
+    """Names of the case files of a results folder, and of their checksums."""
+    with suppress(FileNotFoundError):
+        return {entry.name for entry in os.scandir(results / "cases")}
+    return set()
 
 
 def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
@@ -66,7 +76,7 @@ def check_case_file(results: Path, case_id: str) -> StoredCase:
     """Compare a case file with its checksum, and the case that it holds with its name."""
     path = case_path(results, case_id)
     try:
-        stated = plain_file(checksum_path(results, case_id)).read_bytes().split(b" ")[0]
+        stated = plain_file(path.with_suffix(CHECKSUM)).read_bytes().split(b" ")[0]
         contents = plain_file(path).read_bytes()
     except FileNotFoundError:
         return StoredCase.damaged if path.exists() else StoredCase.nothing

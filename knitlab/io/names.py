@@ -52,7 +52,7 @@ def named_folder(folder: Path, name: str) -> Path:
 
 def inside(folder: Path, name: str) -> Path:
     """The file of a name in a folder; BadInput if it would be elsewhere."""
-    if Path(name).name != name or {*name} & {*"/\\\0"}:
+    if name in ("", ".", "..") or {*name} & {*"/\\\0"}:
         raise fault(str(folder), f"has no place for a file named {name!r}; its name is damaged")
     return folder / name
 

@@ -2,6 +2,7 @@
 
 import codecs
 import errno
+import stat
 from pathlib import Path
 
 from knitlab.io.errors import fault
@@ -47,7 +48,11 @@ def read_text(path: Path) -> str:
 
 def plain_file(path: Path) -> Path:
     """The path, unless nothing may ever come from what is there, as from a pipe: OSError then."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return path  # what opens it says why
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise OSError(errno.EINVAL, "not a plain file", str(path))
     return path
 

@@ -162,7 +162,7 @@ def _joined(
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    states = results_folder.survey(plan.designs, target, old, check=False)
+    states = results_folder.survey(plan.designs, target, results_folder.cells(old), check=False)
     return build_cube(plan, target, old, states, results_folder.without_results(failures))
 
 

@@ -16,7 +16,14 @@ import numpy as np
 import xarray as xr
 from pydantic import BaseModel, Field, PositiveFloat, model_validator
 
-from knitlab.cube.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
+from knitlab.cube.case_file import (
+    CHECKSUM,
+    NETCDF,
+    StoredCase,
+    check_case_file,
+    read_code,
+    stored_names,
+)
 from knitlab.cube.cube_file import CUBE, design_dims, read_cube
 from knitlab.cube.schema import RUN, Status
 from knitlab.io.atomic_write import atomic_write
@@ -114,25 +121,29 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
 
 
 def survey(
-    designs: Mapping[str, Design], folder: Path, cube: xr.Dataset | None, check: bool
+    designs: Mapping[str, Design], folder: Path, known: Mapping[Design, Cell], check: bool
 ) -> dict[str, CaseState]:
-    """State of every planned case in a folder and its cube; ``check`` compares with checksums."""
-    names, stored = {path.name for path in (folder / "cases").glob("*")}, cells(cube)
+    """State of every planned case in a folder, some of which are known from its cube.
+
+    ``check`` compares every case file with its checksum.
+    """
+    names = stored_names(folder)
 
     def state(case_id: str, cell: Cell | None) -> CaseState:
         in_cube = cell is not None and cell.case_id == case_id
-        if case_path(folder, case_id).name not in names:
+        if f"{case_id}{NETCDF}" not in names:
             stale = cell is not None and not in_cube and cell.has_results
             return CaseState.stale_parameters if stale else CaseState.pending
-        sound = checksum_path(folder, case_id).name in names and (
-            not check or check_case_file(folder, case_id) is StoredCase.sound
-        )
+        if check:
+            sound = check_case_file(folder, case_id) is StoredCase.sound
+        else:
+            sound = f"{case_id}{CHECKSUM}" in names
         code = (cell.code if cell and in_cube else "") or (sound and read_code(folder, case_id))
         if not (sound and code):
             return CaseState.damaged
         return CaseState.done if code == code_fingerprint() else CaseState.stale_code
 
-    return {case_id: state(case_id, stored.get(design)) for case_id, design in designs.items()}
+    return {case_id: state(case_id, known.get(design)) for case_id, design in designs.items()}
 
 
 def labelled(dims: Iterable[str], design: Iterable[Any]) -> str:
@@ -189,6 +200,7 @@ class FolderStatus:
     statuses: dict[str, str]  # status of every planned case, or why it is not done
     failures: dict[str, str]  # reason of every failed case
     changed: tuple[str, ...]  # files that have changed since the plan was made
+    cube: xr.Dataset | None  # what the folder has as its cube
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
@@ -254,21 +266,24 @@ def folder_status(
 ) -> FolderStatus:
     """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
     cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
+    known = cells(cube)
     statuses = {}
     failures = {case_id: entry["reason"] for case_id, entry in earlier_failures(folder).items()}
-    in_cube = {cell.case_id: cell.status.name for cell in cells(cube).values()}
-    for case_id, state in survey(designs, folder, cube, check).items():
+    in_cube = {cell.case_id: cell.status.name for cell in known.values()}
+    for case_id, state in survey(designs, folder, known, check).items():
         if state is CaseState.done:
             statuses[case_id] = in_cube.get(case_id, "done, not yet in the cube")
         elif state is CaseState.pending and case_id in failures:
             statuses[case_id] = Status.failed.name
         else:
             statuses[case_id] = state.value
-    return FolderStatus(designs, dims, statuses, failures, changed)
+    return FolderStatus(designs, dims, statuses, failures, changed, cube)
 
 
-def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[str, Any] | None:
-    """The record of a plan of which a run would change nothing; None if there is none."""
+def finished_plan(
+    workflow: str, overrides: Overrides, results: Path
+) -> tuple[dict[str, Any], xr.Dataset] | None:
+    """The record of a plan of which a run would change nothing, and the cube; None if not."""
     with suppress(BadInput, OSError):
         path = workflow_file(workflow)
         folder = results / path.stem
@@ -280,5 +295,6 @@ def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[st
             and not changed_inputs(record)
         ):
             status = folder_status(folder, record["dims"], planned_designs(record), check=True)
-            return record if set(status.counts) == {Status.ok.name} else None
+            if status.cube is not None and set(status.counts) == {Status.ok.name}:
+                return record, status.cube
     return None

@@ -24,7 +24,15 @@ from knitlab.sweep.batches import Shard, workers_that_fit
 from knitlab.sweep.cube import DAMAGED_CUBE, build_cube, previous_cube
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
-from knitlab.sweep.results_folder import FAILURES, PLAN, CaseState, Failure, earlier_failures
+from knitlab.sweep.results_folder import (
+    FAILURES,
+    PLAN,
+    CaseState,
+    Failure,
+    cells,
+    earlier_failures,
+    survey,
+)
 from knitlab.sweep.workers import BatchError, SchedulerLost, Simulate, Task
 
 LONGEST = 1e6  # time for one case [s]; timers take no more for a batch of many
@@ -148,7 +156,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        states = results_folder.survey(share.designs, results, old, check=True)
+        states = survey(share.designs, results, cells(old), check=True)
         missing = {
             case_id: share.cases[case_id]
             for case_id, state in states.items()
@@ -172,7 +180,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 if joined := not _others_run(results, shard):
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
-                    states_now = results_folder.survey(plan.designs, results, now, check=True)
+                    states_now = survey(plan.designs, results, cells(now), check=True)
                     _join(plan, results, now, states_now, done)
     changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
     simulated = tuple(sorted(done.ended))

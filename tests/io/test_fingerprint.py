@@ -92,7 +92,7 @@ ONE_OF_EVERY_PACKAGE = {name.partition("/")[0]: name for name in computing_files
 @pytest.mark.parametrize("name", ONE_OF_EVERY_PACKAGE.values())
 def test_an_edited_module_makes_results_stale(name, package, results, monkeypatch):
     folder, designs = results
-    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.done}
+    assert set(survey(designs, folder, {}, check=True).values()) == {CaseState.done}
     module = package / name
     before = module.read_text(encoding="utf-8")
     try:
@@ -101,7 +101,7 @@ def test_an_edited_module_makes_results_stale(name, package, results, monkeypatc
     finally:
         module.write_text(before, encoding="utf-8")
     monkeypatch.setattr(survey_module, "code_fingerprint", lambda: edited)
-    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.stale_code}
+    assert set(survey(designs, folder, {}, check=True).values()) == {CaseState.stale_code}
 
 
 @pytest.mark.parametrize("name", ["cube/query.py", "measure/knit_size.py"])
