@@ -356,10 +356,14 @@ def test_a_condition_that_is_too_large_is_a_sentence(folder, condition):
         open_cube(folder).knitlab.query(condition)
 
 
-@pytest.mark.parametrize("tolerance", ["0.05", "1e-6,1e-3"])
-def test_a_loose_tolerance_is_refused(tolerance):
-    with pytest.raises(BadInput, match=r"would change Poisson's ratio by more than 0\.001"):
-        make_plan("periodic", ("n_stripe=4", f"tolerance={tolerance}"))
+@pytest.mark.parametrize(
+    "setting",
+    ["tolerance=0.05", "tolerance=1e-6,1e-3", "rest_force=0.05", "relative_tolerance=0.01"],
+)
+def test_a_loose_tolerance_is_refused(setting):
+    problem = r"would change Poisson's ratio by more than 0\.001|is too coarse"
+    with pytest.raises(BadInput, match=problem):
+        make_plan("periodic", ("n_stripe=4", setting))
 
 
 def test_a_mute_scheduler_is_a_sentence():
