@@ -46,7 +46,12 @@ def read_text(path: Path) -> str:
 
 
 def plain_file(path: Path) -> Path:
-    """The path, unless nothing may ever come from what is there, as from a pipe: OSError then."""
+    """The path, or OSError if there can be no such file, or nothing may ever come from it.
+
+    That is so of a pipe.
+    """
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, "zero byte in its name", str(path))
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise OSError(errno.EINVAL, "not a plain file", str(path))
     return path
