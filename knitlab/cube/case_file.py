@@ -115,8 +115,11 @@ def read_case(results: Path, case_id: str) -> xr.Dataset:
     if check_case_file(results, case_id) is not StoredCase.sound:
         problem = "is damaged, or not the case that it is named after; run its workflow again"
         raise fault(str(path), problem)
-    with xr.open_dataset(path, engine="netcdf4") as dataset:
-        return dataset.load()
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as dataset:
+            return dataset.load()
+    except UNREADABLE as error:  # damaged before its checksum was written
+        raise fault(str(path), "is no case file; run its workflow again") from error
 
 
 def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:

@@ -8,6 +8,8 @@ from jaxtyping import UInt8
 from knitlab.io.errors import fault
 from knitlab.io.text_file import plain_file
 
+FORMATS = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
+"""Formats that are read; a damaged file of others, such as ICNS, may be read for ever."""
 MOST_PIXELS = 10_000_000  # more stitches than a machine knits
 
 
@@ -16,7 +18,7 @@ def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
     from PIL import Image  # slow to import, and only used here
 
     try:
-        with Image.open(plain_file(path)) as image:
+        with Image.open(plain_file(path), formats=FORMATS) as image:
             if image.width * image.height > MOST_PIXELS:
                 problem = f"has {image.width} x {image.height} pixels, above {MOST_PIXELS:,}; make"
                 raise fault(str(path), f"{problem} it smaller, with one for each patch or stitch")

@@ -47,7 +47,9 @@ def read_text(path: Path) -> str:
 
 
 def plain_file(path: Path) -> Path:
-    """The path, unless nothing may ever come from what is there, as from a pipe: OSError then."""
+    """The path; OSError if no file has such a name, or it is no plain file, as a pipe is not."""
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, "zero byte in its name", str(path))
     try:
         mode = path.stat().st_mode
     except OSError:

@@ -13,7 +13,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 from numpy.lib.format import open_memmap
 
-from knitlab.io.errors import fault, raise_any
+from knitlab.io.errors import fault, raise_any, shortened
 from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
 from knitlab.io.text_file import plain_file, read_text
 
@@ -100,8 +100,9 @@ def _array(path: Path) -> Tracks:
         tracks = open_memmap(plain_file(path), mode="r")  # which compares sizes
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (ValueError, EOFError) as error:
-        problem = f"is not a complete .npy array ({error}); save it with numpy.save"
+    except Exception as error:  # numpy raises many types of a damaged header
+        why = shortened(" ".join(str(error).split()))
+        problem = f"is not a complete .npy array ({why}); save it with numpy.save"
         if "magic string" in str(error):
             problem = "is not an .npy array; save it with numpy.save"
         elif "Python objects" in str(error):

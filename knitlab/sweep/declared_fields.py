@@ -14,21 +14,37 @@ Types = dict[str, Any]  # declared types of settings, with range and unit, by na
 Fields = dict[str, tuple[Any, Any]]  # types and defaults of a schema, by name; ... where required
 FACTOR = "_factor"  # suffix of a setting that multiplies another quantity
 Count = Annotated[int, Field(gt=0, le=1_000_000)]  # of stitches, needles, periods, unit cells
-LARGEST_TOLERANCE = 1e-6
-"""Largest residual force [N]: ν of nine periodic designs, from 1 % strain on, changes by 2e-4 at
-most against 1e-8 N; at 1e-5 N two designs change by 2e-3, at 1e-4 N one by 0.2."""
+CHANGES = "would change Poisson's ratio by more than 0.001"
+LARGEST = {
+    "tolerance": (1e-6, " N", CHANGES),
+    "rest_force": (1e-5, " N", CHANGES),
+    "relative_tolerance": (1e-4, "", "is too coarse for a motion to come to rest"),
+    "absolute_tolerance": (1e-6, "", "is too coarse for a motion to come to rest"),
+}
+"""Largest errors that a setting may allow, with their units, and what larger ones do.
+
+Of ``tolerance``: ν of nine periodic designs, from 1 % strain on, changes by 2e-4 at most against
+1e-8 N; at 1e-5 N two designs change by 2e-3, at 1e-4 N one by 0.2. Of ``rest_force``: ν of four, in
+a test by dynamics, changes by 3e-4 at most against 1e-6 N; at 3e-5 N one changes by 2e-3, at 0.05 N
+one by 0.2. Of the other two: ν of one changes by 1e-5 at most against 1e-6 and 1e-10; with a
+relative tolerance of 0.01 its motion did not end within three minutes, of 20 s otherwise.
+"""
 Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 
 
-def _small_enough(tolerance: float) -> float:
-    if tolerance > LARGEST_TOLERANCE:
-        changes = "would change Poisson's ratio by more than 0.001"
-        raise ValueError(f"{tolerance:g} N {changes}; give at most {LARGEST_TOLERANCE:g} N")
-    return tolerance
+def _small_enough(name: str) -> AfterValidator:
+    largest, unit, problem = LARGEST[name]
+
+    def check(error: float) -> float:
+        if error > largest:
+            raise ValueError(f"{error:g}{unit} {problem}; give at most {largest:g}{unit}")
+        return error
+
+    return AfterValidator(check)
 
 
-BOUNDS = {"tolerance": AfterValidator(_small_enough)}
+BOUNDS = {name: _small_enough(name) for name in LARGEST}
 """Bounds on settings that are no part of the code behind a case, by name."""
 
 

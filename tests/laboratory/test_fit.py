@@ -33,7 +33,7 @@ TRUTH = {
     "garter_k_t": 1.2,
     "garter_theta_0": 1.06,
 }
-PERIODIC = ("boundary=periodic", "unit_cells=1,1")
+PERIODIC = ("boundary=periodic", "unit_cells=1,1", "garter_start=valley", "start=dynamics")
 
 
 def one_case(*overrides):

@@ -214,3 +214,21 @@ def test_a_damaged_table_of_deeplabcut_is_refused(tmp_path):
     ):
         with pytest.raises(BadInput, match=named):
             read_tracks(write(tmp_path / "tracks.csv", damaged))
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (-5, 6, 2), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (True, 6, 2), }",
+        f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({10**30}, 6, 2), }}",
+        "[" * 9000,
+    ],
+)
+def test_a_damaged_header_of_an_array_is_a_sentence(tmp_path, header):
+    path = tmp_path / "tracks.npy"
+    text = f"{header}\n".encode()
+    start = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
+    path.write_bytes(start + text + bytes(480))
+    with pytest.raises(BadInput, match=r"is not a complete \.npy array"):
+        read_tracks(path)

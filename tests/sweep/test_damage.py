@@ -1,6 +1,7 @@
 """Any name and any damaged byte of a results folder: the right numbers or a sentence."""
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -8,6 +9,7 @@ import shutil
 import socket
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import click
 import pytest
@@ -20,14 +22,17 @@ from PIL import Image
 from knitlab.cli import main
 from knitlab.cli.options import CommandGroup
 from knitlab.cli.output import droppable_output
+from knitlab.cube.case_file import read_case
 from knitlab.cube.cube_file import open_cube, write_cube
 from knitlab.cube.query import formatted, query_cubes
 from knitlab.explorer.explorer import write_explorer
 from knitlab.figures.claims_page import _escaped
 from knitlab.io.errors import BadInput
+from knitlab.io.image_file import read_image
 from knitlab.io.json_file import with_checksum
 from knitlab.io.names import is_name
 from knitlab.io.seal import LENGTH
+from knitlab.io.text_file import read_text
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.plan import make_plan
@@ -356,10 +361,34 @@ def test_a_condition_that_is_too_large_is_a_sentence(folder, condition):
         open_cube(folder).knitlab.query(condition)
 
 
-@pytest.mark.parametrize("tolerance", ["0.05", "1e-6,1e-3"])
-def test_a_loose_tolerance_is_refused(tolerance):
-    with pytest.raises(BadInput, match=r"would change Poisson's ratio by more than 0\.001"):
-        make_plan("periodic", ("n_stripe=4", f"tolerance={tolerance}"))
+@pytest.mark.parametrize(
+    "setting",
+    ["tolerance=0.05", "tolerance=1e-6,1e-3", "rest_force=0.05", "relative_tolerance=0.01"],
+)
+def test_a_loose_tolerance_is_refused(setting):
+    problem = r"would change Poisson's ratio by more than 0\.001|is too coarse"
+    with pytest.raises(BadInput, match=problem):
+        make_plan("periodic", ("n_stripe=4", setting))
+
+
+def test_a_case_file_damaged_before_its_checksum_is_a_sentence(folder):
+    path = next((folder / "cases").glob("*.nc"))
+    damaged = path.read_bytes().replace(b"poisson_ratio", b"poisson\xefratio")
+    path.write_bytes(damaged)
+    path.with_suffix(".sha256").write_text(f"{hashlib.sha256(damaged).hexdigest()}  {path.name}\n")
+    with pytest.raises(BadInput, match="is no case file"):
+        read_case(folder, path.stem)
+
+
+def test_a_file_name_with_a_zero_byte_is_a_sentence():
+    with pytest.raises(BadInput, match="zero byte in its name"):
+        read_text(Path("a\0b"))
+
+
+def test_an_image_of_a_format_that_is_not_read_is_a_sentence(tmp_path):
+    Image.new("RGB", (32, 32)).save(tmp_path / "map.icns")
+    with pytest.raises(BadInput, match="save it as PNG"):
+        read_image(tmp_path / "map.icns")
 
 
 def test_a_mute_scheduler_is_a_sentence():
