@@ -89,9 +89,9 @@ def test_energy_and_gradient_are_those_of_the_network(boundary, fold_angle, hing
 @pytest.mark.parametrize(
     ("boundary", "weft", "warp"),
     [
-        ("periodic", "linear", "stiffening"),
+        pytest.param("periodic", "linear", "stiffening", marks=pytest.mark.nightly),
         ("clamped", "stiffening", "measured"),
-        ("periodic", "measured", "linear"),
+        pytest.param("periodic", "measured", "linear", marks=pytest.mark.nightly),
     ],
 )
 def test_they_are_for_every_spring_law(boundary, weft, warp):
@@ -101,7 +101,7 @@ def test_they_are_for_every_spring_law(boundary, weft, warp):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-@pytest.mark.parametrize("cells_per_period", [4, 8])
+@pytest.mark.parametrize("cells_per_period", [4, pytest.param(8, marks=pytest.mark.nightly)])
 def test_they_are_for_graded_and_plain_patches_and_single_folds(boundary, cells_per_period):
     options = ModelOptions(boundary=boundary, cells_per_period=cells_per_period)
     assert_equals_the_network(*graded(options), range(2))

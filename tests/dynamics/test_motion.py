@@ -207,8 +207,10 @@ def test_leapfrog_and_tsit5_go_the_same_way(options, rate):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "integrator"),
-    [(CLAMPED, "leapfrog"), (PERIODIC, "tsit5")],
-    ids=["leapfrog", "tsit5"],
+    [
+        pytest.param(CLAMPED, "leapfrog", id="leapfrog"),
+        pytest.param(PERIODIC, "tsit5", id="tsit5", marks=pytest.mark.nightly),
+    ],
 )
 def test_a_motion_does_not_depend_on_its_batch(options, integrator):
     settings = replace(SETTINGS, integrator=integrator)

@@ -148,6 +148,7 @@ def test_derivatives_are_those_of_differences(law):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @EVERY_LAW
 def test_energy_and_dissipation_balance_over_a_motion(law):
     settings = Dynamics(step_safety=0.1, damping_ratio=0.1)

@@ -226,7 +226,8 @@ def test_only_a_test_that_reached_its_end_is_unloaded():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("shake", "parts"), [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.slow)]
+    ("shake", "parts"),
+    [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.nightly)],
 )
 def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation(
     small_subdomains, monkeypatch, shake, parts

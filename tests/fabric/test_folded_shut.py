@@ -66,7 +66,11 @@ def test_without_contact_the_folds_close_to_their_rest_angle():
 
 @pytest.mark.parametrize(
     "cells_per_period",
-    [4, pytest.param(8, marks=pytest.mark.slow), pytest.param(16, marks=pytest.mark.slow)],
+    [
+        4,
+        pytest.param(8, marks=pytest.mark.slow),
+        pytest.param(16, marks=[pytest.mark.slow, pytest.mark.nightly]),
+    ],
 )
 def test_flanks_of_a_stripe_folded_shut_keep_a_thickness(cells_per_period):
     held = Folded(1.0, cells_per_period=cells_per_period)

@@ -132,6 +132,7 @@ def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
         "n_subunit=8",
         *SMALL[:2],
         "boundary=clamped",
+        "start=flat",
         "unit_cells=[[1,1],[2,1]]",
     )
     cube = run_plan(make_plan("periodic", overrides), tmp_path, RunOptions()).cube.squeeze()
