@@ -180,10 +180,10 @@ def fit(
     """Fit k_s, k_t and theta_0 of both stripes to an imported EXPERIMENT on a whole fabric.
 
     The sample is the only case of WORKFLOW with the design of the experiment. It is simulated
-    about ten to thirty times; if interrupted, the same command continues.
+    about ten to fifty times; if interrupted, the same command continues.
     """
     from knitlab.api import laboratory as api
-    from knitlab.cube.cube_file import open_cube
+    from knitlab.cube.cube_file import cube_name, open_cube
     from knitlab.cube.selection import selected
     from knitlab.figures.fits import fit_figure
     from knitlab.laboratory.fit import fitted_material, report
@@ -196,7 +196,7 @@ def fit(
     def report_step(tests: int, chi_squared: float) -> None:
         if tests == 1:
             seconds = time.monotonic() - began
-            click.echo(f"the first test took {seconds:.0f} s; usual are 10 to 30 tests", err=True)
+            click.echo(f"the first test took {seconds:.0f} s; usual are 10 to 50 tests", err=True)
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
     kept = output.with_suffix(".tests")
@@ -206,7 +206,7 @@ def fit(
     fitted_material(fitted, experiment).write(output)
     shutil.rmtree(kept, ignore_errors=True)
     click.echo(f"stripes  {output}")
-    title = f"{fitted.before.label}, fitted to {experiment}"
+    title = f"{fitted.before.label}, fitted to {cube_name(cube)}"
     options.draw_beside(output, lambda: fit_figure(fitted, title))
     options.exit_unless(fitted.converged)
 

@@ -56,6 +56,7 @@ def fit_figure(fit: Fit, title: str) -> Figure:
         for curves, colour in ((before, BEFORE), (after, FITTED)):
             below.plot(strain, (curves[column] - values) / errors, ".", ms=3, color=colour)
         below.set_yscale("symlog", linthresh=3)
+        below.set_yticks((-10, 0, 10), ("−10", "0", "10"))
         below.set_xlabel("applied strain [1]")
         if column == 0:
             below.set_ylabel("difference\nover error [1]")
@@ -67,7 +68,7 @@ def fit_figure(fit: Fit, title: str) -> Figure:
         factors.plot(factor, row, "o", color=FITTED, ms=4)
     factors.axvline(1, color=BEFORE, lw=0.8)
     name_rows(factors, names)
-    factors.set_xlabel("fitted / table [1]\n± 2 standard errors")
+    factors.set_xlabel("fitted / table [1]\n± 2 standard\nerrors")
     handles.append(Patch(color=SHADE, label="difference within one error"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     figure.suptitle(title, fontsize=8)
