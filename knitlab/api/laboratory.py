@@ -103,7 +103,7 @@ def fit(
 ) -> Fit:
     """Fit k_s, k_t and θ0 of both stripes to a test of a whole fabric.
 
-    The sample is simulated about ten to thirty times.
+    The sample is simulated about ten to fifty times.
 
     Args:
         experiment: cube of one experiment on one design, in one cycle.
