@@ -4,6 +4,7 @@ import ast
 import shutil
 
 import pytest
+import xarray as xr
 
 import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.schema import Status
@@ -31,6 +32,8 @@ COMPUTES_NOTHING = {
     "__init__.py": "enables float64, without which no test passes",
 }
 """Modules that the simulation imports and whose code changes no number, and why."""
+OLDER = {"options_rates", "options_samples", "paper_flat", "paper_mountain"}
+"""Kept cubes of earlier code: samples of a search that take hours, as the page of it says."""
 
 
 def imported(name):
@@ -120,3 +123,11 @@ def test_a_kept_fingerprint_is_used_and_a_damaged_one_computed_again(tmp_path, m
         code_fingerprint.cache_clear()
         assert code_fingerprint() == expected
     code_fingerprint.cache_clear()
+
+
+def test_kept_cubes_are_of_this_code():
+    for path in (PACKAGE.parent / "results" / "reference").glob("*/cube.nc"):
+        with xr.open_dataset(path) as cube:
+            codes = {*cube["code"].values.ravel().astype(str)} - {""} if "code" in cube else set()
+        if path.parent.name not in OLDER:
+            assert codes <= {code_fingerprint()}, path.parent.name
