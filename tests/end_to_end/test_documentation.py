@@ -161,19 +161,18 @@ def python_of(page):
     return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
 
 
-LONG = {"docs/how-to/design.md", "docs/tutorials/elbow.md"}
-
-
-def pages(chosen):
-    """Pages to be tested, the long ones nightly."""
-    return [
-        pytest.param(page, marks=pytest.mark.nightly if page in LONG else ()) for page in chosen
-    ]
+LONG = {"docs/how-to/design.md", "docs/how-to/uncertainty.md", "docs/tutorials/elbow.md"}
+"""Pages whose Python takes long, and is tested nightly."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "page", pages(page for page in PAGES if python_of(page) and page != "README.md")
+    "page",
+    [
+        pytest.param(page, marks=pytest.mark.nightly if page in LONG else ())
+        for page in PAGES
+        if python_of(page) and page != "README.md"
+    ],
 )
 def test_the_python_of_a_page_runs_and_prints_what_it_shows(page, monkeypatch):
     monkeypatch.chdir(ROOT)

@@ -44,8 +44,12 @@ def test_flat_and_periodic_starts_reach_the_same_state():
     [
         (4, 2, None),
         *(
+            pytest.param(*design, marks=[pytest.mark.slow, pytest.mark.nightly])
+            for design in [(2, 4, None), (6, 3, (2, 1))]
+        ),
+        *(
             pytest.param(*design, marks=pytest.mark.slow)
-            for design in [(2, 4, None), (8, 4, None), (6, 3, (2, 1)), (8, 2, (3, 2))]
+            for design in [(8, 4, None), (8, 2, (3, 2))]
         ),
     ],
 )

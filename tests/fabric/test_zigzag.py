@@ -43,7 +43,14 @@ def test_tension_meets_the_balance_of_moment_and_length(of):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["k_s", "k_t", "theta_0", "period"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "k_t",
+        "theta_0",
+        *(pytest.param(each, marks=pytest.mark.nightly) for each in ("k_s", "period")),
+    ],
+)
 def test_tension_has_the_slopes_that_differences_give(name):
     of, step = stripe("garter", 8), 1e-5
 
