@@ -54,7 +54,7 @@ def checksum_path(results: Path, case_id: str) -> Path:
 
 def stored_names(results: Path) -> set[str]:
     """Names of the case files of a results folder, and of their checksums."""
-    with suppress(FileNotFoundError):
+    with suppress(FileNotFoundError, NotADirectoryError):
         return {entry.name for entry in os.scandir(results / "cases")}
     return set()
 

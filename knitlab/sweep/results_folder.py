@@ -7,7 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -200,7 +200,7 @@ class FolderStatus:
     statuses: dict[str, str]  # status of every planned case, or why it is not done
     failures: dict[str, str]  # reason of every failed case
     changed: tuple[str, ...]  # files that have changed since the plan was made
-    cube: xr.Dataset | None  # what the folder has as its cube
+    cube: xr.Dataset | None = field(compare=False)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
