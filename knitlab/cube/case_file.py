@@ -52,11 +52,14 @@ def checksum_path(results: Path, case_id: str) -> Path:
     return case_path(results, case_id).with_suffix(CHECKSUM)
 
 
-def stored_names(results: Path) -> set[str]:
-    """Names of the case files of a results folder, and of their checksums."""
+def stored_cases(results: Path) -> dict[str, StoredCase]:
+    """The cases that have a file in a results folder; without a checksum beside it, damaged."""
+    names: list[str] = []
     with suppress(FileNotFoundError, NotADirectoryError):
-        return {entry.name for entry in os.scandir(results / "cases")}
-    return set()
+        names = [entry.name for entry in os.scandir(results / "cases")]
+    checked = {name.removesuffix(CHECKSUM) for name in names if name.endswith(CHECKSUM)}
+    files = (name.removesuffix(NETCDF) for name in names if name.endswith(NETCDF))
+    return {each: StoredCase.sound if each in checked else StoredCase.damaged for each in files}
 
 
 def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:

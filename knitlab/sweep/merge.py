@@ -69,10 +69,9 @@ class FolderContents:
             dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
         known = results_folder.cells(cube).items()
         cells = {design: cell for design, cell in known if cell.has_results}
-        files = {file.stem: file for file in (path / CASES).glob("*.nc")}
-        intact = case_file.StoredCase.sound
-        sound = {name for name in files if case_file.check_case_file(path, name) is intact}
-        damaged = tuple(file for name, file in files.items() if name not in sound)
+        names, intact = case_file.stored_cases(path), case_file.StoredCase.sound
+        sound = {name for name in names if case_file.check_case_file(path, name) is intact}
+        damaged = tuple(case_file.case_path(path, name) for name in sorted(names.keys() - sound))
         return cls(path, workflow, record, cube, dims, parameters, cells, frozenset(sound), damaged)
 
     @cached_property

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.case_file import case_path, read_case
+from knitlab.cube.case_file import case_path, read_case, stored_cases
 from knitlab.cube.cube_file import parameters_of
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint
@@ -47,7 +47,7 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
             recorded = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
             if (folder / PLAN).is_file():
                 recorded |= read_plan(folder)["cases"]
-            for name in sorted(path.stem for path in folder.glob("cases/*.nc")):
+            for name in sorted(stored_cases(folder)):
                 if name.startswith(case_id) and name not in recorded:
                     recorded[name] = parameters_of(read_case(folder, name))
             for name in recorded:

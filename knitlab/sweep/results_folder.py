@@ -7,7 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -16,14 +16,7 @@ import numpy as np
 import xarray as xr
 from pydantic import BaseModel, Field, PositiveFloat, model_validator
 
-from knitlab.cube.case_file import (
-    CHECKSUM,
-    NETCDF,
-    StoredCase,
-    check_case_file,
-    read_code,
-    stored_names,
-)
+from knitlab.cube.case_file import StoredCase, check_case_file, read_code, stored_cases
 from knitlab.cube.cube_file import CUBE, design_dims, read_cube
 from knitlab.cube.schema import RUN, Status
 from knitlab.io.atomic_write import atomic_write
@@ -127,17 +120,15 @@ def survey(
 
     ``check`` compares every case file with its checksum.
     """
-    names = stored_names(folder)
+    listed = stored_cases(folder)
 
     def state(case_id: str, cell: Cell | None) -> CaseState:
         in_cube = cell is not None and cell.case_id == case_id
-        if f"{case_id}{NETCDF}" not in names:
+        if case_id not in listed:
             stale = cell is not None and not in_cube and cell.has_results
             return CaseState.stale_parameters if stale else CaseState.pending
-        if check:
-            sound = check_case_file(folder, case_id) is StoredCase.sound
-        else:
-            sound = f"{case_id}{CHECKSUM}" in names
+        found = check_case_file(folder, case_id) if check else listed[case_id]
+        sound = found is StoredCase.sound
         code = (cell.code if cell and in_cube else "") or (sound and read_code(folder, case_id))
         if not (sound and code):
             return CaseState.damaged
@@ -200,7 +191,6 @@ class FolderStatus:
     statuses: dict[str, str]  # status of every planned case, or why it is not done
     failures: dict[str, str]  # reason of every failed case
     changed: tuple[str, ...]  # files that have changed since the plan was made
-    cube: xr.Dataset | None = field(compare=False)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
@@ -277,7 +267,7 @@ def folder_status(
             statuses[case_id] = Status.failed.name
         else:
             statuses[case_id] = state.value
-    return FolderStatus(designs, dims, statuses, failures, changed, cube)
+    return FolderStatus(designs, dims, statuses, failures, changed)
 
 
 def finished_plan(
@@ -294,7 +284,10 @@ def finished_plan(
             and str(path.resolve()) in record["inputs"]
             and not changed_inputs(record)
         ):
-            status = folder_status(folder, record["dims"], planned_designs(record), check=True)
-            if status.cube is not None and set(status.counts) == {Status.ok.name}:
-                return record, status.cube
+            cube, designs = read_cube(folder, lazily=True), planned_designs(record)
+            known = cells(cube)
+            ok = {cell.case_id for cell in known.values() if cell.status is Status.ok}
+            if designs.keys() <= ok:
+                states = survey(designs, folder, known, check=True)
+                return (record, cube) if set(states.values()) == {CaseState.done} else None
     return None
