@@ -36,7 +36,7 @@ def grid_of(body: Body) -> Grid:
         np.stack([np.asarray(number)[place] for number in both], axis=1)
         for both, place in zip([*springs, *hinges], places, strict=True)
     )
-    inverse_mass = np.ascontiguousarray(np.asarray(body.inverse_mass)[:, 0])
+    inverse_mass = np.ascontiguousarray(np.asarray(body.inverse.positions[1])[:, 0])
     numbers = float(body.damping), float(body.fabric.z_max), float(body.fabric.k_wall)
     return Grid(weft, warp, rising, falling, wale, course, inverse_mass, *numbers)
 

@@ -132,8 +132,8 @@ def prepared(size: str, methods: list[str]) -> tuple[int, list[list[float]], lis
     motion = eqx.tree_at(lambda own: own.velocity.positions[1], still, pulled)
     force = rows_of(body.fabric.gradient(still.shape, walls=False))
     # Of mass 1 without drag and walls, the first kick of a step of 2 ms is the force.
-    lone = jax.tree.map(jnp.ones_like, body.inverse_mass), jnp.zeros(()), jnp.zeros(())
-    free = eqx.tree_at(lambda own: (own.inverse_mass, own.damping, own.fabric.k_wall), body, lone)
+    lone = jax.tree.map(jnp.ones_like, body.inverse), jnp.zeros(()), jnp.zeros(())
+    free = eqx.tree_at(lambda own: (own.inverse, own.damping, own.fabric.k_wall), body, lone)
     expected = _by_knitlab(body, motion, COMPARED)
     differences, moves = [], list[Move]()
     for method in methods:

@@ -11,6 +11,7 @@ import pytest
 from knitlab.dynamics.damped_test import MovingFabrics
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.loading import WARP, Load
 from knitlab.equilibrium.settings import Solver
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.system import System
@@ -188,6 +189,7 @@ def moving(
     settings: Dynamics,
     unit_cells: tuple[int, int] = (1, 1),
     damping_ratios: list[float] | None = None,
+    load: Load = WARP,
 ) -> MovingFabrics:
     """Checkerboards (n_stripe, periods) of one mesh shape, as a batch for the dynamics.
 
@@ -197,6 +199,7 @@ def moving(
         settings: settings of the dynamics.
         unit_cells: unit cells along (y, x).
         damping_ratios: damping ratio of each, if not that of the settings.
+        load: of the test of each.
     """
     assembled = [checkered(*design, options, unit_cells) for design in designs]
     ratios = damping_ratios or [settings.damping_ratio] * len(designs)
@@ -207,7 +210,11 @@ def moving(
         for (n, _), ratio in zip(designs, ratios, strict=True)
     ]
     return MovingFabrics(
-        assembled[0][0].shape, [fabric for _, fabric in assembled], inertias, settings
+        assembled[0][0].shape,
+        [fabric for _, fabric in assembled],
+        inertias,
+        settings,
+        [load] * len(designs),
     )
 
 

@@ -14,7 +14,7 @@ from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
 from knitlab.dynamics.motion import Moving, advance
 from knitlab.dynamics.settings import Dynamics
-from knitlab.equilibrium.loading import all_free
+from knitlab.equilibrium.loading import WARP, all_free
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.inertia import Inertia
 
@@ -62,6 +62,6 @@ def _at_rest(
         raise ValueError("the dynamics need a mass; pose the problem with method=dynamics")
     damping = problem.inertia.damping * damping_factor
     inertia = Inertia(problem.inertia.node_mass, damping)
-    fabrics = MovingFabrics(problem.shape, [problem.fabric], [inertia], settings)
+    fabrics = MovingFabrics(problem.shape, [problem.fabric], [inertia], settings, [WARP])
     at = on_grid(Configuration.of(start, problem.shape))
     return Moving.from_rest(fabrics.bodies(clamped=held), [at])

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Moving, advance, largest_step
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.alignment import between_walls, rigidly_aligned
-from knitlab.equilibrium.loading import WARP, Load, Loading, all_free, free_under, loading_of
+from knitlab.equilibrium.loading import Load, Loading, all_free, free_under, loading_of
 from knitlab.equilibrium.state import History, Outcome, State, TensileTest
 from knitlab.fabric.energy import Energy
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
@@ -26,17 +26,34 @@ Record = tuple[float, float, float, float, Configuration]
 
 @dataclass(frozen=True, eq=False)
 class MovingFabrics:
-    """Fabrics of one mesh shape that move together, with their masses and drags."""
+    """Fabrics of one mesh shape that move together, with their masses, drags and loads."""
 
     shape: MeshShape
     fabrics: Sequence[Fabric]
     inertias: Sequence[Inertia]
     settings: Dynamics
+    loads: Sequence[Load]
 
     def bodies(self, clamped: bool) -> list[Body]:
-        """The fabrics as bodies, free or with what a tensile test holds held."""
-        pairs = zip(self.fabrics, self.inertias, strict=True)
-        return [_body(self.shape, *pair, clamped) for pair in pairs]
+        """The fabrics as bodies, free or with what the tests of their loads hold held."""
+        inverses = [
+            _inverse_mass(self.shape, inertia, load if clamped else None)
+            for inertia, load in zip(self.inertias, self.loads, strict=True)
+        ]
+        # With a number for each row, where it suffices, a step reads less memory.
+        columns = slice(None)
+        if all((each.positions == each.positions[:, :1]).all() for each in inverses):
+            columns = slice(1)
+        lengths = jnp.array([self.shape.nodes_y, self.shape.nodes_x], float)
+        return [
+            Body(
+                GridFabric.of(self.shape, fabric),
+                on_grid(Configuration(inverse.positions[:, columns], inverse.lengths)),
+                jnp.asarray(inertia.damping),
+                lengths,
+            )
+            for fabric, inertia, inverse in zip(self.fabrics, self.inertias, inverses, strict=True)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +71,6 @@ def relax_by_dynamics(
     fabrics: MovingFabrics,
     progress: Progress = lambda case, states: None,
     sheets: Sequence[Configuration | None] | None = None,
-    loads: Sequence[Load] | None = None,
 ) -> list[Relaxed]:
     """Release flat sheets at rest and let them fold (paper, Sec. "Relaxation of a pattern").
 
@@ -94,8 +110,7 @@ def relax_by_dynamics(
     for case in cases:
         folded = records[case][-1][-1]
         if not shape.periodic:
-            load = WARP if loads is None else loads[case]
-            aligned = rigidly_aligned(shape, flat[case], folded, load)
+            aligned = rigidly_aligned(shape, flat[case], folded, fabrics.loads[case])
             folded = between_walls(aligned, float(fabrics.fabrics[case].z_max))
         first, left = float(first_force[case]), float(moving.seen.force[case])
         force_left = left / first if first else 0.0
@@ -118,7 +133,10 @@ def stretch_by_dynamics(
     """
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)
-    loadings = [loading_of(shape, end.configuration) for end in relaxed]
+    loadings = [
+        loading_of(shape, end.configuration, load)
+        for end, load in zip(relaxed, fabrics.loads, strict=True)
+    ]
     starts = [on_grid(end.configuration) for end in relaxed]
     moving = Moving.from_rest(fabrics.bodies(clamped=True), starts)
     failed = np.array([end.outcome is not Outcome.converged for end in relaxed])
@@ -133,17 +151,17 @@ def stretch_by_dynamics(
     waited = still
     for number in range(1, strains.shape[1]):
         steps, began = moving.steps, moving.time
-        moving = replace(_driven(moving, loadings, rate), kinetic_peak=0 * began)
+        moving = replace(driven(moving, loadings, rate), kinetic_peak=0 * began)
         arrival = waited + strains[:, number] / rate
         moving = advance(moving, arrival, settings)
         if to_rest:
-            moving = _driven(moving, loadings, still)
+            moving = driven(moving, loadings, still)
             moving = advance(moving, arrival + settings.longest_time, settings, to_rest=True)
             waited = waited + moving.time - arrival
         for case, own in enumerate(states):
             if own[-1].converged:
                 outcome = _outcome(moving, case, to_rest)
-                state = _state(shape, moving, case, free_under(shape), outcome)
+                state = _state(shape, moving, case, loadings[case].free, outcome)
                 taken = int(moving.steps[case] - steps[case])
                 peak = float(moving.kinetic_peak[case])
                 own.append(replace(state, iterations=taken, kinetic_peak=peak))
@@ -169,19 +187,12 @@ def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
     return Configuration(jnp.broadcast_to(mass[..., None], (*mass.shape, 3)), lines)
 
 
-def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> Body:
-    mass = moved_mass(shape, inertia)
-    uniform = jnp.ndim(inertia.node_mass) == 0
-    inverse = 1 / np.asarray(mass.positions)[:, : 1 if uniform else None, 0]
-    lengths = 1 / np.asarray(mass.lengths) if shape.periodic else np.zeros(2)
-    if clamped and shape.periodic:
-        lengths[1] = 0.0
-    elif clamped:
-        inverse[[0, -1]] = 0.0
-    inverses = jnp.asarray(inverse), jnp.asarray(lengths)
-    nodes_of_lengths = jnp.array([shape.nodes_y, shape.nodes_x], float)
-    damping = jnp.asarray(inertia.damping)
-    return Body(GridFabric.of(shape, fabric), *inverses, damping, nodes_of_lengths)
+def _inverse_mass(shape: MeshShape, inertia: Inertia, load: Load | None) -> Configuration:
+    """1/m of every unknown [1/g], 0 where the test of a load holds it."""
+    inverse = np.zeros(shape.unknowns)
+    free = all_free(shape) if load is None else free_under(shape, load)
+    inverse[free] = 1 / np.asarray(moved_mass(shape, inertia).flattened())[free]
+    return Configuration.of(inverse, shape)
 
 
 def on_grid(configuration: Configuration) -> Shape:
@@ -196,17 +207,15 @@ def configuration_of(shape: Shape, case: int) -> Configuration:
     return Configuration(positions, np.asarray(shape.lengths[case]))
 
 
-def _driven(
-    moving: Moving, loadings: Sequence[Loading], rate: Float[np.ndarray, " case"]
-) -> Moving:
+def driven(moving: Moving, loadings: Sequence[Loading], rate: Float[np.ndarray, " case"]) -> Moving:
     """The batch, with what is held moving at rates of the applied strain [1/ms]."""
-    velocity = moving.motion.velocity
-    own = rate * np.array([loading.length for loading in loadings])
-    if moving.body.fabric.periodic:
-        velocity = velocity._replace(lengths=velocity.lengths.at[:, 1].set(own))
-    else:
-        x, y, z = velocity.positions
-        velocity = velocity._replace(positions=(x, y.at[:, -1].set(own[:, None]), z))
+    drives = [on_grid(Configuration.of(each.drive, each.shape)) for each in loadings]
+
+    def held(velocity: Array, inverse: Array, *drive: Array) -> Array:
+        rates = rate.reshape(-1, *[1] * (velocity.ndim - 1))
+        return jnp.where(inverse == 0, rates * jnp.stack(drive), velocity)
+
+    velocity = jax.tree.map(held, moving.motion.velocity, moving.body.inverse, *drives)
     return replace(moving, motion=replace(moving.motion, velocity=velocity))
 
 

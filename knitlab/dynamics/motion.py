@@ -31,23 +31,17 @@ class Body(eqx.Module):
     """A fabric with what makes it move."""
 
     fabric: GridFabric
-    # 1/m of the nodes, 0 for held ones, which keep their velocity [1/g]
-    inverse_mass: Float[Array, "row column"]
-    inverse_mass_of_lengths: Float[Array, "2"]  # the same for L_x and L_y; 0 for a sample
+    # 1/m of every coordinate and length, 0 if held, which keeps its velocity [1/g]
+    inverse: Shape
     damping: Float[Array, ""]  # c of a node [g/ms]
     nodes_of_lengths: Float[Array, "2"]  # that L_x and L_y move
 
     @property
-    def inverse(self) -> Shape:
-        """1/m of every coordinate and of the lengths [1/g]."""
-        return Shape((self.inverse_mass,) * 3, self.inverse_mass_of_lengths)
-
-    @property
     def damping_rate(self) -> Shape:
         """c/m of every coordinate and of the lengths [1/ms]."""
-        rate = self.damping * self.inverse_mass
-        of_lengths = self.damping * self.nodes_of_lengths * self.inverse_mass_of_lengths
-        return Shape((rate,) * 3, of_lengths)
+        of_nodes, of_lengths = self.inverse
+        x, y, z = (self.damping * inverse for inverse in of_nodes)
+        return Shape((x, y, z), self.damping * self.nodes_of_lengths * of_lengths)
 
 
 class Motion(eqx.Module):
@@ -77,22 +71,22 @@ class Observed(eqx.Module):
 def observed(body: Body, motion: Motion) -> Observed:
     """Energies and forces of a motion."""
     gradient, velocity = body.fabric.gradient(motion.shape), motion.velocity
-    inverse, inverse_of_lengths = body.inverse_mass, body.inverse_mass_of_lengths
+    of_lengths = body.inverse.lengths
 
-    def largest(vector: Shape, of_lengths: Float[Array, "2"] | float) -> Float[Array, ""]:
-        lengths = jnp.abs(vector.lengths * of_lengths)
+    def largest(vector: Shape, factor: Float[Array, "2"] | float) -> Float[Array, ""]:
         return jnp.maximum(
-            jnp.sqrt(jnp.max(jnp.where(inverse > 0, _squares(vector), 0.0))),
-            jnp.max(jnp.where(inverse_of_lengths > 0, lengths, 0.0)),
+            jnp.sqrt(jnp.max(sum(_free_squares(body, vector)))),
+            jnp.max(jnp.where(of_lengths > 0, jnp.abs(vector.lengths * factor), 0.0)),
         )
 
-    def mass(inverse: Array) -> Array:
-        return jnp.where(inverse > 0, 1 / jnp.where(inverse > 0, inverse, 1.0), 0.0)
+    def doubled_energy(inverse: Array, rate: Array) -> Array:
+        mass = jnp.where(inverse > 0, 1 / jnp.where(inverse > 0, inverse, 1.0), 0.0)
+        return jnp.sum(mass * rate**2)
 
-    of_nodes = jnp.sum(mass(inverse) * _squares(velocity))
+    doubled = jax.tree.leaves(jax.tree.map(doubled_energy, body.inverse, velocity))
     return Observed(
         energy=body.fabric.energy(motion.shape),
-        kinetic=0.5 * (of_nodes + jnp.sum(mass(inverse_of_lengths) * velocity.lengths**2)),
+        kinetic=0.5 * jnp.sum(jnp.stack(doubled)),
         gradient=gradient,
         force=largest(gradient, 1.0),
         drag=body.damping * largest(velocity, body.nodes_of_lengths),
@@ -100,27 +94,33 @@ def observed(body: Body, motion: Motion) -> Observed:
 
 
 def driving_power(body: Body, gradient: Shape, velocity: Shape) -> Float[Array, ""]:
-    """Power of the forces that move the top row, or L_y of periodic fabric, if held [N mm/ms]."""
+    """Power of the forces that move what is held: lengths, the top row, the last column [N mm/ms].
+
+    All else that a test holds stands still.
+    """
+
+    def power(inverse: Array, force: Array, rate: Array, where: Any = ...) -> Float[Array, ""]:
+        held = jnp.broadcast_to(inverse, force.shape)[where] == 0
+        return jnp.sum(jnp.where(held, force[where] * rate[where], 0.0))
+
     if body.fabric.periodic:
-        held = body.inverse_mass_of_lengths[1] == 0
-        return jnp.where(held, gradient.lengths[1] * velocity.lengths[1], 0.0)
-    held = jnp.broadcast_to(body.inverse_mass, gradient.positions[1].shape)[-1] == 0
-    return jnp.sum(jnp.where(held, gradient.positions[1][-1] * velocity.positions[1][-1], 0.0))
+        return power(body.inverse.lengths, gradient.lengths, velocity.lengths)
+    nodes = zip(body.inverse.positions, gradient.positions, velocity.positions, strict=True)
+    x, y, _ = nodes
+    return power(*y, np.s_[-1]) + power(*x, np.s_[-1]) + power(*x, np.s_[:-1, -1])
 
 
 def loss(body: Body, velocity: Shape) -> Float[Array, ""]:
     """Power of the drag, Σ c u̇² over what is free [N mm/ms]."""
-    lengths = jnp.where(body.inverse_mass_of_lengths > 0, body.nodes_of_lengths, 0.0)
-    return body.damping * (
-        jnp.sum(jnp.where(body.inverse_mass > 0, _squares(velocity), 0.0))
-        + jnp.sum(lengths * velocity.lengths**2)
-    )
+    lengths = jnp.where(body.inverse.lengths > 0, body.nodes_of_lengths, 0.0)
+    nodes = jnp.sum(sum(_free_squares(body, velocity)))
+    return body.damping * (nodes + jnp.sum(lengths * velocity.lengths**2))
 
 
-def _squares(vector: Shape) -> Float[Array, "row column"]:
-    """Squared length of the vector of every node."""
-    x, y, z = vector.positions
-    return x**2 + y**2 + z**2
+def _free_squares(body: Body, vector: Shape) -> list[Float[Array, "row column"]]:
+    """Squares of the three components of the vector of every node, 0 where they are held."""
+    of_nodes = zip(body.inverse.positions, vector.positions, strict=True)
+    return [jnp.where(inverse > 0, component**2, 0.0) for inverse, component in of_nodes]
 
 
 def highest_frequency(

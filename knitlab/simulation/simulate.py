@@ -126,8 +126,7 @@ def tensile_tests(
     sheets = starts(cases, imperfection)
     moved: list[Relaxed | None] = [None] * len(cases)
     if cases[0].relaxes_by_dynamics:
-        loads = [case.load for case in cases]
-        moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets, loads)]
+        moved = [*relax_by_dynamics(moving_fabrics(cases), report, sheets)]
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
     searches = [
         partial(
@@ -233,7 +232,8 @@ def contact_of(case: Case) -> "Barrier | None":
 def moving_fabrics(cases: Sequence[Case]) -> MovingFabrics:
     """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
     fabrics, inertias = [case.assemble()[1] for case in cases], [case.inertia() for case in cases]
-    return MovingFabrics(cases[0].mesh_shape, fabrics, inertias, cases[0].motion)
+    loads = [case.load for case in cases]
+    return MovingFabrics(cases[0].mesh_shape, fabrics, inertias, cases[0].motion, loads)
 
 
 def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:

@@ -296,7 +296,8 @@ def _check_together(
         " warp": biaxial and workflow.protocol.load_ratio is None,
         "is off_axis, which needs load_angle: degrees from the courses": off_axis
         and workflow.protocol.load_angle is None,
-        "is not warp, and is found by equilibria; take method = equilibrium": by_dynamics,
+        "shears periodic fabric, which is found by equilibria; take method ="
+        " equilibrium": load.shears and by_dynamics and "periodic" in boundaries,
         "is not warp, and has no sensitivities; leave them out": sensitivities,
         "is off_axis, which clamps cannot pull; take boundary = periodic": off_axis
         and "clamped" in boundaries,

@@ -9,7 +9,9 @@ import pytest
 from knitlab.dynamics import motion
 from knitlab.dynamics.damped_test import MovingFabrics, relax_by_dynamics, stretch_by_dynamics
 from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.loading import WARP, Load
 from knitlab.equilibrium.state import Outcome
+from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.inertia import Inertia, inertia
@@ -21,6 +23,7 @@ from tests.fabrics import (
     FINE,
     PERIODIC,
     checkered,
+    equations,
     moving,
     periodic_poisson_ratio,
     pure,
@@ -39,7 +42,7 @@ STRAINS = [0.0, 0.05, 0.1]
 def of_pure(of, options, settings):
     net, fabric = pure(of, options)
     own = inertia([of], [of], options, settings.surface_density, settings.damping_ratio)
-    return MovingFabrics(net.shape, [fabric], [own], settings)
+    return MovingFabrics(net.shape, [fabric], [own], settings, [WARP])
 
 
 @pytest.mark.slow
@@ -61,6 +64,40 @@ def test_both_methods_reach_the_same_states(integrator):
         assert float(one.energy.total) == pytest.approx(float(stored.total), rel=1e-12)
     ratios = periodic_poisson_ratio(by_dynamics), periodic_poisson_ratio(in_equilibrium)
     np.testing.assert_allclose(*ratios, rtol=0, atol=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "load"),
+    [
+        (ENDLESS, Load("weft")),
+        (ENDLESS, Load("biaxial", ratio=0.5)),
+        (CLAMPED, Load("weft")),
+        (CLAMPED, Load("biaxial", ratio=0.5)),
+        (CLAMPED, Load("shear")),
+    ],
+)
+def test_other_loads_lead_to_the_equilibria_too(options, load):
+    strains = [0.0, 0.02]
+    (by_dynamics,) = stretch_by_dynamics(moving([(4, 1)], options, AT_REST, load=load), [strains])
+    folded = by_dynamics.states[0].configuration
+    net, fabric = checkered(4, 1, options)
+    expected = stretch(equations(net, fabric), strains, FINE, folded=folded, load=load)
+    for one, other in zip(by_dynamics.states, expected.states, strict=True):
+        assert one.outcome is other.outcome is Outcome.converged
+        assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-8)
+        force, other_force = (
+            [test.loading.reaction_force(state.gradient), *along(test, state)]
+            for test, state in ((by_dynamics, one), (expected, other))
+        )
+        np.testing.assert_allclose(force, other_force, atol=1e-6)
+
+
+def along(test, state):
+    """Forces along both axes, under a biaxial load [N]."""
+    if test.loading.load.kind != "biaxial":
+        return []
+    return [test.loading.force_along(axis, state.gradient) for axis in (0, 1)]
 
 
 @pytest.mark.slow

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from knitlab.dynamics import motion
-from knitlab.dynamics.damped_test import moved_mass, on_grid
+from knitlab.dynamics.damped_test import configuration_of, driven, moved_mass, on_grid
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Motion, Moving, advance
 from knitlab.dynamics.settings import Dynamics
+from knitlab.equilibrium.loading import WARP, Load, loading_of
 from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.network import MeshShape, network
@@ -21,6 +22,7 @@ from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
 SETTINGS = Dynamics(damping_ratio=0.015)
 PRECISE = replace(SETTINGS, integrator="tsit5", relative_tolerance=1e-10, absolute_tolerance=1e-13)
+RATE = 0.05  # of the applied strain [1/ms]
 STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
 HIGHEST = 1500.0
 """Highest frequency of relaxed (4, 16), about [1/ms]."""
@@ -42,9 +44,8 @@ def one_spring(damping, inverse_mass, z_max=6.0, k_wall=100.0):
         fold_angle="whole_normals",
     )
     grid = GridFabric.of(MeshShape(1, 1, periodic=False), fabric)
-    return Body(
-        grid, jnp.asarray(inverse_mass), jnp.zeros(2), jnp.asarray(damping), jnp.full(2, 2.0)
-    )
+    inverse = Shape((jnp.asarray(inverse_mass),) * 3, jnp.zeros(2))
+    return Body(grid, inverse, jnp.asarray(damping), jnp.full(2, 2.0))
 
 
 def at_rest(fabrics, clamped=False, amplitude=0.0):
@@ -54,15 +55,13 @@ def at_rest(fabrics, clamped=False, amplitude=0.0):
     return Moving.from_rest(fabrics.bodies(clamped), shapes)
 
 
-def pulled(batch, rate):
-    """A batch whose top row, or L_y of periodic fabric, moves at a rate [mm/ms]."""
-    velocity = batch.motion.velocity
-    if batch.body.fabric.periodic:
-        velocity = velocity._replace(lengths=velocity.lengths.at[:, 1].set(rate))
-    else:
-        x, y, z = velocity.positions
-        velocity = velocity._replace(positions=(x, y.at[:, -1].set(rate), z))
-    return replace(batch, motion=replace(batch.motion, velocity=velocity))
+def pulled(batch, shape, rate, load=WARP):
+    """A batch strained by a load, at a rate of the applied strain [1/ms]."""
+    loadings = [
+        loading_of(shape, configuration_of(batch.motion.shape, case), load)
+        for case in range(len(batch.time))
+    ]
+    return driven(batch, loadings, np.full(len(loadings), rate))
 
 
 def balance(batch):
@@ -164,14 +163,24 @@ def test_the_highest_frequency_is_nearly_that_of_the_dense_matrix(options, clamp
     assert 0.9 * highest < float(np.sqrt(square)) < highest * (1 + 1e-6)
 
 
+WEFT, BIAXIAL, SHEAR = Load("weft"), Load("biaxial", ratio=0.5), Load("shear")
+PULLS = [
+    *((options, load) for options in (CLAMPED, PERIODIC) for load in (WARP, WEFT, BIAXIAL)),
+    (CLAMPED, SHEAR),
+]
+
+
 @pytest.mark.slow
-@BOUNDARIES
-@pytest.mark.parametrize("rate", [0.0, 2.0], ids=["relaxing", "pulled"])
-def test_energy_is_balanced_to_the_square_of_the_step(options, rate):
+@pytest.mark.parametrize(
+    ("options", "load", "rate"),
+    [(CLAMPED, WARP, 0.0), (PERIODIC, WARP, 0.0), *((*each, RATE) for each in PULLS)],
+)
+def test_energy_is_balanced_to_the_square_of_the_step(options, load, rate):
     def largest_error(safety):
         settings = replace(SETTINGS, step_safety=safety)
-        batch = at_rest(moving([(8, 1)], options, settings), clamped=rate > 0)
-        batch, first = pulled(batch, rate), balance(batch)[0]
+        fabrics = moving([(8, 1)], options, settings, load=load)
+        batch = pulled(at_rest(fabrics, clamped=rate > 0), fabrics.shape, rate, load)
+        first = balance(batch)[0]
         errors = []
         for time in np.linspace(0, 2, 21)[1:]:
             batch = advance(batch, np.array([time]), settings)
@@ -189,12 +198,13 @@ def test_energy_is_balanced_to_the_square_of_the_step(options, rate):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("options", "rate"), [(CLAMPED, 2.0), (PERIODIC, 0.0)], ids=["clamped-pulled", "periodic"]
+    ("options", "rate"), [(CLAMPED, RATE), (PERIODIC, 0.0)], ids=["clamped-pulled", "periodic"]
 )
 def test_leapfrog_and_tsit5_go_the_same_way(options, rate):
     ends = []
     for settings in (PRECISE, *(replace(SETTINGS, step_safety=part) for part in (0.1, 0.05))):
-        batch = pulled(at_rest(moving([(8, 1)], options, settings), clamped=rate > 0), rate)
+        fabrics = moving([(8, 1)], options, settings)
+        batch = pulled(at_rest(fabrics, clamped=rate > 0), fabrics.shape, rate)
         batch = advance(batch, np.array([1.0]), settings)
         ends.append(np.append(positions(batch).ravel(), batch.motion.shape.lengths[0]))
     errors = [np.abs(end - ends[0]).max() for end in ends[1:]]
