@@ -3,6 +3,8 @@
 A force that grows slowly leads through the same equilibria as a displacement that grows slowly, up
 to where the force has a maximum. There a test that controls the force jumps to the next state that
 carries more; the recorded path contains it unless the jump ends on another branch.
+
+Biaxial tests at several ratios of strains hold those at a ratio of forces too, at ratios between.
 """
 
 from collections.abc import Hashable, Sequence
@@ -12,34 +14,45 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
-from knitlab.cube.schema import INTEGERS, STRAIN
+from knitlab.cube.schema import INTEGERS, LOAD_RATIO, STRAIN
 from knitlab.cube.strain_window import without_gap_at_zero
 from knitlab.io.errors import fault
 
-FORCES = ("reaction_force", "force_per_width")  # variables that a test may control
+FORCE_RATIO = "force_ratio"
+FORCES = ("reaction_force", "force_per_width", FORCE_RATIO)
+"""Variables that a test may control: forces, and under biaxial loads their ratio."""
 
 
 def controllable(cube: xr.Dataset) -> list[str]:
     """The forces of a cube at which it can be read."""
-    return [force for force in FORCES if force in cube.data_vars and STRAIN in cube[force].dims]
+    along = {FORCE_RATIO: LOAD_RATIO}
+    return [
+        force
+        for force in FORCES
+        if force in cube.data_vars and along.get(force, STRAIN) in cube[force].dims
+    ]
 
 
 def between(
-    cube: xr.Dataset, dims: tuple[Hashable, ...], upper: np.ndarray, fraction: np.ndarray
+    cube: xr.Dataset,
+    dims: tuple[Hashable, ...],
+    upper: np.ndarray,
+    fraction: np.ndarray,
+    axis: str = STRAIN,
 ) -> dict[str, xr.Variable]:
-    """Every variable along the strain, and this, between two strains, linear but for integers.
+    """Every variable along an axis, and this, between two of its values, linear but for integers.
 
-    ``upper`` is the index of the second strain, ``fraction`` how far from the first to it; both
-    along ``dims``. Integers are missing unless those at both strains agree.
+    ``upper`` is the index of the second value, ``fraction`` how far from the first to it; both
+    along ``dims``. Integers are missing unless both agree.
     """
     above, below = xr.Variable(dims, upper), xr.Variable(dims, np.maximum(upper - 1, 0))
-    along, strains = xr.Variable(dims, fraction), cube[STRAIN].values.astype(float)
+    along, places = xr.Variable(dims, fraction), cube[axis].values.astype(float)
     moved = {}
-    for name in (name for name, each in cube.variables.items() if STRAIN in each.dims):
-        variable = cube.variables[name].to_base_variable().astype(float).transpose(..., STRAIN)
-        if name not in INTEGERS:
-            variable = variable.copy(data=without_gap_at_zero(strains, variable.values))
-        low, high = variable.isel({STRAIN: below}), variable.isel({STRAIN: above})
+    for name in (name for name, each in cube.variables.items() if axis in each.dims):
+        variable = cube.variables[name].to_base_variable().astype(float).transpose(..., axis)
+        if axis == STRAIN and name not in INTEGERS:
+            variable = variable.copy(data=without_gap_at_zero(places, variable.values))
+        low, high = variable.isel({axis: below}), variable.isel({axis: above})
         if name in INTEGERS:
             values = low.where((low == high) & np.isfinite(along))
         else:  # a neighbour of which nothing is used may be missing
@@ -74,15 +87,48 @@ def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Datase
     )
 
 
-def _checked(name: str, forces: Sequence[Any]) -> Float[np.ndarray, " force"]:
+def under_force_ratio(cube: xr.Dataset, ratios: Sequence[Any]) -> xr.Dataset:
+    """The cube along ratios of forces in place of those of strains, which become a variable.
+
+    At every strain, curves are linear between the two tests whose ratios of forces are on both
+    sides; missing where none are. What has no strain remains if all tests agree on it, and the
+    status is the lowest. BadInput if a ratio is not finite.
+    """
+    wanted = _checked(FORCE_RATIO, ratios, least=-np.inf)
+    curve = cube[FORCE_RATIO].astype(float).transpose(..., STRAIN, LOAD_RATIO)
+    upper, fraction = _first_to_carry(curve.values, wanted)
+    # What rests is at rest under every ratio of forces.
+    resting, lowest = (cube[STRAIN] == 0).values[:, None], curve.values[..., :1]
+    fraction = np.where(resting, 0.0, np.where(lowest <= wanted, fraction, np.nan))
+    upper = np.where(resting, 0, upper)
+    along = [name for name, each in cube.variables.items() if LOAD_RATIO in each.dims]
+    kept = {name: cube.variables[name].isel({LOAD_RATIO: 0}) for name in along}
+    alike = {
+        name: first for name, first in kept.items() if cube.variables[name].broadcast_equals(first)
+    }
+    curves = [name for name in along if STRAIN in cube[name].dims and name != FORCE_RATIO]
+    moved = between(cube[curves], (*curve.dims[:-1], FORCE_RATIO), upper, fraction, LOAD_RATIO)
+    read = (
+        cube.drop_vars(along)
+        .assign(alike | {"status": cube["status"].min(LOAD_RATIO)} | moved)
+        .assign_coords({FORCE_RATIO: (FORCE_RATIO, wanted, cube[FORCE_RATIO].attrs)})
+    )
+    if "tangent_stiffness" in moved:  # that at a ratio of strains was another
+        slope = read["force_per_width"].differentiate(STRAIN)
+        read["tangent_stiffness"] = slope.assign_attrs(cube["tangent_stiffness"].attrs)
+    return read
+
+
+def _checked(name: str, forces: Sequence[Any], least: float = 0.0) -> Float[np.ndarray, " force"]:
     values = []
     for force in forces:
         try:
             values.append(float(force))
         except (TypeError, ValueError, OverflowError):
             raise fault(f"selections {name}", f"{force!r} is not a number; give one") from None
-        if not 0 <= values[-1] < np.inf:
-            raise fault(f"selections {name}", f"{force} is no pull; give a force from 0 on")
+        if not (np.isfinite(values[-1]) and values[-1] >= least):
+            remedy = "is no pull; give a force from 0 on" if least == 0 else "is no ratio; give one"
+            raise fault(f"selections {name}", f"{force} {remedy}")
     if not values:
         raise fault(f"selections {name}", "has no value; give one")
     return np.array(list(dict.fromkeys(values)))

@@ -44,7 +44,8 @@ class KnitlabAccessor:
         Args:
             selections: a value or a list of values for each coordinate: ``n_stripe=[4, 6]``. A
                 ``reaction_force`` [N] or ``force_per_width`` [N/mm] takes the place of the applied
-                strain: the states of a test that controls the force.
+                strain: the states of a test that controls the force; and a ``force_ratio`` that of
+                ``load_ratio``, in biaxial tests.
 
         Returns:
             The slice of the cube.

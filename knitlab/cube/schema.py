@@ -61,6 +61,7 @@ def _variable(dims: tuple[str, ...], text: str, of: str = "all", in_cube: bool =
 DESIGN_DIMS = ("n_stripe", "n_subunit")  # dimensions of a cube of checkerboards
 STRIPE_DIMS = ("knit", "n", "boundary")
 STRAIN = "applied_strain"  # dimension of curves
+LOAD_RATIO = "load_ratio"  # dimension of biaxial tests
 CYCLE = "cycle"  # dimension of an experiment with several cycles
 SAMPLE = "sample"  # dimension of settings that a workflow changes together
 SOURCE = "source"  # coordinate that states the source of a cube
@@ -278,6 +279,10 @@ _TABLE = {
     f" {_SCATTER}",
     "force_per_width": "curve, laboratory: reaction force per width [N/mm]; of the relaxed sample"
     " between the clamps, in millimetres of cloth",
+    "force_per_width_across": "curve, derived: reaction force along the weft per length [N/mm];"
+    " under biaxial loads, of the relaxed sample, in millimetres of cloth",
+    "force_ratio": "curve, derived: force_per_width_across over force_per_width; under biaxial"
+    " loads, beside zero strain",
     "tangent_stiffness": "curve, derived: tangent stiffness per width [N/mm]; derivative of"
     " force_per_width with respect to the applied strain",
     "stretch_energy": "curve, derived: energy to stretch, per area [N/mm]; integral of"

@@ -10,8 +10,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.force_control import between, controllable, under_force
-from knitlab.cube.schema import STRAIN
+from knitlab.cube.force_control import (
+    FORCE_RATIO,
+    between,
+    controllable,
+    under_force,
+    under_force_ratio,
+)
+from knitlab.cube.schema import LOAD_RATIO, STRAIN
 from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
@@ -23,6 +29,11 @@ def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     Curves are linear between two strains; codes and counts are missing unless both agree. Under a
     selected force, that is a dimension in place of the applied strain.
     """
+    if FORCE_RATIO in selections and FORCE_RATIO in controllable(cube):
+        if LOAD_RATIO in selections:
+            names = f"{FORCE_RATIO} and {LOAD_RATIO}"
+            raise fault("selections", f"{names} exclude each other; select one of them")
+        cube = under_force_ratio(cube, _values(selections[FORCE_RATIO]))
     prescribed = [name for name in selections if name in (STRAIN, *controllable(cube))]
     if len(prescribed) > 1:
         names = " and ".join(prescribed)

@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+import knitlab as kl
+from knitlab.cube.cube_file import with_derived
 from knitlab.cube.force_control import under_force
 from knitlab.cube.selection import selected
 from knitlab.equilibrium.tensile_test import stretch
@@ -77,6 +79,65 @@ def test_the_force_at_the_strain_that_is_read_is_the_one_selected(steps, fractio
 def test_forces_that_cannot_be_selected_are_refused(selections):
     with pytest.raises(BadInput, match="force"):
         selected(cube_of(STRAINS), selections)
+
+
+def stiff_sheet(ratios):
+    """A cube of biaxial tests of a linear elastic sheet, 20 mm wide and 10 mm long."""
+    tension_y = (C12 * ratios + C22)[:, None] * STRAINS
+    tension_x = (C11 * ratios + C12)[:, None] * STRAINS
+    along, each = ("load_ratio", "applied_strain"), ("load_ratio",)
+    sizes = {"knit_cell_x": 20.0, "knit_cell_y": 10.0, "unit_cells_x": 1, "unit_cells_y": 1}
+    variables = {name: (each, np.full(len(ratios), size)) for name, size in sizes.items()} | {
+        "status": (each, np.full(len(ratios), 1)),
+        "case_id": (each, [f"test {ratio}" for ratio in ratios]),
+        "load_direction": (each, np.full(len(ratios), 90.0)),
+        "reaction_force": (along, 20 * tension_y),
+        "reaction_force_across": (along, 10 * tension_x),
+        "mean_strain_xx": (along, ratios[:, None] * STRAINS),
+    }
+    return with_derived(xr.Dataset(variables, {"load_ratio": ratios, "applied_strain": STRAINS}))
+
+
+C11, C12, C22 = 3.0, 1.0, 2.0  # membrane stiffnesses [N/mm]
+RATIOS = [0.8, 0.85, 0.9]  # around that of a plain pull of (4, 16)
+
+
+def test_biaxial_tests_hold_those_at_a_ratio_of_forces():
+    """N_x = k N_y gives ε_x / ε_y in closed form; without force across it is a plain pull."""
+    cube, wanted = stiff_sheet(np.linspace(-0.5, 1, 61)), np.array([0.0, 0.5, 1.2])
+    read = selected(cube, {"force_ratio": [*wanted, 9.0]})
+    ratio = np.append((wanted * C22 - C12) / (C11 - wanted * C12), np.nan)
+    np.testing.assert_allclose(read["load_ratio"][1:], [ratio] * 4, atol=1e-4)
+    np.testing.assert_allclose(
+        read["mean_strain_xx"], STRAINS[:, None] * np.where(STRAINS[:, None], ratio, 0), atol=1e-4
+    )
+    stiffness = C22 + C12 * ratio
+    np.testing.assert_allclose(read["tangent_stiffness"][1:-1], [stiffness] * 3, rtol=1e-4)
+    assert not read["reaction_force"][0].any(), "what rests is at rest under every ratio"
+    assert "case_id" not in read, "no test is at this ratio"
+    both = selected(cube, {"force_ratio": 0.5, "force_per_width": 0.3})
+    np.testing.assert_allclose(both["applied_strain"], 0.3 / stiffness[1], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "selections", [{"force_ratio": 1, "load_ratio": 0.5}, {"force_ratio": np.inf}]
+)
+def test_ratios_that_cannot_be_selected_are_refused(selections):
+    with pytest.raises(BadInput, match="force_ratio"):
+        selected(stiff_sheet(np.array([0.0, 1.0])), selections)
+
+
+@pytest.mark.slow
+def test_without_force_across_a_biaxial_test_is_a_pull_along_the_warp():
+    def strained(**load):
+        design = kl.Design(4, 16, boundary="periodic")
+        return kl.simulate(design, protocol=kl.Protocol(strain_max=0.06, **load))
+
+    tests = [strained(load="biaxial", load_ratio=ratio) for ratio in RATIOS]
+    cube = with_derived(xr.concat(tests, xr.Variable("load_ratio", RATIOS)))
+    read, pull = selected(cube, {"force_ratio": 0.0}), strained()
+    for name in ("mean_strain_xx", "reaction_force"):
+        np.testing.assert_allclose(read[name].squeeze()[1:], pull[name].squeeze()[1:], rtol=1e-3)
 
 
 @pytest.mark.slow
