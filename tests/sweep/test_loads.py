@@ -40,7 +40,7 @@ def test_a_pull_along_the_warp_keeps_its_identifier():
         (["load=off_axis", "load_angle=270"], "less than 180"),
         (["load=off_axis", "load_angle=30", "boundary=clamped"], "clamps cannot pull"),
         (["load=weft", "sensitivities=true"], "has no sensitivities"),
-        (["load=weft", "method=dynamics"], "take method = equilibrium"),
+        (["load=shear", "method=dynamics"], "take method = equilibrium"),
         (["load=shear", "layout=checkerboard"], "no contact and electrodes"),
     ],
 )
