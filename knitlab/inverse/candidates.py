@@ -163,8 +163,8 @@ def trials_table(
 class Conflict(NamedTuple):
     """Two targets of which no trial meets both."""
 
-    targets: tuple[str, str]
     distances: Float[np.ndarray, "trial 2"]  # over the tolerance of each
+    targets: tuple[str, str]
     candidates: pd.Series  # number of the search of each trial
 
 
@@ -183,4 +183,4 @@ def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | No
         return None
     one, other = max(joint, key=lambda pair: joint[pair])
     texts, numbers = (wanted[one].text, wanted[other].text), trials["candidate"]
-    return Conflict(texts, scaled[:, [one, other]], numbers.reset_index(drop=True))
+    return Conflict(scaled[:, [one, other]], texts, numbers.reset_index(drop=True))
