@@ -28,8 +28,6 @@ from knitlab.simulation.case import Case
 from knitlab.sweep.figure_names import check_figure_suffix
 from knitlab.sweep.recorded_case import recorded_case
 
-PICOFARAD = {"units": "pF"}
-
 
 def capacitance_matrix(
     shapes: Cube,
@@ -85,7 +83,7 @@ def capacitance_matrix(
     names, scaled = list(of_set.names), matrices * _lengthened(of_set, relaxed, capacitor)
     coordinates = {STRAIN: strains, "electrode": names, "to": names}
     table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
-    about = PICOFARAD | {"long_name": "capacitance matrix"}
+    about = {"units": "pF", "long_name": "capacitance matrix"}
     table["capacitance"] = (STRAIN, "electrode", "to"), scaled, about
     return drawn(matrix_figure, table, output)
 

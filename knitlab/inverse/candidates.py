@@ -104,11 +104,8 @@ def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
     if objective.request.subject_to:
         table.insert(column, "violation", violation)
     table.insert(column, "distance_worst", worst)
-    dims = cube["status"].dims
-    for name in ("distance", "distance_worst"):
-        cube[name] = (dims, np.full(cube["status"].shape, np.nan))
-        for row in table.to_dict("records"):
-            cube[name].loc[{dim: row[dim] for dim in dims}] = row[name]
+    distances = table.set_index([*cube["status"].dims])[["distance", "distance_worst"]]
+    cube = cube.assign(distances.to_xarray().reindex_like(cube))
     order = np.lexsort((worst, violation))
     in_order = tuple(each.in_order(order) for each in nearest.reached)
     table = table.iloc[order].reset_index(drop=True)
