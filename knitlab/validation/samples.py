@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -103,7 +104,8 @@ class Samples:
 
 def by_labels(variable: xr.DataArray) -> dict[Labels, Any]:
     """The values of a variable of designs, by the labels of each."""
-    return variable.to_series().to_dict()
+    labels = product(*(variable[dim].values.tolist() for dim in variable.dims))
+    return dict(zip(labels, variable.values.ravel().tolist(), strict=True))
 
 
 def one_sample(cube: xr.Dataset, labels: Labels) -> xr.Dataset:
