@@ -1,6 +1,7 @@
 """Designing a knit for targets, by simulation."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -126,10 +127,9 @@ def draw(designed: Designed) -> list[Path]:
     """Draw targets and results, and the Pareto front if two targets conflict, into ``figures/``."""
     from knitlab.figures.nearest_designs import nearest_figure, pareto_figure
 
-    drawings = {"wanted": lambda: nearest_figure(designed.ranking, "candidates", bands=True)}
+    drawings = {"wanted": partial(nearest_figure, designed.ranking, "candidates", bands=True)}
     if (conflict := designed.conflict) is not None:
-        shown = conflict.distances, conflict.targets, conflict.candidates
-        drawings["pareto"] = lambda: pareto_figure(*shown)
+        drawings["pareto"] = partial(pareto_figure, *conflict)
     files: list[Path] = []
     for name, draw_one in drawings.items():
         files.append(designed.folder / "figures" / f"{name}.png")

@@ -7,8 +7,9 @@ from typing import Any
 import xarray as xr
 
 from knitlab.api.cubes import Cube, opened_with_shapes
+from knitlab.io.names import check_suffix
 from knitlab.plate.plate_stiffness import plates_of
-from knitlab.plate.shell_cards import CARDS, check_card
+from knitlab.plate.shell_cards import CARDS
 
 
 def plate_stiffness(
@@ -54,7 +55,7 @@ def plate_stiffness(
     """
     selections = {**selections, **named}
     if output is not None:
-        check_card(output := Path(output))
+        check_suffix(output := Path(output), CARDS, "a card or table")
     plates = plates_of(opened_with_shapes(shapes), selections, where)
     if output is not None:
         CARDS[output.suffix.lower()](plates, output)

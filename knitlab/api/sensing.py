@@ -15,7 +15,7 @@ from knitlab.cube.schema import STRAIN, described
 from knitlab.cube.selection import selections_along
 from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.fabric.fabric import Configuration
-from knitlab.figures.figure_files import draw_into
+from knitlab.figures.figure_files import drawn
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import Capacitor
@@ -27,8 +27,6 @@ from knitlab.sensing.selectivity import DIRECTIONS, STATUS, selectivity_of_case
 from knitlab.simulation.case import Case
 from knitlab.sweep.figure_names import check_figure_suffix
 from knitlab.sweep.recorded_case import recorded_case
-
-PICOFARAD = {"units": "pF"}
 
 
 def capacitance_matrix(
@@ -85,11 +83,9 @@ def capacitance_matrix(
     names, scaled = list(of_set.names), matrices * _lengthened(of_set, relaxed, capacitor)
     coordinates = {STRAIN: strains, "electrode": names, "to": names}
     table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
-    about = PICOFARAD | {"long_name": "capacitance matrix"}
+    about = {"units": "pF", "long_name": "capacitance matrix"}
     table["capacitance"] = (STRAIN, "electrode", "to"), scaled, about
-    if output is not None:
-        draw_into(partial(matrix_figure, table), Path(output))
-    return table
+    return drawn(matrix_figure, table, output)
 
 
 def cross_talk(
@@ -166,9 +162,7 @@ def cross_talk(
     table["reading"].values *= _lengthened(of_set, relaxed, capacitor)
     table = table.assign_coords(sensor=labels, pulled=labels)
     table.attrs |= {"design": case.label, "pull": pull, "others": others}
-    if output is not None:
-        draw_into(partial(cross_talk_figure, table), Path(output))
-    return table
+    return drawn(cross_talk_figure, table, output)
 
 
 def selectivity(
@@ -224,9 +218,7 @@ def selectivity(
     found[STATUS] = found[STATUS].fillna("")
     if is_case(cube):
         found.attrs["design"] = recorded_case(cube).label
-    if output is not None:
-        draw_into(partial(selectivity_figure, found), Path(output))
-    return found
+    return drawn(selectivity_figure, found, output)
 
 
 def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> float:

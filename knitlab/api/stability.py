@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from knitlab.api.single_design import single_design
 from knitlab.equilibrium.loading import Y
 from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.figures.figure_files import draw_into
+from knitlab.figures.figure_files import drawn
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import fault, shown
 from knitlab.simulation.case import Case
@@ -95,9 +94,7 @@ def branches(
                     waiting += _new(equations, sides, [*followed, *([each] for each in waiting)])
     table = _table(equations, followed)
     table.attrs["design"] = case.label
-    if output is not None:
-        draw_into(partial(branches_figure, table), Path(output))
-    return table
+    return drawn(branches_figure, table, output)
 
 
 def _single(workflow: str | Path, overrides: Overrides, output: str | Path | None) -> Case:
@@ -230,6 +227,4 @@ def shapes(
         for axis, name in enumerate(("length_x", "length_y")):
             lengths = [float(state.lengths[axis]) for state in states]
             table[name] = ("shape", lengths, {"units": "mm"})
-    if output is not None:
-        draw_into(partial(shapes_figure, table), Path(output))
-    return table
+    return drawn(shapes_figure, table, output)

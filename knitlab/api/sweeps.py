@@ -7,10 +7,11 @@ from typing import Any
 import xarray as xr
 
 from knitlab.cube.cube_file import CUBE, with_derived
+from knitlab.io.errors import Fault
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
-from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.sweep.run import Run, RunOptions, run_plan
 
 RESULTS = Path("results")  # default folder for the results folders of all workflows
 
@@ -82,20 +83,26 @@ def run(
     made = plan(workflow, **settings)
     for warning in made.warnings:
         warnings.warn(warning, UserWarning, stacklevel=2)
-    folder = Path(results) / made.workflow
-    done = run_plan(made, folder, options)
-    remarks = done.remarks(made.dims, folder)
-    if figures and shard is None:
-        # Matplotlib is imported only to draw.
-        from knitlab.figures.drawing import draw_figures
-
-        _, faults = draw_figures(made.figures, folder)
-        remarks += map(str, faults)
-    for remark in remarks:
+    done, folder, _, faults = carried_out(made, Path(results), options, figures)
+    for remark in [*done.remarks(made.dims, folder), *map(str, faults)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
     if shard is None:
         done.cube.encoding["source"] = str(folder / CUBE)
     return with_derived(done.cube)
+
+
+def carried_out(
+    made: Plan, results: Path, options: RunOptions, figures: bool = True
+) -> tuple[Run, Path, list[Path], list[Fault]]:
+    """A run of a plan, its folder, the figures that it drew, and why others cannot be drawn."""
+    folder = results / made.workflow
+    done = run_plan(made, folder, options)
+    if options.shard is not None or not figures:
+        return done, folder, [], []
+    # Matplotlib is imported only to draw.
+    from knitlab.figures.drawing import draw_figures
+
+    return done, folder, *draw_figures(made.figures, folder)
 
 
 def merge(

@@ -11,7 +11,6 @@ from knitlab.cli import options
 from knitlab.cli.options import COUNT_OR_ZERO, FOLDER, PATH, POSITIVE, flag, option
 
 if TYPE_CHECKING:
-    from knitlab.io.errors import Fault
     from knitlab.sweep.plan import Plan
 
 
@@ -125,23 +124,17 @@ def run(
     """
     if shard is None and _is_finished(workflow, settings, results):
         return
+    from knitlab.api.sweeps import carried_out
     from knitlab.sweep.batches import Shard
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.results_folder import CaseState
-    from knitlab.sweep.run import RunOptions, run_plan
+    from knitlab.sweep.run import RunOptions
 
     own_shard = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, settings)
     _echo_warnings(made)
     run_options |= {"fail_fast": not keep_going, "shard": own_shard, "show_progress": True}
-    folder = results / made.workflow
-    done = run_plan(made, folder, RunOptions(**run_options))
-    drawn: list[Path] = []
-    faults: list[Fault] = []
-    if own_shard is None:
-        from knitlab.figures.drawing import draw_figures
-
-        drawn, faults = draw_figures(made.figures, folder)
+    done, folder, drawn, faults = carried_out(made, results, RunOptions(**run_options))
     _echo_excluded(made.dims, made.excluded)
     of_shard = f" in shard {own_shard}" if own_shard else ""
     reused = len(done.left_in(CaseState.done, CaseState.stale_code))

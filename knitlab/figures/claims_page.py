@@ -9,8 +9,9 @@ from typing import Any
 from urllib.parse import quote
 
 from knitlab.figures.drawing import draw_figure
+from knitlab.figures.figure_files import reporting
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, CannotWrite, Fault, fault
+from knitlab.io.errors import Fault, fault
 from knitlab.validation.claims import TOPICS
 from knitlab.validation.judgement import Judgement, contrary, summary
 from knitlab.validation.margin import GOOD, NEAR, Grade, signed
@@ -131,12 +132,8 @@ def write_page(
     for kind, cubes in dict.fromkeys(keys):
         label = cube_name(cubes[0]).replace("/", "-")
         name = f"{label}-{kind}.png" if len(cubes) == 1 else f"{kind}.png"
-        try:
+        with reporting(kind, faults):
             figures[kind, cubes] = draw_figure(kind, cubes, folder / name, selections)
-        except CannotWrite:
-            raise
-        except BadInput as error:
-            faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
     links = {key: quote(f"{folder.name}/{path.name}") for key, path in figures.items()}
     with atomic_write(page) as temporary:
         temporary.write_text("\n\n".join(_blocks(judgements, links)) + "\n", encoding="utf-8")

@@ -26,7 +26,7 @@ from knitlab.cube.selection import (
 from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
-from knitlab.io.errors import BadInput, CannotWrite, Fault, fault, unknown
+from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.io.fingerprint import file_digest
 from knitlab.meshes.chosen_case import has_shape
 from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
@@ -55,9 +55,7 @@ def draw_figure(
     cubes = [cube_file.open_cube(path) for path in cube_paths]
     digests = [file_digest(cube_file.cube_path(path)) for path in cube_paths]
     fingerprint = figure_files.fingerprint_of_figure(kind, digests, selections, options)
-    if not figure_files.is_drawn(output, fingerprint):
-        drawn = partial(draw, kind, cubes, selections, options)
-        figure_files.draw_into(drawn, output, fingerprint)
+    figure_files.draw_into(partial(draw, kind, cubes, selections, options), output, fingerprint)
     return output
 
 
@@ -69,16 +67,9 @@ def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[F
     files, cube = list[Path](), cube_file.open_cube(folder)
     requested, faults = figure_files.requested_figures(names, cube, folder)
     for figure in requested:
-        try:
-            if not figure_files.is_drawn(figure.output, figure.fingerprint):
-                drawn = partial(draw, figure.kind, [cube], figure.selections)
-                figure_files.draw_into(drawn, figure.output, figure.fingerprint)
-        except CannotWrite:
-            raise
-        except BadInput as error:
-            name = figure.output.stem
-            faults += [Fault(f"figure {name}", entry.problem) for entry in error.faults]
-        else:
+        with figure_files.reporting(figure.output.stem, faults):
+            drawn = partial(draw, figure.kind, [cube], figure.selections)
+            figure_files.draw_into(drawn, figure.output, figure.fingerprint)
             files.append(figure.output)
     return files, faults
 

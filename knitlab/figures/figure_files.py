@@ -6,7 +6,8 @@ Matplotlib is imported only to write, so that a run with nothing to do is fast.
 import hashlib
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from io import BytesIO
@@ -18,7 +19,7 @@ import xarray as xr
 from knitlab.cube.cube_file import cube_path, swept_dims
 from knitlab.cube.selection import as_given
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import Fault
+from knitlab.io.errors import BadInput, CannotWrite, Fault
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.io.names import inside
 from knitlab.sweep.figure_names import COMPARING
@@ -109,8 +110,30 @@ def save(figure: "Figure", output: Path, fingerprint: str = "") -> None:
 
 
 def draw_into(draw: Callable[[], "Figure"], output: Path, fingerprint: str = "") -> None:
-    """Draw a figure in the style for print, and write it into a file."""
+    """Draw a figure in the style for print into a file, unless that holds it by a fingerprint."""
+    if fingerprint and is_drawn(output, fingerprint):
+        return
     from knitlab.figures.style import print_style
 
     with print_style():
         save(draw(), output, fingerprint)
+
+
+def drawn(
+    draw: Callable[[xr.Dataset], "Figure"], found: xr.Dataset, output: str | Path | None
+) -> xr.Dataset:
+    """What was found, after its figure is drawn into a file, if one is asked for."""
+    if output is not None:
+        draw_into(lambda: draw(found), Path(output))
+    return found
+
+
+@contextmanager
+def reporting(name: str, faults: list[Fault]) -> Iterator[None]:
+    """Add why a figure cannot be drawn to faults; CannotWrite ends the drawing of all."""
+    try:
+        yield
+    except CannotWrite:
+        raise
+    except BadInput as error:
+        faults += [Fault(f"figure {name}", entry.problem) for entry in error.faults]

@@ -7,19 +7,11 @@ from matplotlib.figure import Figure
 from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
 from knitlab.figures.cells import number_table
 from knitlab.figures.kinds.design_map import draw_map
-from knitlab.figures.style import (
-    CATEGORY_COLOURS,
-    ONE_COLUMN,
-    name_rows,
-    number,
-    print_style,
-    subplots,
-)
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, name_rows, number, subplots
 
 MOST_BARS = 6  # designs up to which bars are drawn in place of maps
 
 
-@print_style()
 def matrix_figure(matrix: xr.Dataset) -> Figure:
     """The capacitance matrix of electrodes, in the first state."""
     first = matrix["capacitance"].isel({STRAIN: 0})
@@ -33,7 +25,6 @@ def matrix_figure(matrix: xr.Dataset) -> Figure:
     return figure
 
 
-@print_style()
 def cross_talk_figure(table: xr.Dataset) -> Figure:
     """What each sensor reads while another is pulled, and how they are coupled by charge."""
     figure, (left, right) = subplots(1.6 + 0.4 * table.sizes["sensor"], 1, 2)
@@ -46,7 +37,6 @@ def cross_talk_figure(table: xr.Dataset) -> Figure:
     return figure
 
 
-@print_style()
 def selectivity_figure(selectivity: xr.Dataset) -> Figure:
     """Gauge factors of strain along and across, and of bending: maps of designs, or bars of few.
 

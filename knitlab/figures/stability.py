@@ -8,21 +8,13 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from knitlab.figures.cells import number_table
-from knitlab.figures.style import (
-    CATEGORY_COLOURS,
-    ONE_COLUMN,
-    TWO_COLUMNS,
-    Look,
-    print_style,
-    subplots,
-)
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look, subplots
 
 MARKS = {"limit": ("^", "limit point: it snaps"), "branch": ("o", "branch point")}
 SHOWN = 6  # shapes
 MICROJOULES = 1e3  # in N mm
 
 
-@print_style()
 def branches_figure(points: xr.Dataset) -> Figure:
     """Force and lowest eigenvalue along branches, solid where stable, against the strain."""
     figure, (force, eigenvalue) = subplots(3.2, 1, 2)
@@ -50,7 +42,6 @@ def branches_figure(points: xr.Dataset) -> Figure:
     return figure
 
 
-@print_style()
 def shapes_figure(shapes: xr.Dataset) -> Figure:
     """The lowest relaxed shape of a design, how others differ, and the energies between them.
 

@@ -104,11 +104,8 @@ def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
     if objective.request.subject_to:
         table.insert(column, "violation", violation)
     table.insert(column, "distance_worst", worst)
-    dims = cube["status"].dims
-    for name in ("distance", "distance_worst"):
-        cube[name] = (dims, np.full(cube["status"].shape, np.nan))
-        for row in table.to_dict("records"):
-            cube[name].loc[{dim: row[dim] for dim in dims}] = row[name]
+    distances = table.set_index([*cube["status"].dims])[["distance", "distance_worst"]]
+    cube = cube.assign(distances.to_xarray().reindex_like(cube))
     order = np.lexsort((worst, violation))
     in_order = tuple(each.in_order(order) for each in nearest.reached)
     table = table.iloc[order].reset_index(drop=True)
@@ -163,8 +160,8 @@ def trials_table(
 class Conflict(NamedTuple):
     """Two targets of which no trial meets both."""
 
-    targets: tuple[str, str]
     distances: Float[np.ndarray, "trial 2"]  # over the tolerance of each
+    targets: tuple[str, str]
     candidates: pd.Series  # number of the search of each trial
 
 
@@ -183,4 +180,4 @@ def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | No
         return None
     one, other = max(joint, key=lambda pair: joint[pair])
     texts, numbers = (wanted[one].text, wanted[other].text), trials["candidate"]
-    return Conflict(texts, scaled[:, [one, other]], numbers.reset_index(drop=True))
+    return Conflict(scaled[:, [one, other]], texts, numbers.reset_index(drop=True))

@@ -32,6 +32,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.lock import held
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import labelled
 from knitlab.sweep.run import RunOptions, run_plan
 from knitlab.sweep.workers import interrupted_by_signals
 from knitlab.sweep.workflow import PATTERN
@@ -207,7 +208,7 @@ def summary(designed: Designed) -> Iterator[str]:
     for number, search in searches:
         best = search.winner.values if search.winner else {}
         values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
-        yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
+        yield f"candidate {number}: {labelled(dims, search.design)}  {values}".rstrip()
         how = " then ".join(search.methods) or "as it is"
         yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
         if crossings is not None and crossings[number] > 0:
@@ -238,9 +239,5 @@ def summary(designed: Designed) -> Iterator[str]:
         remedy = f"; vary {both}, if both are knitted alike" if both else ""
         yield f"{', '.join(apart)} change one knit alone, but yarn and stitch size both{remedy}"
     if designed.unknown:
-        labels = "; ".join(_labels(dims, design) for design in designed.unknown)
+        labels = "; ".join(labelled(dims, design) for design in designed.unknown)
         yield f"not considered, as no cube has results of them: {labels}"
-
-
-def _labels(dims: Sequence[str], design: DesignLabels) -> str:
-    return "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=True))

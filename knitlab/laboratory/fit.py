@@ -9,9 +9,9 @@ sheet, as in a sweep; if that test reaches other states, the search continues fr
 branch matches the test, the search is repeated from stripe parameters drawn from the prior.
 """
 
-import hashlib
 import itertools
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -27,6 +27,7 @@ from knitlab.equilibrium.adjoint import NoDerivative
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.seal import has_seal, seal
 from knitlab.laboratory.curves import (
     QUANTITIES,
     Curves,
@@ -51,7 +52,6 @@ SAME_STATES = 0.5  # difference, in standard errors, up to which two tests have 
 TOLERANCE = 1e-3  # relative change of χ², and of a factor, that ends a search
 POOR_FIT = 4.0  # χ² per degree of freedom above which the fit is reported as poor
 AT_BOUND = 1e-3
-DIGEST_BYTES = hashlib.sha256().digest_size
 INSIDE = 0.9  # fraction of the distance to a bound within which starts are placed
 ALIKE = 0.9  # correlation above which parameters are reported as hard to separate
 
@@ -165,17 +165,16 @@ class _Search:
         self.tests += 1
         if self.kept is None:
             return simulated_test(case, near)
-        # Its unknowns, none if it did not converge, behind their digest.
-        path = self.kept / f"{self.tests:03d}-{case.case_id}-{code_fingerprint()}.float64"
-        content = path.read_bytes() if path.is_file() else b""
-        digest, unknowns = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
-        if digest == hashlib.sha256(unknowns).digest():
-            states = np.frombuffer(unknowns).reshape(len(case.applied_strain), -1)
-            return SimulatedTest(case, states) if states.size else None
+        path = self.kept / f"{self.tests:03d}-{case.case_id}-{code_fingerprint()}.npy"
+        with suppress(OSError, ValueError):  # it is not there, or damaged
+            if has_seal(path):
+                states = np.load(path)
+                return SimulatedTest(case, states) if states.size else None
         test = simulated_test(case, near)
-        unknowns = b"" if test is None else test.unknowns.tobytes()
         with atomic_write(path) as temporary:
-            temporary.write_bytes(hashlib.sha256(unknowns).digest() + unknowns)
+            # The unknowns of its states, none if it did not converge.
+            np.save(temporary, np.zeros(0) if test is None else test.unknowns)
+            seal(temporary)
         return test
 
     def from_start(self, point: Logarithms) -> _Optimum:

@@ -15,7 +15,6 @@ import xarray as xr
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
-from knitlab.io.names import check_suffix
 from knitlab.plate.condensation import PlateStatus
 from knitlab.plate.plate_stiffness import STATUS, VARIABLES, known_states, stiffness_of
 
@@ -159,8 +158,3 @@ CARDS: dict[str, Callable[[xr.Dataset, Path], None]] = {
     ".inp": write_abaqus,
 }
 """What writes a file, by its suffix."""
-
-
-def check_card(output: Path) -> None:
-    """Raise BadInput unless the suffix of a file is one of :data:`CARDS`."""
-    check_suffix(output, CARDS, "a card or table")

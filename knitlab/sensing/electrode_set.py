@@ -47,10 +47,6 @@ class ElectrodeSet:
         """The axis along which all electrodes repeat with the fabric."""
         return self.along if self.shape.periodic else None
 
-    def pair(self, one: int, other: int) -> Electrodes:
-        """Two of the electrodes."""
-        return Electrodes((self.groups[one], self.groups[other]), ALONG[self.along])
-
     def overlapping(self, one: int, other: int) -> bool:
         """Whether two electrodes cover a part of the fabric in common."""
         shared = (a.shared(b) for a in self.groups[one] for b in self.groups[other])
@@ -125,7 +121,8 @@ def _faults(of_set: ElectrodeSet, capacitor: Capacitor) -> Iterator[str]:
     """What is wrong with electrodes on their fabric."""
     ends = 0.0, float((of_set.shape.cells_x, of_set.shape.cells_y)[of_set.along])
     for one, other in combinations(range(len(of_set.names)), 2):
-        for each in of_set.pair(one, other).faults(of_set.shape):
+        pair = Electrodes((of_set.groups[one], of_set.groups[other]), ALONG[of_set.along])
+        for each in pair.faults(of_set.shape):
             if "touch" not in each or not capacitor.dielectric_thickness:
                 names = f"{of_set.names[one]} (A) and {of_set.names[other]} (B)"
                 yield f"{each}, of {names}; separate them, or set dielectric_thickness"

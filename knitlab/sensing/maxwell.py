@@ -19,6 +19,7 @@ from knitlab.measure.surfaces import gap_between
 from knitlab.sensing.electrode_set import ElectrodeSet
 
 LEVELS = (1, 2)  # sizes of panels from which a matrix is extrapolated
+GAIN = 1 / ((LEVELS[1] / LEVELS[0]) ** ORDER - 1)  # and the part of their difference to add
 CLOSED = 1e-9  # charge that leaves a pair of electrodes, over its own, which is round-off
 Others = Literal["floating", "grounded"]
 Panels = Float[np.ndarray, "state panel 4 3"]
@@ -135,8 +136,7 @@ def capacitance_matrices(
         chart = of_set.charts(level, bare=polarised > 0)
         panels = np.asarray(panels_on(chart, of_set.shape, states))
         found.append(matrices_of(panels, chart.electrode, len(of_set.names), around))
-    gain = 1 / ((LEVELS[1] / LEVELS[0]) ** ORDER - 1)
-    matrices = found[1] + gain * (found[1] - found[0])
+    matrices = found[1] + GAIN * (found[1] - found[0])
     for one, other in combinations(range(len(of_set.names)), 2):
         if of_set.overlapping(one, other):
             continue

@@ -21,13 +21,13 @@ from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import chosen_indices
 from knitlab.fabric.fabric import Configuration
 from knitlab.io.errors import fault
-from knitlab.measure.capacitance.capacitor import ORDER, Capacitor
+from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.capacitance.panels import panels_on
 from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.meshes.chosen_case import has_shape
 from knitlab.plate.condensation import PlateSolver, deformed
 from knitlab.sensing.electrode_set import ElectrodeSet, sensor_case
-from knitlab.sensing.maxwell import LEVELS, Around, matrices_of, readings
+from knitlab.sensing.maxwell import GAIN, LEVELS, Around, matrices_of, readings
 from knitlab.simulation.case import Case
 
 CHANGES = ("strain_x", "strain_y", "curvature_x", "curvature_y")
@@ -160,11 +160,10 @@ class _Solver:
         coarse, fine = (
             np.log(self._sides(shape, periodic, level)) @ [0.5, -0.5] for level in LEVELS
         )
-        gain = 1 / ((LEVELS[1] / LEVELS[0]) ** ORDER - 1)
         # Bent electrodes are no longer periodic; a longer row less a shorter one has no ends.
         few, more = (self._sides(shape, [bent], LEVELS[0], copies) for copies in COPIES)
         changed = np.zeros(len(CHANGES))
-        changed[periodic] = fine + gain * (fine - coarse)
+        changed[periodic] = fine + GAIN * (fine - coarse)
         changed[bent] = (np.log(more - few) @ [0.5, -0.5])[0]
         return changed / step
 

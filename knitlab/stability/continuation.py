@@ -7,6 +7,7 @@ eigenvalues of the stiffness lies a limit point, at which t turns, or a branch p
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -78,8 +79,7 @@ def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -
     while len(points) < MOST_POINTS and until[0] <= points[-1].parameter <= until[1]:
         last = points[-1]
         try:
-            u, t, iterations = _stepped(equations, last, length)
-            point = _point(equations, u, t, last.tangent)
+            point, iterations = _stepped(equations, last, length, last.tangent)
         except NotFollowed:
             length /= 2
             if length < SMALLEST:
@@ -105,14 +105,9 @@ def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[Path
     other = max(apart, key=np.linalg.norm)
     other /= np.linalg.norm(other)
     points = []
-    for sign in (1.0, -1.0):
-        u = at.unknowns + sign * amplitude * equations.size * other[:-1]
-        t = at.parameter + sign * amplitude * other[-1]
-        try:
-            u, t, _ = _corrected(equations, u, t, other)
-            points.append(_point(equations, u, t, sign * other))
-        except NotFollowed:
-            continue
+    for direction in (other, -other):
+        with suppress(NotFollowed):
+            points.append(_stepped(equations, at, amplitude, direction)[0])
     return points
 
 
@@ -128,10 +123,13 @@ def _across_mode(equations: Equations, at: PathPoint, mode: Vector) -> Float[np.
     return direction / np.linalg.norm(direction)
 
 
-def _stepped(equations: Equations, last: PathPoint, length: float) -> tuple[Vector, float, int]:
-    u = last.unknowns + length * equations.size * last.tangent[:-1]
-    t = last.parameter + length * last.tangent[-1]
-    return _corrected(equations, u, t, last.tangent)
+def _stepped(
+    equations: Equations, last: PathPoint, length: float, along: Float[np.ndarray, " along"]
+) -> tuple[PathPoint, int]:
+    """The point at a distance from one along a direction, and the iterations that it took."""
+    u = last.unknowns + length * equations.size * along[:-1]
+    u, t, iterations = _corrected(equations, u, last.parameter + length * along[-1], along)
+    return _point(equations, u, t, along), iterations
 
 
 def _corrected(
@@ -237,8 +235,7 @@ def _critical_points(
     critical: Sequence[int] = range(few, min(many, len(before.eigenvalues)))
 
     def at(distance: float) -> PathPoint:
-        u, t, _ = _stepped(equations, before, distance)
-        return _point(equations, u, t, before.tangent)
+        return _stepped(equations, before, distance, before.tangent)[0]
 
     def crossing(value: Callable[[PathPoint], float]) -> tuple[float, PathPoint] | None:
         """The distance at which a value changes its sign, and the point there."""

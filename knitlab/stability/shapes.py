@@ -7,7 +7,7 @@ Vanden-Eijnden, Phys. Rev. B 66, 052301, 2002).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -71,12 +71,15 @@ def relaxed_shapes(
         if not state.converged:
             continue
         angles = np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
+        found = RelaxedShape(state, angles, 1)
         for k, known in enumerate(shapes):
-            if _same(known, state, angles, scale):
-                shapes[k] = RelaxedShape(known.state, known.angles, known.starts + 1)
+            apart = np.sqrt(np.mean((angles - known.angles) ** 2))
+            margin = SAME_ENERGY * (abs(known.energy) + 1e-3 * scale)
+            if abs(found.energy - known.energy) <= margin and apart <= SAME_ANGLE:
+                shapes[k] = replace(known, starts=known.starts + 1)
                 break
         else:
-            shapes.append(RelaxedShape(state, angles, 1))
+            shapes.append(found)
     failed = sum(not state.converged for state in states)
     return sorted(shapes, key=lambda shape: shape.energy), failed
 
@@ -98,16 +101,6 @@ def _rough_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
     noise = np.fft.ifft2(smooth, axes=(0, 1)).real
     noise *= random.uniform(0.05, 0.5) * side / noise.std()
     return Configuration(positions + noise, np.asarray(flat.lengths))
-
-
-def _same(
-    known: RelaxedShape, state: State, angles: Float[np.ndarray, " hinge"], scale: float
-) -> bool:
-    energy = float(state.energy.total)
-    return bool(
-        abs(energy - known.energy) <= SAME_ENERGY * (abs(known.energy) + 1e-3 * scale)
-        and np.sqrt(np.mean((angles - known.angles) ** 2)) <= SAME_ANGLE
-    )
 
 
 def barriers(system: System, shapes: Sequence[RelaxedShape]) -> Float[np.ndarray, "shape shape"]:

@@ -15,7 +15,6 @@ from knitlab.io.toml import StrictModel, read_toml
 from knitlab.validation import checks
 from knitlab.validation.margin import CheckResult, NotMeasured
 
-CLAIMS = "claims.toml"
 Topic = Literal[
     "stripes", "relaxed shape", "wavelengths", "tension", "Poisson's ratio", "capacitors"
 ]
@@ -83,7 +82,7 @@ class Claim(StrictModel):
 
 def read_claims(path: Path | None = None) -> list[Claim]:
     """The claims of a file, by default ``params/claims.toml``; BadInput has every fault of it."""
-    path = path or shipped("params") / CLAIMS
+    path = path or shipped("params") / "claims.toml"
     claims, faults = [], list[Fault]()
     for name, table in read_toml(path).items():
         source, test = f"{path}: {name}", str(table.get("test"))
