@@ -28,6 +28,7 @@ from knitlab.io.errors import fault, unknown
 Numbers = Float[np.ndarray, " design"]
 
 CROSSINGS = "intersections_at_min"
+MOST_TARGETS = 30
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,8 @@ def find_designs(
     """
     if not targets:
         raise fault("targets", "none is given; give a target")
+    if (number := len(targets) + len(subject_to)) > MOST_TARGETS:
+        raise fault("targets", f"are {number:,} with subject_to; give at most {MOST_TARGETS}")
     if not cubes:
         raise fault("cubes", "none is given; name a cube or its results folder")
     if stripes is not None:

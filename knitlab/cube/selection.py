@@ -15,6 +15,7 @@ from knitlab.cube.schema import STRAIN
 from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
+MOST_VALUES = 10_000  # selected along a coordinate
 
 
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
@@ -23,6 +24,10 @@ def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     Curves are linear between two strains; codes and counts are missing unless both agree. Under a
     selected force, that is a dimension in place of the applied strain.
     """
+    for name, value in selections.items():
+        if (number := len(_values(value))) > MOST_VALUES:
+            problem = f"has {number:,} values; give at most {MOST_VALUES:,}"
+            raise fault(f"selections {name}", problem)
     prescribed = [name for name in selections if name in (STRAIN, *controllable(cube))]
     if len(prescribed) > 1:
         names = " and ".join(prescribed)
