@@ -33,6 +33,7 @@ from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import (
     CHANGES,
+    LARGEST_STRAIN,
     PATTERN,
     PLAIN_NUMBERS,
     DesignSection,
@@ -289,11 +290,14 @@ def _check_together(
         "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
         "has no sensitivities; leave them out, or take contact = none": sensitivities,
     }
+    across = load.ratio * workflow.protocol.strain_max
     biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
     alone = options.contact == "none" and workflow.electrodes is None
     of_load = {
         "is biaxial, which needs load_ratio: strain along the weft over that along the"
         " warp": biaxial and workflow.protocol.load_ratio is None,
+        f"is biaxial, and strain_max × load_ratio = {across:g} is the strain along the weft; keep"
+        f" it above -1 and at most {LARGEST_STRAIN:g}": not -1 < across <= LARGEST_STRAIN,
         "is off_axis, which needs load_angle: degrees from the courses": off_axis
         and workflow.protocol.load_angle is None,
         "shears periodic fabric, which is found by equilibria; take method ="
@@ -315,7 +319,8 @@ def _check_together(
         ("model.contact", contact, of_contact),
         ("protocol.load", load.kind != "warp", of_load),
         ("protocol.cycle", workflow.protocol.cycle > 1, of_friction),
-        ("friction.fold_friction", friction.acts, of_friction),
+        ("friction.fold_friction", friction.fold_friction > 0, of_friction),
+        ("friction.fold_drift", friction.fold_drift > 0, of_friction),
     ):
         for problem in (problem for problem, holds in refused.items() if used and holds):
             raise fault(source(key), problem)
