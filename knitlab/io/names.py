@@ -17,8 +17,6 @@ RULE = (
     " with a letter or a digit; choose another name"
 )
 LONGEST_LINE = 500  # characters of a title, or of the name of a material
-ENDS = {10: "\\n", 13: "\\r", 0x2028: "\\u2028", 0x2029: "\\u2029"}
-"""Ends of lines, as they are shown within one."""
 CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t\n\r"}}
 CONTROLS |= {
     code: f"\\u{code:04x}"
@@ -26,11 +24,13 @@ CONTROLS |= {
 }
 """Characters that a terminal obeys, as they are shown, with those that turn the direction of a
 text; but for tabs and ends of lines."""
+OF_ONE_LINE = CONTROLS | {10: "\\n", 13: "\\r", 0x2028: "\\u2028", 0x2029: "\\u2029"}
+"""The same, with ends of lines."""
 
 
 def one_line(text: object) -> str:
     """A text as a single line, whatever names it holds."""
-    return str(text).translate(ENDS)
+    return str(text).translate(OF_ONE_LINE)
 
 
 def is_name(text: str) -> bool:

@@ -426,6 +426,6 @@ def test_what_a_machine_lacks_or_forbids_is_a_sentence(error, sentence):
 
 def test_nothing_in_a_name_is_obeyed_by_a_terminal_or_a_page(capsys):
     with droppable_output():
-        print("a\x1b[31mred\x9bm\tb")
-    assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\n"
+        print("a\x1b[31mred\x9bm\tb\u202e")
+    assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\\u202e\n"
     assert _escaped("<b>[x](y)`") == r"\<b\>\[x\](y)\`"

@@ -233,14 +233,14 @@ def test_a_stripe_is_named_by_its_number_of_stitches(tmp_path, n):
 
 
 def test_a_key_of_a_file_is_shown_as_one_short_line(tmp_path):
-    path = tmp_path / "a\nb.toml"
+    path = tmp_path / "a\n\x1b[31mb.toml"
     path.write_text(f'"a\\nb\\u202e" = 1\n"{"y" * 100_000}" = 2\n')
     said = CliRunner().invoke(main, ["plan", "periodic", "--material", str(path)])
     assert said.exit_code == 2
     lines = said.stderr.splitlines()
     assert [line.startswith("knitlab: --set material=") for line in lines] == [True, True]
     assert lines[0].endswith(
-        r"a\nb.toml: a\nb\u202e: is not a known key; remove it or check its spelling"
+        r"a\n\x1b[31mb.toml: a\nb\u202e: is not a known key; remove it or check its spelling"
     )
     assert len(lines[1]) < 1000
 
