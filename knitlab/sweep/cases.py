@@ -60,7 +60,7 @@ def designs_of_section(section: DesignSection, parameters: Parameters, source: S
     """The designs of ``[design]``; BadInput if a set or a member is unknown, or none is left."""
     name, sets = section.set or "paper", parameters.designs.root
     if name not in sets:
-        raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
+        raise fault(source("design.set"), unknown(name, sets, "set"))
     if section.n_stripe is None or section.n_subunit is None:
         pairs = _members(section, name, sets[name].pairs, source)
     else:
@@ -259,9 +259,8 @@ def _capacitor(
     layout = parameters.capacitor.layout
     if section.layout is not None:
         if section.layout not in parameters.layouts:
-            known = ", ".join(parameters.layouts)
-            problem = f"there is no layout {section.layout!r}; choose from {known}, or give a mask"
-            raise fault(source("electrodes.layout"), problem)
+            problem = unknown(section.layout, parameters.layouts, "layout")
+            raise fault(source("electrodes.layout"), f"{problem}, or give a mask")
         layout = parameters.layouts[section.layout]
     # The section's ``layout`` is a name.
     numbers = overridden(parameters.capacitor, section)

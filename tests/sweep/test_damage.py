@@ -380,6 +380,15 @@ def test_a_case_file_damaged_before_its_checksum_is_a_sentence(folder):
         read_case(folder, path.stem)
 
 
+def test_a_case_file_of_other_dimensions_is_a_sentence(folder):
+    path = next((folder / "cases").glob("*.nc"))
+    damaged = path.read_bytes().replace(b"applied_strain", b"applied_{train")
+    path.write_bytes(damaged)
+    path.with_suffix(".sha256").write_text(f"{hashlib.sha256(damaged).hexdigest()}  {path.name}\n")
+    with pytest.raises(BadInput, match="is no case file"):
+        read_case(folder, path.stem)
+
+
 def test_a_file_name_with_a_zero_byte_is_a_sentence():
     with pytest.raises(BadInput, match="zero byte in its name"):
         read_text(Path("a\0b"))
