@@ -21,14 +21,13 @@ from knitlab.cube.probability import (
 from knitlab.cube.query import designs_of_all
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
-from knitlab.cube.target import Target, check_window
+from knitlab.cube.target import MOST_TARGETS, Target, check_window
 from knitlab.cube.uncertainty import Stripes
 from knitlab.io.errors import fault, unknown
 
 Numbers = Float[np.ndarray, " design"]
 
 CROSSINGS = "intersections_at_min"
-MOST_TARGETS = 30
 
 
 @dataclass(frozen=True)
