@@ -18,6 +18,7 @@ from knitlab.cli.output import droppable_output
 from knitlab.io.compilation_cache import VARIABLE, problem_of_cache
 from knitlab.io.errors import BadInput, Fault, fault, raise_any
 from knitlab.io.interruption import end_at_once
+from knitlab.io.names import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,7 +117,7 @@ class CommandGroup(click.Group):
 
 def echo_problem(problem: object) -> None:
     """Print a problem on the error stream."""
-    click.echo(f"knitlab: {problem}", err=True)
+    click.echo(f"knitlab: {one_line(problem)}", err=True)
 
 
 def echo_report(lines: Iterable[str], warnings: Iterable[object] = ()) -> None:
@@ -130,7 +131,7 @@ def echo_report(lines: Iterable[str], warnings: Iterable[object] = ()) -> None:
 def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool = False) -> None:
     """Print the first lines, and how many more there are."""
     for line in lines[:MOST_LINES]:
-        click.echo(indent + line, err=err)
+        click.echo(indent + one_line(line), err=err)
     if len(lines) > MOST_LINES:
         click.echo(f"{indent}… and {len(lines) - MOST_LINES} more{more}", err=err)
 

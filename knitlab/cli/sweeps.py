@@ -9,6 +9,7 @@ import click
 
 from knitlab.cli import options
 from knitlab.cli.options import COUNT_OR_ZERO, FOLDER, PATH, POSITIVE, flag, option
+from knitlab.io.names import one_line
 
 if TYPE_CHECKING:
     from knitlab.sweep.plan import Plan
@@ -145,7 +146,7 @@ def run(
         click.echo("other shards still run; the last one to end writes the cube")
     options.echo_report([], warnings=faults)
     for line in done.remarks(made.dims, folder):
-        click.echo(line, err=True)
+        click.echo(one_line(line), err=True)
     options.exit_unless(done.all_ok)
 
 
@@ -190,7 +191,7 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
 
     done = merge_folders(folders, results, any_code=any_code)
     for path in done.damaged:
-        click.echo(f"damaged, and left out: {path}", err=True)
+        click.echo(f"damaged, and left out: {one_line(path)}", err=True)
     click.echo(f"{len(done.sources)} folders, {len(done.copied)} case files copied")
     click.echo(f"{sum(done.counts.values())} designs: {_counted(done.counts)}")
     click.echo(f"cube    {done.folder / CUBE}")

@@ -13,7 +13,7 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.schema import INTEGERS, MISSING, encoding
+from knitlab.cube.schema import INTEGERS, MISSING, VARIABLES, encoding
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.names import inside
@@ -120,6 +120,9 @@ def read_case(results: Path, case_id: str) -> xr.Dataset:
         raise fault(str(path), problem)
     try:
         with xr.open_dataset(path, engine="netcdf4") as dataset:
+            for name in {*VARIABLES} & {*dataset}:
+                if strange := {*dataset[name].dims} - {*VARIABLES[name].dims}:
+                    raise LookupError(strange)
             return dataset.load()
     except UNREADABLE as error:  # damaged before its checksum was written
         raise fault(str(path), "is no case file; run its workflow again") from error

@@ -21,7 +21,7 @@ from knitlab.cube.probability import (
 from knitlab.cube.query import designs_of_all
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
-from knitlab.cube.target import Target, check_window
+from knitlab.cube.target import MOST_TARGETS, Target, check_window
 from knitlab.cube.uncertainty import Stripes
 from knitlab.io.errors import fault, unknown
 
@@ -99,6 +99,8 @@ def find_designs(
     """
     if not targets:
         raise fault("targets", "none is given; give a target")
+    if (number := len(targets) + len(subject_to)) > MOST_TARGETS:
+        raise fault("targets", f"are {number:,} with subject_to; give at most {MOST_TARGETS}")
     if not cubes:
         raise fault("cubes", "none is given; name a cube or its results folder")
     if stripes is not None:

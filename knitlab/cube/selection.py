@@ -21,6 +21,7 @@ from knitlab.cube.schema import LOAD_RATIO, STRAIN
 from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, unknown
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
+MOST_VALUES = 10_000  # selected along a coordinate
 
 
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
@@ -29,6 +30,10 @@ def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     Curves are linear between two strains; codes and counts are missing unless both agree. Under a
     selected force, that is a dimension in place of the applied strain.
     """
+    for name, value in selections.items():
+        if (number := len(_values(value))) > MOST_VALUES:
+            problem = f"has {number:,} values; give at most {MOST_VALUES:,}"
+            raise fault(f"selections {name}", problem)
     if FORCE_RATIO in selections and FORCE_RATIO in controllable(cube):
         if LOAD_RATIO in selections:
             names = f"{FORCE_RATIO} and {LOAD_RATIO}"

@@ -129,6 +129,7 @@ REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
 """Reductions of a curve over a window: its mean, the slope and R² of its least-squares line, its
 range, and its extremes. NaN if any value is missing."""
 MOST_CHARACTERS = 1000  # of an expression
+MOST_EXPRESSIONS = 100  # of a table
 # mean(poisson_ratio, 0.05:0.25)
 _COLUMN = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*(\w+)\s*,([^()]*)\)")
 
@@ -174,8 +175,12 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
         for name in cube.data_vars
         if set(cube[name].dims) - set(design_dims(cube)) == {STRAIN}
     }
+    expressions = {text for text in texts if text and not text.isidentifier()}
+    matches = {match[0]: match for text in expressions for match in _COLUMN.finditer(text)}
+    if (number := max(len(expressions), len(matches))) > MOST_EXPRESSIONS:
+        raise fault("expressions", f"are {number:,}; take at most {MOST_EXPRESSIONS} at once")
     extended = list(cubes)
-    for match in (match for text in texts for match in _COLUMN.finditer(text)):
+    for match in matches.values():
         column, reduction, name, window = match[0], match[1], match[2], match[3]
         strains = StrainWindow.of(window, column)
         strains.check_within(cubes, column)

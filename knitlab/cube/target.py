@@ -27,6 +27,7 @@ _TWO_SIDED = re.compile(
     rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_SUBJECT}\s*<=?\s*(?P<high>{_NUMBER}){_WINDOW}\s*"
 )
 _CURVE = re.compile(rf"\s*(?P<subject>[A-Za-z]\w*)\s*=\s*(?P<path>.*\.csv){_TOLERANCE}\s*")
+MOST_TARGETS = 30  # of a search
 CURVE_EXAMPLE = "write it as in 'strain,poisson_ratio' with numbers below"
 FORMS = (
     "NAME = VALUE @ STRAIN:STRAIN, NAME < VALUE @ STRAIN, VALUE < NAME < VALUE,"

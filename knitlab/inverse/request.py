@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, ValidationError
 
 from knitlab.cube.strain_window import PARTS, StrainWindow
-from knitlab.cube.target import Target, read_target
+from knitlab.cube.target import MOST_TARGETS, Target, read_target
 from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, raise_any, unknown
 from knitlab.io.toml import StrictModel, read_toml
@@ -36,7 +36,9 @@ def _listed(given: Any) -> Any:
 
 
 Given = Annotated[
-    tuple[str | dict[str, Any] | Target, ...], BeforeValidator(_listed), Field(strict=False)
+    tuple[str | dict[str, Any] | Target, ...],
+    BeforeValidator(_listed),
+    Field(strict=False, max_length=MOST_TARGETS),
 ]
 
 

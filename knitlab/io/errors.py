@@ -75,7 +75,9 @@ def faults_of(
     # Without those that only follow from others: lists that these left empty.
     inner = {entry["loc"][:-1] for entry in entries}
     return [
-        Fault(": ".join(filter(None, (source, ".".join(map(str, entry["loc"]))))), problem)
+        Fault(
+            ": ".join(filter(None, (source, shortened(".".join(map(str, entry["loc"])))))), problem
+        )
         for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries[:MOST])
         if entry["type"] != "too_short" or entry["loc"] not in inner
     ]
@@ -128,7 +130,7 @@ def shortened(text: str) -> str:
 def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
     """Message that no name of a kind, such as "setting", is this, with similar or all names."""
     names = sorted(known)
-    problem = f"there is no {kind} {name!r}" if kind else f"there is no {name!r}"
+    problem = f"there is no {kind} {shown(name)}" if kind else f"there is no {shown(name)}"
     by_case = {each.casefold(): each for each in names}
     nearest = difflib.get_close_matches(name.casefold(), by_case, n=2)
     if nearest:

@@ -3,7 +3,6 @@
 import ast
 import hashlib
 import platform
-import re
 import subprocess
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -48,16 +47,18 @@ def code_fingerprint() -> str:
     """Fingerprint of the code that computes a case, and of the version of the model.
 
     To parse the code takes a third of a second; the user's cache folder keeps the fingerprint for
-    the text of the package.
+    the text of the package, with a checksum of both.
     """
-    kept = user_cache_path("knitlab") / "fingerprints" / package_fingerprint()
+    text = package_fingerprint()
+    kept = user_cache_path("knitlab") / "fingerprints" / text
     with suppress(OSError, UnicodeError):
-        known = kept.read_text(encoding="utf-8")
-        if re.fullmatch(f"[0-9a-f]{{{DIGITS}}}", known):
+        known, _, checksum = plain_file(kept).read_text(encoding="utf-8").partition(" ")
+        if checksum == text_fingerprint(text + known):
             return known
     computed = fingerprint_of(PACKAGE)
     with suppress(CannotWrite), atomic_write(kept) as temporary:
-        temporary.write_text(computed, encoding="utf-8")
+        checksum = text_fingerprint(text + computed)
+        temporary.write_text(f"{computed} {checksum}", encoding="utf-8")
     return computed
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import fault, shown
 
 LONGEST = 100  # characters of a name; file systems take 255 bytes
 NAME = re.compile(rf"(?=.{{1,{LONGEST}}}\Z)\w(?:[\w .-]*[\w-])?")
@@ -16,8 +16,21 @@ RULE = (
     f"is not a name of at most {LONGEST} letters, digits, '.', '_', '-' and spaces, which begins"
     " with a letter or a digit; choose another name"
 )
+LONGEST_LINE = 500  # characters of a title, or of the name of a material
 CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t\n\r"}}
-"""Characters that a terminal obeys, as they are shown; but for tabs and ends of lines."""
+CONTROLS |= {
+    code: f"\\u{code:04x}"
+    for code in (0x61C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+}
+"""Characters that a terminal obeys, as they are shown, with those that turn the direction of a
+text; but for tabs and ends of lines."""
+OF_ONE_LINE = CONTROLS | {10: "\\n", 13: "\\r", 0x2028: "\\u2028", 0x2029: "\\u2029"}
+"""The same, with ends of lines."""
+
+
+def one_line(text: object) -> str:
+    """A text as a single line, whatever names it holds."""
+    return str(text).translate(OF_ONE_LINE)
 
 
 def is_name(text: str) -> bool:
@@ -27,19 +40,19 @@ def is_name(text: str) -> bool:
 
 def _name(text: str) -> str:
     if not is_name(text):
-        raise ValueError(f"{text!r} {RULE}")
+        raise ValueError(f"{shown(text)} {RULE}")
     return text
 
 
 def _line(text: str) -> str:
     if not text.isprintable():
-        raise ValueError(f"{text!r} has characters that cannot be printed; remove them")
+        raise ValueError(f"{shown(text)} has characters that cannot be printed; remove them")
     return text
 
 
 Name = Annotated[str, AfterValidator(_name)]
 """A name of a user, which may become that of a folder or a label."""
-Line = Annotated[str, Field(min_length=1), AfterValidator(_line)]
+Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_line)]
 """A line of text, as a title."""
 
 

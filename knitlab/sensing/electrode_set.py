@@ -12,7 +12,7 @@ import xarray as xr
 from knitlab.fabric.electrodes import ElectrodeLayout, Electrodes, Strip, ridge_lines
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import Along
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import BadInput, Fault, fault, shown
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.capacitance.panels import PanelChart, panel_chart
 from knitlab.simulation.case import Case
@@ -162,4 +162,4 @@ def _strips(name: str, ridges: "partial[list[Strip]]") -> Iterator[Strip]:
                 raise fault(f"electrode {part}", f"{problem}; choose one of them")
             yield known[number - 1]
             continue
-        raise fault(f"electrode {part!r}", f"is no ridge or rectangle of grid cells; {REMEDY}")
+        raise fault(f"electrode {shown(part)}", f"is no ridge or rectangle of grid cells; {REMEDY}")

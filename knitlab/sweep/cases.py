@@ -33,6 +33,7 @@ from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import (
     CHANGES,
+    LARGEST_STRAIN,
     PATTERN,
     PLAIN_NUMBERS,
     DesignSection,
@@ -59,7 +60,7 @@ def designs_of_section(section: DesignSection, parameters: Parameters, source: S
     """The designs of ``[design]``; BadInput if a set or a member is unknown, or none is left."""
     name, sets = section.set or "paper", parameters.designs.root
     if name not in sets:
-        raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
+        raise fault(source("design.set"), unknown(name, sets, "set"))
     if section.n_stripe is None or section.n_subunit is None:
         pairs = _members(section, name, sets[name].pairs, source)
     else:
@@ -258,9 +259,8 @@ def _capacitor(
     layout = parameters.capacitor.layout
     if section.layout is not None:
         if section.layout not in parameters.layouts:
-            known = ", ".join(parameters.layouts)
-            problem = f"there is no layout {section.layout!r}; choose from {known}, or give a mask"
-            raise fault(source("electrodes.layout"), problem)
+            problem = unknown(section.layout, parameters.layouts, "layout")
+            raise fault(source("electrodes.layout"), f"{problem}, or give a mask")
         layout = parameters.layouts[section.layout]
     # The section's ``layout`` is a name.
     numbers = overridden(parameters.capacitor, section)
@@ -289,11 +289,14 @@ def _check_together(
         "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
         "has no sensitivities; leave them out, or take contact = none": sensitivities,
     }
+    across = load.ratio * workflow.protocol.strain_max
     biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
     alone = options.contact == "none" and workflow.electrodes is None
     of_load = {
         "is biaxial, which needs load_ratio: strain along the weft over that along the"
         " warp": biaxial and workflow.protocol.load_ratio is None,
+        f"is biaxial, and strain_max × load_ratio = {across:g} is the strain along the weft; keep"
+        f" it above -1 and at most {LARGEST_STRAIN:g}": not -1 < across <= LARGEST_STRAIN,
         "is off_axis, which needs load_angle: degrees from the courses": off_axis
         and workflow.protocol.load_angle is None,
         "shears periodic fabric, which is found by equilibria; take method ="
@@ -315,7 +318,8 @@ def _check_together(
         ("model.contact", contact, of_contact),
         ("protocol.load", load.kind != "warp", of_load),
         ("protocol.cycle", workflow.protocol.cycle > 1, of_friction),
-        ("friction.fold_friction", friction.acts, of_friction),
+        ("friction.fold_friction", friction.fold_friction > 0, of_friction),
+        ("friction.fold_drift", friction.fold_drift > 0, of_friction),
     ):
         for problem in (problem for problem, holds in refused.items() if used and holds):
             raise fault(source(key), problem)

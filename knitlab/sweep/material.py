@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import geometric_mean
 from typing import Annotated, Any
 
-from pydantic import PositiveFloat
+from pydantic import PositiveFloat, TypeAdapter
 from scipy.interpolate import interp1d
 
 from knitlab.fabric.settings import PlainKnit, Unit
@@ -92,6 +92,8 @@ class Material:
 
     def __post_init__(self) -> None:
         faults = ErrorCollector()
+        with faults, naming("name"):
+            TypeAdapter(Line).validate_python(self.name)
         named = [(stripe.knit, stripe.n) for stripe in self.stripes]
         if not named:
             faults.all.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))

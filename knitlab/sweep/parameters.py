@@ -1,5 +1,6 @@
 """Parameters: schemas of ``params/*.toml``, each value with its unit and source, and defaults."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from knitlab.fabric.stripe import (
     Stripe,
     periods_per_patch,
 )
-from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any
+from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, shown
 from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
@@ -82,7 +83,8 @@ class StripeRow(StrictModel):
 
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeRow":
-        """The row of a stripe; ValidationError if a number of it is out of range."""
+        """The row of a stripe; ValueError if a number of it is out of range."""
+        _stitches(str(stripe.n))
         numbers = asdict(stripe)
         return cls.model_validate({name: numbers[name] for name in (*QUANTITIES, *SPRING_LAWS)})
 
@@ -94,8 +96,9 @@ class StripeRow(StrictModel):
 
 
 def _stitches(text: str) -> str:
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise ValueError(f"a stripe is named by its number of stitches, but is {text!r}")
+    if not re.fullmatch("[1-9][0-9]{0,3}", text):
+        problem = "a stripe is named by its number of stitches, from 1 to 9999"
+        raise ValueError(f"{problem}, but is {shown(text)}")
     return text
 
 

@@ -115,6 +115,7 @@ def test_cubes_on_other_strains_are_searched_together():
         ("slope(poisson_ratio) = 1 @ 0.1", "needs a window"),
         ("1 < knit_cell_x < 0", "exchange them"),
         ("knit_cell_x = 3 ± 0", "tolerance that is not above 0"),
+        ([CURVE] * 31, "are 31 with subject_to; give at most 30"),
         (["a ~ 3", "b"], r"(?s)a ~ 3.*target b"),
     ],
 )

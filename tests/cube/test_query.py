@@ -194,6 +194,26 @@ def test_a_bad_selection_is_named(selection, message):
         designs_table(made_up_cube(), selection)
 
 
+SUMS = [
+    " + ".join(f"mean(poisson_ratio, 0.0{number}:0.{place})" for number in range(1, 10))
+    for place in range(11, 23)
+]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"columns": [f"n_stripe + {number}" for number in range(101)]}, "are 101; take at most"),
+        ({"sort": [f"n_stripe + {number}" for number in range(101)]}, "are 101; take at most"),
+        ({"columns": SUMS}, "expressions: are 108; take at most 100 at once"),
+        ({"applied_strain": [0.1] * 10_001}, "applied_strain: has 10,001 values; give at most"),
+    ],
+)
+def test_too_much_at_once_is_refused_by_its_number(asked, message):
+    with pytest.raises(BadInput, match=message):
+        made_up_cube().knitlab.query(**asked)
+
+
 def test_unknown_names_are_reported_with_the_nearest():
     with pytest.raises(BadInput) as caught:
         queried(TABLE, sort=["-poisson_min"], columns=["perods"])

@@ -85,6 +85,7 @@ def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked)
     [
         ({"targets": []}, "targets"),
         ({"targets": 3}, "targets"),
+        ({"targets": ["poisson_ratio_min < 0"] * 31}, "targets: value should have at most 30"),
         ({"subject_to": 3}, "subject_to"),
         ({"vary": [1, 2]}, "vary"),
         ({"targets": ["poisson_ratio"]}, "cannot be read"),

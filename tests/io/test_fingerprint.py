@@ -1,6 +1,7 @@
 """The fingerprint changes with the code of every module that can change a number."""
 
 import ast
+import os
 import shutil
 
 import pytest
@@ -116,12 +117,27 @@ def test_an_edited_module_that_computes_nothing_leaves_them(name, package):
 def test_a_kept_fingerprint_is_used_and_a_damaged_one_computed_again(tmp_path, monkeypatch):
     computed = code_fingerprint()
     monkeypatch.setattr(fingerprint, "user_cache_path", tmp_path.joinpath)
-    for kept, expected in ((None, computed), ("0" * 12, "0" * 12), ("no digits", computed)):
-        if kept is not None:
-            (file,) = (tmp_path / "knitlab" / "fingerprints").iterdir()
-            file.write_text(kept)
+
+    def again():
         code_fingerprint.cache_clear()
-        assert code_fingerprint() == expected
+        return code_fingerprint()
+
+    assert again() == computed
+    (file,) = (tmp_path / "knitlab" / "fingerprints").iterdir()
+    kept = file.read_text()
+    other = fingerprint.text_fingerprint(f"other text of the package{'0' * 12}")
+    flipped = f"{int(kept[0], 16) ^ 1:x}{kept[1:]}"
+    for text in ("", kept[:12], kept[:-1], flipped, "0" * 12, f"{'0' * 12} {other}", "\0", "{}"):
+        file.write_text(text)
+        assert again() == computed
+        assert file.read_text() == kept
+    with monkeypatch.context() as patch:
+        patch.setattr(fingerprint, "fingerprint_of", None)
+        assert again() == computed
+    for make in (os.mkfifo, os.mkdir):
+        file.unlink()
+        make(file)
+        assert again() == computed
     code_fingerprint.cache_clear()
 
 

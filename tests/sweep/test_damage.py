@@ -380,6 +380,15 @@ def test_a_case_file_damaged_before_its_checksum_is_a_sentence(folder):
         read_case(folder, path.stem)
 
 
+def test_a_case_file_of_other_dimensions_is_a_sentence(folder):
+    path = next((folder / "cases").glob("*.nc"))
+    damaged = path.read_bytes().replace(b"applied_strain", b"applied_{train")
+    path.write_bytes(damaged)
+    path.with_suffix(".sha256").write_text(f"{hashlib.sha256(damaged).hexdigest()}  {path.name}\n")
+    with pytest.raises(BadInput, match="is no case file"):
+        read_case(folder, path.stem)
+
+
 def test_a_file_name_with_a_zero_byte_is_a_sentence():
     with pytest.raises(BadInput, match="zero byte in its name"):
         read_text(Path("a\0b"))
@@ -426,6 +435,6 @@ def test_what_a_machine_lacks_or_forbids_is_a_sentence(error, sentence):
 
 def test_nothing_in_a_name_is_obeyed_by_a_terminal_or_a_page(capsys):
     with droppable_output():
-        print("a\x1b[31mred\x9bm\tb")
-    assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\n"
+        print("a\x1b[31mred\x9bm\tb\u202e")
+    assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\\u202e\n"
     assert _escaped("<b>[x](y)`") == r"\<b\>\[x\](y)\`"

@@ -2,13 +2,16 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import knitlab as kl
+from knitlab.cli import main
 from knitlab.io.errors import BadInput
 from knitlab.sweep.material import SCALED, add_stripe, period_ratio, with_material
 from knitlab.sweep.parameters import StripeTables
@@ -209,6 +212,37 @@ def test_a_material_with_faults_lists_every_one(tmp_path):
         kl.Material((RIB,), z_max=-1.0)
     with pytest.raises(BadInput, match="stripes: are missing"):
         kl.Material(())
+
+
+@pytest.mark.parametrize("name", ["", "a\nb", "\x1b[31m", "\u202ea", "a" * 501])
+def test_a_material_with_a_name_that_cannot_be_shown_is_refused(name):
+    with pytest.raises(BadInput, match="name: ") as caught:
+        kl.Material((RIB,), name=name)
+    assert len(str(caught.value)) < 700
+
+
+@pytest.mark.parametrize("n", ["04", "0", "99999", "9" * 5000, "four", "4\n"])
+def test_a_stripe_is_named_by_its_number_of_stitches(tmp_path, n):
+    path = tmp_path / "a.toml"
+    key = n.replace("\n", "\\n")
+    path.write_text(Path(written(path, RIB)).read_text().replace("n.4]", f'n."{key}"]'))
+    with pytest.raises(BadInput, match="named by its number of stitches, from 1 to 9999"):
+        kl.Material.read(path)
+    with pytest.raises(BadInput, match="named by its number of stitches, from 1 to 9999"):
+        kl.Material((replace(RIB, n=n),))
+
+
+def test_a_key_of_a_file_is_shown_as_one_short_line(tmp_path):
+    path = tmp_path / "a\n\x1b[31mb.toml"
+    path.write_text(f'"a\\nb\\u202e" = 1\n"{"y" * 100_000}" = 2\n')
+    said = CliRunner().invoke(main, ["plan", "periodic", "--material", str(path)])
+    assert said.exit_code == 2
+    lines = said.stderr.splitlines()
+    assert [line.startswith("knitlab: --set material=") for line in lines] == [True, True]
+    assert lines[0].endswith(
+        r"a\n\x1b[31mb.toml: a\nb\u202e: is not a known key; remove it or check its spelling"
+    )
+    assert len(lines[1]) < 1000
 
 
 def test_nothing_but_the_lengths_and_stripes_of_the_parameters_changes():

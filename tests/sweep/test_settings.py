@@ -119,7 +119,10 @@ def test_what_is_swept_is_not_among_the_common_settings():
         ("stitch_width=1,2", r"stitch_width=1,2: is a list, \[1, 2\]; give one value"),
         ("period_factor=[]", r"is a list, \[\]; give one value"),
         ("mask=AB..", "settings mask=AB..: the mask has 1 rows of 4 letters"),
-        ("layout=none", "settings layout=none: there is no layout 'none'; choose from stripe"),
+        (
+            "layout=none",
+            "settings layout=none: there is no layout 'none'; choose from checkerboard",
+        ),
     ],
 )
 def test_a_bad_value_is_named_once_with_its_override(override, message):
