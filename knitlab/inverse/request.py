@@ -15,6 +15,7 @@ from knitlab.cube.strain_window import PARTS, StrainWindow
 from knitlab.cube.target import MOST_TARGETS, Target, read_target
 from knitlab.fabric.stripe import STRIPE_QUANTITIES
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, raise_any, unknown
+from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
@@ -45,7 +46,7 @@ Given = Annotated[
 class DesignFile(StrictModel):
     """The file of a design, by the arguments of :func:`knitlab.design`."""
 
-    title: str = ""
+    title: Line | None = None
     workflow: str = "periodic"
     targets: Annotated[Given, Field(min_length=1)]
     subject_to: Given = ()

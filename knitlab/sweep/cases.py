@@ -386,6 +386,10 @@ def unusual_values(
     if protocol.cycle > 1 and not any(case.friction.acts for case in cases):
         same = f"cycle = {protocol.cycle} is as the first without friction, unless the fabric snaps"
         sentences.append(f"{same}; give fold_friction or fold_drift")
+    drag = overridden(parameters.solver, workflow.solver).drag
+    if protocol.method == "dynamics" and drag:
+        ignored = f"drag = {drag:g} is ignored by dynamics"
+        sentences.append(f"{ignored}, which have a damping_ratio")
     if protocol.robustness and protocol.method != "equilibrium":
         ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}"
         sentences.append(f"{ignored}: siblings are tested in equilibrium only")

@@ -52,6 +52,12 @@ def test_loads_that_a_boundary_cannot_carry_are_refused(settings, message):
         make_plan("periodic", (*PERIODIC, *settings))
 
 
+def test_a_drag_of_equilibria_is_said_to_be_ignored_by_dynamics():
+    settings = ("n_stripe=4", "n_subunit=16", "strain_max=0.03", "drag=1")
+    plan = make_plan("preview", settings)
+    assert any("drag = 1 is ignored by dynamics" in sentence for sentence in plan.warnings)
+
+
 def test_stripes_are_pulled_across_their_ridges():
     with pytest.raises(BadInput, match="across their ridges"):
         make_plan("stripes", ("load=weft",))
