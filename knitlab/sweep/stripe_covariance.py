@@ -8,10 +8,11 @@ from jaxtyping import Float
 
 from knitlab.cube.uncertainty import NUMBERS, Stripes, UncertainStripe
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, STIFFENING, Knit, Stripe
-from knitlab.io.errors import fault
+from knitlab.io.errors import fault, shortened
 from knitlab.sweep.material import Covariance, Material
 
 ROUND_OFF = 1e-8  # of a covariance, over its largest entry
+LARGEST = 10.0  # variance of a logarithm, and that of an angle [rad²]
 
 
 def uncertain_stripes(material: str | Path | Material) -> Stripes:
@@ -43,14 +44,17 @@ def covariance_of(
     where, names = f"{where}: covariance", list(table)
     known = [*NUMBERS, *([] if stripe.stiffening_strain is None else [STIFFENING])]
     if strange := sorted({*names, *(name for row in table.values() for name in row)} - {*known}):
-        raise fault(where, f"is of {', '.join(strange)}; give numbers of {', '.join(known)}")
+        listed = shortened(", ".join(map(repr, strange)))
+        raise fault(where, f"is of {listed}; give numbers of {', '.join(known)}")
     if any({*row} != {*names} for row in table.values()) or not names:
         raise fault(where, f"has rows that are not each of {', '.join(names)}; complete them")
     matrix = np.array([[table[one][other] for other in names] for one in names], float)
     if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, 1e-6, 0):
         raise fault(where, "is not symmetric, or not of numbers; give that of one fit")
+    if (largest := float(np.abs(matrix).max())) > LARGEST:
+        raise fault(where, f"has {largest:g}, above {LARGEST:g}; give that of logarithms and rad")
     lowest = float(np.linalg.eigvalsh(matrix).min())
-    if lowest < -ROUND_OFF * float(np.abs(matrix).max()):
+    if lowest < -ROUND_OFF * largest:
         problem = f"is not positive semidefinite (lowest eigenvalue {lowest:.3g})"
         raise fault(where, f"{problem}: no numbers vary like this; give that of one fit")
     return stripe, names, matrix

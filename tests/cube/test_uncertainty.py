@@ -147,7 +147,8 @@ def test_the_covariance_of_an_angle_is_in_radians():
             {("rib", 4): {"k_s": {"k_s": 1.0}, "k_t": {"k_t": 1.0}}},
             "rows that are not each of k_s, k_t",
         ),
-        ({("rib", 4): {"stretch": {"stretch": 1.0}}}, "is of stretch; give numbers of k_s"),
+        ({("rib", 4): {"stretch": {"stretch": 1.0}}}, "is of 'stretch'; give numbers of k_s"),
+        ({("rib", 4): {"k_s": {"k_s": 1e300}}}, r"has 1e\+300, above 10"),
         ({("rib", 4): {"k_s": {"k_s": float("nan")}}}, "not of numbers"),
     ],
 )
