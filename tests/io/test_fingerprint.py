@@ -33,8 +33,8 @@ COMPUTES_NOTHING = {
     "__init__.py": "enables float64, without which no test passes",
 }
 """Modules that the simulation imports and whose code changes no number, and why."""
-OLDER = {"options_rates", "options_samples", "paper_flat", "paper_mountain"}
-"""Kept cubes of earlier code: samples of a search that take hours, as the page of it says."""
+OLDER = {"options_rates", "options_samples", "paper", "paper_flat", "paper_mountain"}
+"""Kept cubes of earlier code: samples that take hours, as their pages say."""
 
 
 def imported(name):
