@@ -93,8 +93,8 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
             length = cube["knit_cell_y"] * cube["unit_cells_y"]
             angle = np.deg2rad(cube["load_direction"].fillna(90))
             if across is not None:
-                derived["force_per_width_across"] = across / length
-                ratio = across / length * width / cube["reaction_force"]
+                per_length = derived["force_per_width_across"] = across / length
+                ratio = per_length * width / cube["reaction_force"]
                 derived["force_ratio"] = ratio.where(cube[STRAIN] > 0).transpose(*across.dims)
             width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
         force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)

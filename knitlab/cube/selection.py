@@ -4,7 +4,7 @@ Applied strains between those of the cube are interpolated, as in windows of str
 them a force may be selected.
 """
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,21 +35,23 @@ def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
             problem = f"has {number:,} values; give at most {MOST_VALUES:,}"
             raise fault(f"selections {name}", problem)
     if FORCE_RATIO in selections and FORCE_RATIO in controllable(cube):
-        if LOAD_RATIO in selections:
-            names = f"{FORCE_RATIO} and {LOAD_RATIO}"
-            raise fault("selections", f"{names} exclude each other; select one of them")
+        _check_single(selections, (FORCE_RATIO, LOAD_RATIO))
         cube = under_force_ratio(cube, _values(selections[FORCE_RATIO]))
-    prescribed = [name for name in selections if name in (STRAIN, *controllable(cube))]
-    if len(prescribed) > 1:
-        names = " and ".join(prescribed)
-        raise fault("selections", f"{names} exclude each other; select one of them")
-    if prescribed and prescribed != [STRAIN]:
-        (force,) = prescribed
+    forces = controllable(cube)
+    _check_single(selections, (STRAIN, *forces))
+    for force in (name for name in selections if name in forces):
         cube = under_force(cube, force, _values(selections[force]))
     if STRAIN in selections and STRAIN in cube.dims:
         cube = _with_strains(cube, _values(selections[STRAIN]))
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
     return cube.isel(chosen_indices(coordinates, selections))
+
+
+def _check_single(selections: Mapping[str, Any], names: Collection[str]) -> None:
+    given = [name for name in selections if name in names]
+    if len(given) > 1:
+        both = " and ".join(given)
+        raise fault("selections", f"{both} exclude each other; select one of them")
 
 
 def _with_strains(cube: xr.Dataset, wanted: list[Any]) -> xr.Dataset:

@@ -73,10 +73,15 @@ def test_layouts_can_be_a_dimension():
     assert {case.capacitor.layout.width for case in widths.cases.values()} == {1, 2}
 
 
+LAYOUTS = (
+    "checkerboard, checkerboard_courses, checkerboard_faces, checkerboard_narrow, stripe, or give"
+)
+
+
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (("layout=nowhere",), r"there is no layout 'nowhere'; choose from checkerboard, "),
+        (("layout=nowhere",), f"there is no layout 'nowhere'; choose from {LAYOUTS}"),
         (("ridges=1,9",), r"there is no ridge 9: its middle patch has \d+ on face front"),
         (
             ("width=20",),

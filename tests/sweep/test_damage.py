@@ -371,18 +371,14 @@ def test_a_loose_tolerance_is_refused(setting):
         make_plan("periodic", ("n_stripe=4", setting))
 
 
-def test_a_case_file_damaged_before_its_checksum_is_a_sentence(folder):
+@pytest.mark.parametrize(
+    ("name", "damaged_name"),
+    [(b"poisson_ratio", b"poisson\xefratio"), (b"applied_strain", b"applied_{train")],
+    ids=["text", "dimension"],
+)
+def test_a_case_file_damaged_before_its_checksum_is_a_sentence(folder, name, damaged_name):
     path = next((folder / "cases").glob("*.nc"))
-    damaged = path.read_bytes().replace(b"poisson_ratio", b"poisson\xefratio")
-    path.write_bytes(damaged)
-    path.with_suffix(".sha256").write_text(f"{hashlib.sha256(damaged).hexdigest()}  {path.name}\n")
-    with pytest.raises(BadInput, match="is no case file"):
-        read_case(folder, path.stem)
-
-
-def test_a_case_file_of_other_dimensions_is_a_sentence(folder):
-    path = next((folder / "cases").glob("*.nc"))
-    damaged = path.read_bytes().replace(b"applied_strain", b"applied_{train")
+    damaged = path.read_bytes().replace(name, damaged_name)
     path.write_bytes(damaged)
     path.with_suffix(".sha256").write_text(f"{hashlib.sha256(damaged).hexdigest()}  {path.name}\n")
     with pytest.raises(BadInput, match="is no case file"):
