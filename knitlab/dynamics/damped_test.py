@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from knitlab.dynamics.contact_pairs import PairFinder
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Moving, advance, largest_step
 from knitlab.dynamics.settings import Dynamics
@@ -33,6 +34,7 @@ class MovingFabrics:
     inertias: Sequence[Inertia]
     settings: Dynamics
     loads: Sequence[Load]
+    finders: Sequence[PairFinder] = ()  # of what may touch, if they have contact
 
     def bodies(self, clamped: bool) -> list[Body]:
         """The fabrics as bodies, free or with what the tests of their loads hold held."""
@@ -81,7 +83,8 @@ def relax_by_dynamics(
     shape, settings, cases = fabrics.shape, fabrics.settings, range(len(fabrics.fabrics))
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
     released = [given or sheet for given, sheet in zip(sheets or flat, flat, strict=True)]
-    moving = Moving.from_rest(fabrics.bodies(clamped=False), [on_grid(sheet) for sheet in released])
+    starts, finders = [on_grid(sheet) for sheet in released], fabrics.finders
+    moving = Moving.from_rest(fabrics.bodies(clamped=False), starts, finders)
     first_force = np.asarray(moving.seen.force)
     to_rest = settings.ending == "rest"
     stable = largest_step(moving)
@@ -93,6 +96,10 @@ def relax_by_dynamics(
     rate = np.full(len(flat), settings.strain_rate)
     if settings.ending == "steps":
         rate = settings.step_strain / stable
+    import os
+    if os.environ.get("RELEASE"):
+        rests = tuple(h.rest for h in moving.body.fabric.hinges)
+        moving = replace(moving, release=float(os.environ["RELEASE"]) * longest, curl=rests)
     # The first record after the beginning is at 0.01 ms. The last is the end, even if it is the
     # only one or if all is over before the first.
     count = settings.snapshots or 40
@@ -138,7 +145,7 @@ def stretch_by_dynamics(
         for end, load in zip(relaxed, fabrics.loads, strict=True)
     ]
     starts = [on_grid(end.configuration) for end in relaxed]
-    moving = Moving.from_rest(fabrics.bodies(clamped=True), starts)
+    moving = Moving.from_rest(fabrics.bodies(clamped=True), starts, fabrics.finders)
     failed = np.array([end.outcome is not Outcome.converged for end in relaxed])
     moving = replace(moving, diverged=failed)
     to_rest, still = settings.ending == "rest", np.zeros(len(relaxed))

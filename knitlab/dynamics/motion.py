@@ -4,7 +4,7 @@ Fabrics of one mesh shape move in one vmapped program. Each has its own time ste
 Within a batch, those that have arrived stand still: a result does not depend on its batch.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from knitlab.dynamics.contact import Contact
+from knitlab.dynamics.contact_pairs import Listed, PairFinder, contact_of_batch
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import Dynamics
 from knitlab.fabric.energy import Energy
@@ -23,6 +25,8 @@ FIRST_ITERATIONS = 40  # iterations for the highest frequency of a fabric, the f
 HALVINGS = 12
 """Times that an unstable step is halved before the motion counts as diverged. Where a cell is
 crushed to a line its hinges are stiff for a moment, which a step of 1/300 was seen to pass."""
+
+COVERED = 0.2  # margin of a list that is kept in reserve for what a motion gains in speed
 
 OfCases = Float[np.ndarray, " case"]
 
@@ -35,6 +39,22 @@ class Body(eqx.Module):
     inverse: Shape
     damping: Float[Array, ""]  # c of a node [g/ms]
     nodes_of_lengths: Float[Array, "2"]  # that L_x and L_y move
+    contact: Contact | None = None  # with itself; None if it may pass through itself
+
+    def energy(self, shape: Shape) -> Energy:
+        """Elastic energy in its parts [N mm]."""
+        energy = self.fabric.energy(shape)
+        if self.contact is None:
+            return energy
+        return replace(energy, contact=self.contact.energy(shape.positions, shape.lengths))
+
+    def gradient(self, shape: Shape, walls: bool = True) -> Shape:
+        """Derivative of the energy, minus the force, with or without the walls [N]."""
+        gradient = self.fabric.gradient(shape, walls)
+        if self.contact is None:
+            return gradient
+        touching = Shape(*self.contact.gradient(shape.positions, shape.lengths))
+        return jax.tree.map(jnp.add, gradient, touching)
 
     @property
     def damping_rate(self) -> Shape:
@@ -70,7 +90,7 @@ class Observed(eqx.Module):
 
 def observed(body: Body, motion: Motion) -> Observed:
     """Energies and forces of a motion."""
-    gradient, velocity = body.fabric.gradient(motion.shape), motion.velocity
+    gradient, velocity = body.gradient(motion.shape), motion.velocity
     of_lengths = body.inverse.lengths
 
     def largest(vector: Shape, factor: Float[Array, "2"] | float) -> Float[Array, ""]:
@@ -85,7 +105,7 @@ def observed(body: Body, motion: Motion) -> Observed:
 
     doubled = jax.tree.leaves(jax.tree.map(doubled_energy, body.inverse, velocity))
     return Observed(
-        energy=body.fabric.energy(motion.shape),
+        energy=body.energy(motion.shape),
         kinetic=0.5 * jnp.sum(jnp.stack(doubled)),
         gradient=gradient,
         force=largest(gradient, 1.0),
@@ -179,6 +199,11 @@ def leapfrog(
             lambda kept, old, by, acting: kept * old - by * acting,
             *(kept, motion.velocity, push, force),
         )
+        if body.contact is not None:
+            touching = body.contact.kick(
+                *motion.shape, *velocity, (push.positions, push.lengths), drift
+            )
+            velocity = jax.tree.map(jnp.add, velocity, Shape(*touching))
         (x, y, z), (_, _, by) = velocity.positions, push.positions
         ahead = motion.shape.positions[2] + drift * z
         beyond = ahead - jnp.clip(ahead, -z_max, z_max)
@@ -222,7 +247,7 @@ def runge_kutta(
     import diffrax  # half as long to import as JAX, and the leapfrog does without
 
     def derivative(_: Any, motion: Motion, __: Any) -> Motion:
-        force, velocity = body.fabric.gradient(motion.shape), motion.velocity
+        force, velocity = body.gradient(motion.shape), motion.velocity
         acceleration = jax.tree.map(
             lambda inverse, acting, rate, along: -(inverse * acting) - rate * along,
             *(body.inverse, force, body.damping_rate, velocity),
@@ -247,11 +272,28 @@ def runge_kutta(
     return end, solution.stats["num_steps"], reached
 
 
-# Compiled for a batch; JAX keeps a program for each mesh shape and size of batch.
-_observe = jax.jit(jax.vmap(observed))
-_leap = jax.jit(jax.vmap(leapfrog, in_axes=(0, 0, 0, 0, None)))
-_highest_frequencies = jax.jit(jax.vmap(highest_frequency))
-_runge_kutta = jax.jit(jax.vmap(runge_kutta, in_axes=(0, 0, 0, None)))
+def _for_batch(function: Callable[..., Any], shared: int = 0) -> Callable[..., Any]:
+    """A function of a body compiled for a batch of bodies; the last arguments may be shared.
+
+    JAX keeps a program for each mesh shape and size of batch, and with contact for each length of
+    its lists.
+    """
+
+    @jax.jit
+    def compiled(body: Body, *arguments: Any) -> Any:
+        own: Any = jax.tree.map(lambda _: 0, body)
+        if body.contact is not None:
+            own = eqx.tree_at(lambda axes: axes.contact.chunks, own, None)
+        axes = [0] * (len(arguments) - shared) + [None] * shared
+        return jax.vmap(function, in_axes=(own, *axes))(body, *arguments)
+
+    return compiled
+
+
+_observe = _for_batch(observed)
+_leap = _for_batch(leapfrog, shared=1)
+_highest_frequencies = _for_batch(highest_frequency)
+_runge_kutta = _for_batch(runge_kutta, shared=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,12 +311,24 @@ class Moving:
     resting: Bool[np.ndarray, " case"]
     # unstable at the smallest step; they stay as they last were
     diverged: Bool[np.ndarray, " case"]
+    touching: "Touching | None" = None  # if the fabrics can touch themselves
+    release: OfCases | None = None  # time over which the rest angles develop, if they do [ms]
+    curl: tuple[Array, Array] | None = None  # their final values, about warp and weft [rad]
 
     @classmethod
-    def from_rest(cls, bodies: Sequence[Body], shapes: Sequence[Shape]) -> "Moving":
-        """Fabrics at rest, of one mesh shape."""
+    def from_rest(
+        cls,
+        bodies: Sequence[Body],
+        shapes: Sequence[Shape],
+        finders: Sequence[PairFinder] = (),
+    ) -> "Moving":
+        """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact."""
         stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves))
         body, shape, cases = stack(*bodies), stack(*shapes), len(bodies)
+        touching = None
+        if finders:
+            touching = Touching.at(finders, shape)
+            body = replace(body, contact=touching.contact)
         motion = jax.vmap(Motion.at_rest)(shape)
         seen = _observe(body, motion)
         random = np.random.default_rng(0)
@@ -283,14 +337,71 @@ class Moving:
         )
         none, no = np.zeros(cases), np.zeros(cases, dtype=bool)
         energy = np.asarray(seen.energy.total)
-        return cls(body, motion, seen, mode, none, none.astype(int), none, energy, no, no)
+        steps = none.astype(int)
+        return cls(body, motion, seen, mode, none, steps, none, energy, no, no, touching)
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """The lists of pairs that may touch in a batch of fabrics, one for each."""
+
+    finders: Sequence[PairFinder]
+    listed: Sequence[Listed]
+    contact: Contact
+
+    @classmethod
+    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
+        """List the pairs of all fabrics."""
+        places = zip(finders, *_places(shape), strict=True)
+        return cls._of(finders, [finder.listed(*place) for finder, *place in places])
+
+    @classmethod
+    def _of(cls, finders: Sequence[PairFinder], listed: Sequence[Listed]) -> "Touching":
+        return cls(finders, listed, contact_of_batch(finders, listed))
+
+    def margin_left(self, shape: Shape) -> OfCases:
+        """Margin that is left to the list of each fabric [mm]; NaN where its motion is unstable."""
+        fabrics = zip(self.finders, self.listed, *_places(shape), strict=True)
+        return np.array([finder.margin_left(*fabric) for finder, *fabric in fabrics])
+
+    def renewed(self, shape: Shape, which: Bool[np.ndarray, " case"]) -> "Touching":
+        """The same with the lists of some fabrics found anew."""
+        if not which.any():
+            return self
+        fabrics = zip(self.finders, self.listed, which, *_places(shape), strict=True)
+        listed = [
+            finder.listed(*place) if new else old for finder, old, new, *place in fabrics
+        ]
+        return self._of(self.finders, listed)
+
+    def covered(self, motion: Motion, duration: OfCases) -> tuple["Touching", OfCases]:
+        """Lists that cover most of a coming motion [ms], and the fraction of it that they cover."""
+        ahead = jax.tree.map(
+            lambda at, rate: at + duration.reshape(-1, *[1] * (at.ndim - 1)) * rate,
+            motion.shape,
+            motion.velocity,
+        )
+        lists, now, then = self, self.margin_left(motion.shape), self.margin_left(ahead)
+        full = np.array([listed.margin for listed in self.listed])
+        short = (then < COVERED * now) & (now < 0.95 * full)
+        if short.any():
+            lists = self.renewed(motion.shape, short)
+            now, then = lists.margin_left(motion.shape), lists.margin_left(ahead)
+        lost = np.maximum(now - then, 1e-300)
+        return lists, np.minimum((1 - COVERED) * now / lost, 1.0)
+
+
+def _places(shape: Shape) -> tuple[Float[np.ndarray, "case node 3"], Float[np.ndarray, "case 2"]]:
+    """Positions of the nodes of every fabric of a batch, and its lengths [mm]."""
+    positions = np.stack([np.asarray(each) for each in shape.positions], axis=-1)
+    return positions.reshape(len(positions), -1, 3), np.asarray(shape.lengths)
 
 
 def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = False) -> Moving:
     """Move a batch until given times [ms], or until each is at rest by ``rest_force``."""
     rest = settings.rest_force if to_rest else -1.0
     moving = replace(moving, resting=np.zeros_like(moving.diverged))
-    fraction = np.full(len(until), settings.step_safety)
+    fraction, most = np.full(len(until), settings.step_safety), np.full(len(until), 32)
     while True:
         still = np.maximum(np.asarray(moving.seen.force), np.asarray(moving.seen.drag)) <= rest
         moving = replace(moving, resting=moving.resting | still)
@@ -298,15 +409,31 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
         if not going.any():
             return moving
         left = np.where(going, until - moving.time, 0.0)
+        if moving.release is not None:
+            moving = _developed(moving)
         if settings.integrator == "tsit5":
             moving = _by_runge_kutta(moving, left, settings)
         else:
-            moving, fraction = _by_leapfrog(moving, left, fraction, settings.step_safety)
+            moving, fraction, most = _by_leapfrog(
+                moving, left, fraction, settings.step_safety, most
+            )
         moving = replace(
             moving,
             kinetic_peak=np.maximum(moving.kinetic_peak, np.asarray(moving.seen.kinetic)),
             largest=np.maximum(moving.largest, _mechanical_energy(moving.seen)),
         )
+
+
+def _developed(moving: Moving) -> Moving:
+    """The batch with its rest angles as they are at its time, and the work of that change."""
+    part = jnp.asarray(np.minimum(moving.time / moving.release, 1.0)).reshape(-1, 1, 1)
+    hinges = moving.body.fabric.hinges
+    new = tuple(eqx.tree_at(lambda h: h.rest, h, part * c) for h, c in zip(hinges, moving.curl))
+    body = eqx.tree_at(lambda body: body.fabric.hinges, moving.body, new)
+    seen = _observe(body, moving.motion)
+    work = seen.energy.total - moving.seen.energy.total
+    motion = replace(moving.motion, supplied=moving.motion.supplied + work)
+    return replace(moving, body=body, seen=seen, motion=motion)
 
 
 def largest_step(moving: Moving) -> OfCases:
@@ -317,34 +444,48 @@ def largest_step(moving: Moving) -> OfCases:
 
 
 def _by_leapfrog(
-    moving: Moving, left: OfCases, fraction: OfCases, safety: float
-) -> tuple[Moving, OfCases]:
-    """Equal steps at a ``fraction`` of the stability limit; unstable ones are undone."""
+    moving: Moving, left: OfCases, fraction: OfCases, safety: float, most: Int[np.ndarray, " case"]
+) -> tuple[Moving, OfCases, Int[np.ndarray, " case"]]:
+    """Equal steps at a ``fraction`` of the stability limit; unstable ones are undone.
+
+    So are more steps than the lists of what may touch allow; ``most`` is how many are tried.
+    """
     iterations = np.where(moving.steps > 0, 4, FIRST_ITERATIONS)
     square, mode = _highest_frequencies(moving.body, moving.motion, moving.mode, iterations)
     step = fraction * 2 / np.sqrt(np.asarray(square))
     whole = np.maximum(np.ceil(left / step), 1.0)
     step = left / whole
     # After 256 steps step size, energy and forces are looked at again.
-    count = np.where(left > 0, np.minimum(whole, 256), 0).astype(int)
+    count = np.where(left > 0, np.minimum(whole, 256 if moving.release is None else 64), 0).astype(int)
+    if moving.touching is not None:
+        count = np.minimum(count, most)
+        touching, covered = moving.touching.covered(moving.motion, count * step)
+        body = replace(moving.body, contact=touching.contact)
+        moving = replace(moving, touching=touching, body=body)
+        count = np.where(count > 0, np.maximum(covered * count, 1), 0).astype(int)
     motion = _leap(moving.body, moving.motion, step, count, count.max())
     seen = _observe(moving.body, motion)
     supplied = np.asarray(motion.supplied - moving.motion.supplied)
     before, after = _mechanical_energy(moving.seen), _mechanical_energy(seen)
     # A step was unstable if the energy grew by more than this fraction of the largest.
     stable = after - supplied <= before + 0.02 * np.maximum(moving.largest, np.abs(supplied))
-    count = np.where(stable, count, 0)
+    done = stable
+    if moving.touching is not None:
+        # A pair that was not listed may have touched.
+        done = stable & (moving.touching.margin_left(motion.shape) > 0)
+        most = np.where(done, np.minimum(2 * count, 256), np.maximum(count // 2, 1))
+    count = np.where(done, count, 0)
     fraction = np.where(stable, np.minimum(2 * fraction, safety), fraction / 2)
     moving = replace(
         moving,
-        motion=_chosen(stable, motion, moving.motion),
-        seen=_chosen(stable, seen, moving.seen),
+        motion=_chosen(done, motion, moving.motion),
+        seen=_chosen(done, seen, moving.seen),
         mode=_chosen(left > 0, mode, moving.mode),
         time=np.where(count == whole, moving.time + left, moving.time + count * step),
         steps=moving.steps + count,
         diverged=moving.diverged | (fraction < safety * 0.5**HALVINGS),
     )
-    return moving, fraction
+    return moving, fraction, most
 
 
 def _by_runge_kutta(moving: Moving, left: OfCases, settings: Dynamics) -> Moving:

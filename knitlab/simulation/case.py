@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.loading import WARP, Load
 from knitlab.equilibrium.settings import Solver
+from knitlab.fabric.contact_layers import ContactLayers, contact_layers
 from knitlab.fabric.electrodes import Electrodes, StitchCounts, place_electrodes
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.fold_friction import NO_FRICTION, Friction
@@ -276,6 +277,14 @@ class Case:
             # The gap between the walls that is left to the middle surface.
             sheet = replace(sheet, z_max=sheet.z_max - sheet.thickness / 2)
         return fabric_layout(self.sample, sheet, self.options, self.plain)
+
+    @property
+    def contact_layers(self) -> ContactLayers:
+        """How far its parts keep apart, if it has contact."""
+        _, fabric = self.assemble()
+        cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
+        sheet, refinement = self.sheet, self.options.cells_per_period
+        return contact_layers(sheet.thickness, sheet.contact_pressure, cell, refinement)
 
     def assemble(self) -> tuple[Network, Fabric]:
         """Its network, and its fabric: the numbers on that."""

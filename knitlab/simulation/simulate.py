@@ -22,6 +22,7 @@ from knitlab.dynamics.damped_test import (
     relax_by_dynamics,
     stretch_by_dynamics,
 )
+from knitlab.dynamics.contact_pairs import PairFinder
 from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.state import Outcome, TensileTest
 from knitlab.equilibrium.tensile_test import imperfect_sheet, relax, relax_near, stretch, tiled
@@ -232,8 +233,13 @@ def contact_of(case: Case) -> "Barrier | None":
 def moving_fabrics(cases: Sequence[Case]) -> MovingFabrics:
     """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
     fabrics, inertias = [case.assemble()[1] for case in cases], [case.inertia() for case in cases]
-    loads = [case.load for case in cases]
-    return MovingFabrics(cases[0].mesh_shape, fabrics, inertias, cases[0].motion, loads)
+    loads, shape = [case.load for case in cases], cases[0].mesh_shape
+    finders = [
+        PairFinder(shape, case.contact_layers)
+        for case in cases
+        if case.options.contact != "none"
+    ]
+    return MovingFabrics(shape, fabrics, inertias, cases[0].motion, loads, finders)
 
 
 def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:

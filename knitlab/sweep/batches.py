@@ -74,7 +74,8 @@ def batched(cases: Mapping[str, Case]) -> tuple[Batch, ...]:
     for case_id, case in cases.items():
         # Mass and damping are numbers of each fabric in a batch.
         dynamics = case.dynamics and replace(case.dynamics, damping_ratio=0.0, surface_density=1.0)
-        key = case.mesh_shape, case.options.fold_angle, case.spring_kinds, dynamics
+        options = case.options.fold_angle, case.options.contact
+        key = case.mesh_shape, options, case.spring_kinds, dynamics
         alike[key].append(case_id)
     batches = []
     for (shape, *_), members in alike.items():

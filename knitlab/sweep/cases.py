@@ -284,8 +284,6 @@ def _check_together(
         "has no sensitivities, which are those of equilibria; take drag = 0": sensitivities,
     }
     of_contact = {
-        "needs equilibria, as explicit time steps cannot hold a barrier; take method = equilibrium,"
-        " or contact = none": by_dynamics,
         "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
         "has no sensitivities; leave them out, or take contact = none": sensitivities,
     }
