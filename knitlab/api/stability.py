@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,8 @@ from knitlab.io.errors import fault, shown
 from knitlab.simulation.case import Case
 from knitlab.stability.continuation import (
     Kind,
-    NotFollowed,
     PathPoint,
+    at_parameter,
     equilibrium,
     follow,
     switched,
@@ -33,9 +32,7 @@ from knitlab.sweep.workflow_text import Overrides
 MOST_BRANCHES = 6
 MOST_STARTS = 10_000  # sheets to relax for shapes
 ONTO_BRANCH = 0.01  # distance from a branch point at which the other branch begins
-MIRRORED = 1e-6  # difference of energies of two sides of a branch that are mirror images
-SAME_POINT = 0.3  # distance from a known branch, over that, below which it is not another
-SAME_STRAIN = 1e-4  # of points that are mirror images
+SAME_ENERGY = 1e-8  # relative difference of the energies of copies of a state
 BELOW_REST = 0.02  # compression to which branches are followed
 MOST_SHAPES = 6  # shapes between which energies are computed
 
@@ -51,7 +48,7 @@ def branches(
 
     The branch of the relaxed fabric is followed by arc-length continuation up to the largest strain
     of the protocol, through limit points, where a test snaps, and onto the branches that cross it
-    at branch points; of two sides that are mirror images one is followed.
+    at branch points. Copies of a branch, moved, shifted or mirrored, are left out.
 
     Args:
         workflow: name or path of the workflow that all settings are taken from.
@@ -83,15 +80,18 @@ def branches(
             raise fault(case.label, "does not relax; raise max_iterations")
         equations = FabricEquations(system, test.loading)
         until = -BELOW_REST, case.applied_strain[-1]
-        waiting = deque([equilibrium(equations, equations.start, 0.0)])
         followed: list[list[PathPoint]] = []
-        while waiting and len(followed) < MOST_BRANCHES:
-            points = follow(equations, waiting.popleft(), until)
-            followed.append(points)
-            for point in points:
-                if point.kind is Kind.branch and len(followed) + len(waiting) < MOST_BRANCHES:
-                    sides = switched(equations, point, ONTO_BRANCH)
-                    waiting += _new(equations, sides, [*followed, *([each] for each in waiting)])
+        crossings: deque[PathPoint] = deque()
+
+        def follow_from(start: PathPoint) -> None:
+            followed.append(follow(equations, start, until))
+            crossings.extend(point for point in followed[-1] if point.kind is Kind.branch)
+
+        follow_from(equilibrium(equations, equations.start, 0.0))
+        while crossings and len(followed) < MOST_BRANCHES:
+            for side in switched(equations, crossings.popleft(), ONTO_BRANCH):
+                if len(followed) < MOST_BRANCHES and not _is_known(equations, side, followed):
+                    follow_from(side)
     table = _table(equations, followed)
     table.attrs["design"] = case.label
     return drawn(branches_figure, table, output)
@@ -111,32 +111,18 @@ def _single(workflow: str | Path, overrides: Overrides, output: str | Path | Non
     return case
 
 
-def _new(
-    equations: FabricEquations, sides: list[PathPoint], followed: list[list[PathPoint]]
-) -> list[PathPoint]:
-    """The sides of a branch that no branch has passed and that are no mirror image of another."""
+def _is_known(equations: FabricEquations, side: PathPoint, followed: list[list[PathPoint]]) -> bool:
+    """Whether a branch passes a point or its copy: the same shape moved, shifted or mirrored.
 
-    def passed(side: PathPoint) -> bool:
-        """Whether the nearest point of a branch leads to a side at its strain."""
-        for points in followed:
-            near = min(points, key=lambda point: abs(point.parameter - side.parameter))
-            with suppress(NotFollowed):
-                there = equilibrium(equations, near.unknowns, side.parameter)
-                apart = np.linalg.norm(there.unknowns - side.unknowns)
-                if apart < SAME_POINT * ONTO_BRANCH * equations.size:
-                    return True
-        return False
-
-    kept: list[PathPoint] = []
-    for side in sides:
-        known = [*(point for points in followed for point in points), *kept]
-        if not passed(side) and not any(
-            abs(point.parameter - side.parameter) < SAME_STRAIN
-            and abs(point.energy - side.energy) < MIRRORED * abs(side.energy)
-            for point in known
-        ):
-            kept.append(side)
-    return kept
+    Copies have the same energy and the same number of unstable motions. Their eigenvalues may
+    differ: a shift along periodic fabric is no rotation of the unknowns.
+    """
+    return any(
+        abs(there.energy - side.energy) < SAME_ENERGY * abs(side.energy)
+        and there.unstable == side.unstable
+        for points in followed
+        for there in at_parameter(equations, points, side.parameter)
+    )
 
 
 def _table(equations: FabricEquations, followed: list[list[PathPoint]]) -> xr.Dataset:

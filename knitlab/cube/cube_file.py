@@ -27,6 +27,8 @@ OF_DESIGNS = ("design", "weft", "warp", "periods")  # entries of a record that f
 ROUND_OFF = 1e-6  # force over the largest that counts as none
 GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
+TRACED_PERIODS = 8  # PERIODIC_CELLS of knitlab.measure.wavelength, whose import loads JAX
+RELIABLE_WAVES = 3  # waves from which the error of a wavelength is below 4 %
 
 
 class CommonSettings(BaseModel):
@@ -78,6 +80,8 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 def with_derived(cube: xr.Dataset) -> xr.Dataset:
     """The cube with force, stiffness and energy over a side of the cloth, recovery and validity.
 
+    The numbers of waves say how far wavelengths can be trusted.
+
     They are in no file, but for ``force_per_width`` of an experiment, which is that of its records.
     """
     derived: dict[str, xr.DataArray] = {}
@@ -114,6 +118,13 @@ def with_derived(cube: xr.Dataset) -> xr.Dataset:
     if "intersections_at_min" not in cube and needed <= set(cube):
         at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9
         derived["intersections_at_min"] = cube["self_intersections"].where(at_min).max(STRAIN)
+    if (boundary := cube.coords.get("boundary", model_options(cube).get("boundary"))) is not None:
+        periods = xr.where(xr.DataArray(boundary) == "periodic", TRACED_PERIODS, 1)
+        for side in "xy":
+            if {f"wavelength_{side}", f"unit_cells_{side}"} <= set(cube):
+                waves = periods * cube[f"unit_cells_{side}"]
+                measured = cube[f"wavelength_{side}"].notnull()
+                derived[f"waves_{side}"] = waves.where(measured).transpose(*measured.dims)
     return cube.assign(
         {name: values.assign_attrs(VARIABLES[name].attributes) for name, values in derived.items()}
     )

@@ -165,7 +165,7 @@ def _reached(
         changes = numbers_of(designs, target.name)
         met = is_met(target, none, values[:, None], changes) if sampled else None
         return Reached(target, none, values[:, None], values, off_by, off_by, in_spread, (), met)
-    target.window.check_within(cubes, source)
+    target.window.check_within(cubes, target.name, source)
     at, curves = _curves(cubes, target.name, target.window)
     band = [
         _curves(cubes, name, target.window)[1]

@@ -15,7 +15,6 @@ import xarray as xr
 from jaxtyping import Float, Int
 
 from knitlab.cube.schema import INTEGERS, LOAD_RATIO, STRAIN
-from knitlab.cube.strain_window import without_gap_at_zero
 from knitlab.io.errors import fault
 
 FORCE_RATIO = "force_ratio"
@@ -46,12 +45,10 @@ def between(
     along ``dims``. Integers are missing unless both agree.
     """
     above, below = xr.Variable(dims, upper), xr.Variable(dims, np.maximum(upper - 1, 0))
-    along, places = xr.Variable(dims, fraction), cube[axis].values.astype(float)
+    along = xr.Variable(dims, fraction)
     moved = {}
     for name in (name for name, each in cube.variables.items() if axis in each.dims):
         variable = cube.variables[name].to_base_variable().astype(float).transpose(..., axis)
-        if axis == STRAIN and name not in INTEGERS:
-            variable = variable.copy(data=without_gap_at_zero(places, variable.values))
         low, high = variable.isel({axis: below}), variable.isel({axis: above})
         if name in INTEGERS:
             values = low.where((low == high) & np.isfinite(along))

@@ -102,6 +102,10 @@ _LOGARITHMIC = (
 _SAMPLE = "of the simulated sample, or of the period of periodic fabric"
 _TRACED = "between unit cells, nearest the middle of the relaxed fabric"
 _WAVE = f"{_TRACED}; missing where it crosses a single unit cell"
+_WAVES = (
+    "of the boundary whose wavelength is measured; unit cells that it crosses. Wavelength and"
+    " amplitude from fewer than 3 waves can be wrong by more than 5 %"
+)
 _ACROSS = "across its folds, relaxed, in the unit cell nearest the middle"
 _BY_GAUGE = (
     "by the cube's gauge (gauge_stitch_width and gauge_stitch_height, in mm), which changes no"
@@ -175,9 +179,10 @@ _TABLE = {
     " across another pulled direction over the strain along it; undefined at zero strain, under"
     " shear and biaxial loads, and where the central cells have taken less than a fifth of the"
     " applied strain",
-    "poisson_ratio_min": "number: lowest Poisson's ratio; over all strains; missing unless all of"
-    " them converged",
-    "applied_strain_at_min": "number: applied strain at the lowest Poisson's ratio",
+    "poisson_ratio_min": "number: lowest Poisson's ratio; at the recorded strains, without"
+    " interpolation between them; missing unless all of them converged",
+    "applied_strain_at_min": "number: applied strain at the lowest Poisson's ratio; one of the"
+    " recorded strains",
     "knit_cell_x": f"number, cloth: finished unit cell in cloth along the weft [mm]; {_KNIT_CELL}",
     "knit_cell_y": f"number, cloth: finished unit cell in cloth along the warp [mm]; {_KNIT_CELL}",
     "knit_wavelength_x": f"number, cloth: wavelength in cloth along the weft [mm]; {_KNIT_WAVE}",
@@ -311,6 +316,8 @@ _TABLE = {
     "wavelength_y": f"number, patches: wavelength of the boundary along the warp [mm]; {_WAVE}",
     "wave_amplitude_x": f"number, patches: amplitude of the boundary along the weft [mm]; {_WAVE}",
     "wave_amplitude_y": f"number, patches: amplitude of the boundary along the warp [mm]; {_WAVE}",
+    "waves_x": f"number, derived: waves along the weft; {_WAVES}",
+    "waves_y": f"number, derived: waves along the warp; {_WAVES}",
     "boundary_x": f"boundary, patches: offset of the boundary along the weft [mm]; {_TRACED}",
     "boundary_y": f"boundary, patches: offset of the boundary along the warp [mm]; {_TRACED}",
     "boundary_length_x": f"number, patches: length of the boundary along the weft [mm]; {_TRACED}",
@@ -334,7 +341,7 @@ _TABLE = {
 VARIABLES = {name: _in_table(name, text) for name, text in _TABLE.items()}
 INTEGERS = (
     *("iterations", "factorisations", "hinges_past_pi", "self_intersections"),
-    "intersections_at_min",
+    *("intersections_at_min", "waves_x", "waves_y"),
     *("siblings", "relaxed_branches", "periods", "unit_cells_y", "unit_cells_x"),
     *("capacitor_status", "markers_lost", "cells_lost"),
 )

@@ -47,13 +47,27 @@ class StrainWindow:
             raise fault(source, f"the window {text.strip()} does not ascend from at least 0")
         return cls(start, stop)
 
-    def check_within(self, cubes: Sequence[xr.Dataset], source: str) -> None:
-        """Check that a cube reaches the window; BadInput names its source and the remedy."""
+    def check_within(self, cubes: Sequence[xr.Dataset], name: str, source: str) -> None:
+        """Check that a cube has a variable from the start of the window on, and reaches it.
+
+        BadInput names its source and the remedy.
+        """
         last = max((float(cube[STRAIN].max()) for cube in cubes if STRAIN in cube), default=np.inf)
         if self.start > last + 1e-9 or self.stop > IN_PERCENT * last:
             remedy = "strains are fractions: 5 % is 0.05" if self.stop > 1 else "take a smaller one"
             problem = f"strain {self} is beyond {last:g}, the last of all cubes; {remedy}"
             raise fault(source, problem)
+        firsts = [first_strain(cube[name]) for cube in cubes if name in cube]
+        self.check_start(min(firsts, default=0.0), name, source)
+
+    def check_start(self, first: float, name: str, source: str) -> None:
+        """Check that the window does not begin below the first strain with a value of a variable.
+
+        BadInput names its source and the remedy.
+        """
+        if self.start < first - 1e-9:
+            problem = f"strain {self} begins below {first:g}, the first with a {name}"
+            raise fault(source, f"{problem}; begin there")
 
     def read(
         self, strains: Float[np.ndarray, " grid"], values: Curves
@@ -70,12 +84,7 @@ class StrainWindow:
 def interpolated(
     strains: Float[np.ndarray, " grid"], values: np.ndarray, at: Float[np.ndarray, " point"]
 ) -> np.ndarray:
-    """Curves, along the last axis, linear between ascending strains; NaN where unknown.
-
-    A variable without a value in the relaxed state, such as Poisson's ratio, takes that of the
-    first strain.
-    """
-    values = without_gap_at_zero(strains, values)
+    """Curves, along the last axis, linear between ascending strains; NaN where unknown."""
     if len(strains) == 1:
         return np.where(np.isclose(at, strains[0]), values, np.nan)
     upper = np.clip(np.searchsorted(strains, at), 1, len(strains) - 1)
@@ -90,12 +99,11 @@ def interpolated(
     return np.where((along < 0) | (along > 1), np.nan, read)
 
 
-def without_gap_at_zero(strains: Float[np.ndarray, " grid"], values: np.ndarray) -> np.ndarray:
-    """Curves whose missing values at zero strain are those of the next strain."""
-    values = np.array(values)
-    if len(strains) > 1 and strains[0] == 0:
-        values[..., 0] = np.where(np.isnan(values[..., 0]), values[..., 1], values[..., 0])
-    return values
+def first_strain(curve: xr.DataArray) -> float:
+    """The first strain of a curve; the next one if no design has a value there, as ν at 0."""
+    strains = curve[STRAIN].values.astype(float)
+    absent = len(strains) > 1 and bool(curve.isel({STRAIN: 0}).isnull().all())
+    return float(strains[1 if absent else 0])
 
 
 def _mean(at: np.ndarray, curves: Curves) -> Numbers:
@@ -183,9 +191,9 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
     for match in matches.values():
         column, reduction, name, window = match[0], match[1], match[2], match[3]
         strains = StrainWindow.of(window, column)
-        strains.check_within(cubes, column)
         if name not in known:
             raise fault(column, f"reduces a curve along {STRAIN}, and {unknown(name, known)}")
+        strains.check_within(cubes, name, column)
         for number, cube in enumerate(extended):
             if name in cube:
                 curve = cube[name].astype(float).transpose(*design_dims(cube), STRAIN)

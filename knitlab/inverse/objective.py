@@ -87,8 +87,6 @@ class Objective:
             if target.window is not None:
                 _, weights = target.window.read(trial.strains, np.eye(len(trial.strains)))
                 needed |= (weights != 0).any(axis=1) | (target.name in OVER_WIDTH)
-        # Variables without a value at zero strain take that of the next strain.
-        needed[1:2] |= needed[:1]
         names = tuple(dict.fromkeys(target.name for target in self.request.wanted))
         return trial.slopes(names, tuple(needed.tolist()))
 
@@ -159,4 +157,6 @@ def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) ->
         else:
             with faults:
                 check_window(target, known[target.name], where)
+                if target.window and target.name.startswith("poisson_ratio"):
+                    target.window.check_start(case.applied_strain[1], target.name, where)
     raise_any(faults.all)

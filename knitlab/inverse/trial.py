@@ -14,7 +14,6 @@ from jaxtyping import Array, Float
 from knitlab.cube import case_file
 from knitlab.cube.cube_file import with_derived
 from knitlab.cube.schema import STRAIN, Status
-from knitlab.cube.strain_window import without_gap_at_zero
 from knitlab.equilibrium.adjoint import Adjoint, Measure
 from knitlab.fabric.fabric import Configuration, Fabric
 from knitlab.fabric.network import MeshShape
@@ -76,14 +75,10 @@ class Trial:
         if name in OVER_WIDTH:
             return self._over_width(name, self.values("reaction_force") / self._width)
         if name in self.results:
-            values = np.atleast_1d(np.asarray(self.results[name], float))
-        else:
-            numbers = {str(key): array.values for key, array in self.results.data_vars.items()}
-            further = known_in_advance(self.case) | sizes_of(self.case, numbers, self.gauge)
-            values = np.atleast_1d(float(further[name]))
-        if len(values) == len(self.strains):
-            values = without_gap_at_zero(self.strains, values[None])[0]
-        return values
+            return np.atleast_1d(np.asarray(self.results[name], float))
+        numbers = {str(key): array.values for key, array in self.results.data_vars.items()}
+        further = known_in_advance(self.case) | sizes_of(self.case, numbers, self.gauge)
+        return np.atleast_1d(float(further[name]))
 
     @property
     def _width(self) -> float:
@@ -115,8 +110,6 @@ class Trial:
             rows = state_slopes(case, adjoint, float(self.strains[k]), shapes[k], measure)
             for name, row in zip(along, rows, strict=True):
                 slopes[name][k, :stripes] = row
-        if "poisson_ratio" in slopes and len(self.strains) > 1:
-            slopes["poisson_ratio"][0] = slopes["poisson_ratio"][1]
         if of_design:
             measure = measure_of(case.mesh_shape, case.cell_grid, of_design)
             rows = state_slopes(case, adjoint, 0.0, shapes[0], measure)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,11 +26,15 @@ MOST_POINTS = 400  # of a branch
 TOLERANCE = 1e-9  # largest force in equilibrium [N]
 MOST_ITERATIONS = 12  # of Newton's method at a point
 EASY = 4  # iterations up to which the next step is longer
+STRAIGHT = 0.8  # cosine between the tangents at both ends of a step, at least
+FARTHEST = 1.2  # distance between them over the step, at most
 NUMBER = 6  # of lowest eigenvalues that are computed
 DENSE = 300  # number of unknowns up to which all are
 SOFT = 1e-9  # eigenvalue over the largest stiffness below which a motion is neutral
 NO_STIFFNESS = 1e-9  # force of a lift over the largest stiffness below which it costs nothing
 NEARLY_ZERO = 0.05  # eigenvalue of a critical point over those on either side of it
+NEAR = 1e-5  # difference of parameters of two sides of a branch that are mirror images
+HALVINGS = 6  # of the distance onto another branch
 
 
 class Kind(IntEnum):
@@ -72,8 +77,8 @@ def equilibrium(equations: Equations, u: Vector, t: float) -> PathPoint:
 def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -> list[PathPoint]:
     """Points of a branch from one of it, in the direction of its tangent, and its critical points.
 
-    It ends where the parameter leaves a range, after :data:`MOST_POINTS`, or where no smaller step
-    succeeds. NotFollowed is never raised: what was reached is returned.
+    It ends where the parameter leaves a range, where the branch closes, after :data:`MOST_POINTS`,
+    or where no smaller step succeeds. NotFollowed is never raised: what was reached is returned.
     """
     points, length = [start], FIRST
     while len(points) < MOST_POINTS and until[0] <= points[-1].parameter <= until[1]:
@@ -85,18 +90,44 @@ def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -
             if length < SMALLEST:
                 break
             continue
-        if point.tangent @ last.tangent < 0.5 and length > 16 * SMALLEST:
-            length /= 4  # a sharp turn: it may have jumped to another branch
+        turned = point.tangent @ last.tangent < STRAIGHT
+        moved = _distance(equations, last, point)
+        if (turned or moved > FARTHEST * length) and length > 16 * SMALLEST:
+            length /= 4  # it may have jumped to another branch
             continue
         points += [*_critical_points(equations, last, point, length), point]
+        if last is not start and _distance(equations, start, point) < length:
+            break
         length = min(1.5 * length, LONGEST) if iterations <= EASY else length / 1.5
     return points
+
+
+def at_parameter(
+    equations: Equations, points: Sequence[PathPoint], parameter: float
+) -> Iterator[PathPoint]:
+    """The points of a branch at a parameter, and that next to its first point if this is near."""
+    if abs(points[0].parameter - parameter) < NEAR:
+        with suppress(NotFollowed):
+            yield equilibrium(equations, points[0].unknowns, parameter)
+    for one, other in pairwise(points):
+        if (one.parameter - parameter) * (other.parameter - parameter) < 0:
+            along = one.tangent
+            moved = (other.unknowns - one.unknowns) / equations.size
+            length = along @ np.append(moved, other.parameter - one.parameter)
+
+            def beyond(distance: float, one: PathPoint = one) -> float:
+                """How far the parameter is beyond the wanted one."""
+                return _at_distance(equations, one, distance, one.tangent)[1] - parameter
+
+            with suppress(NotFollowed, ValueError):
+                yield _stepped(equations, one, float(brentq(beyond, 0.0, length)), along)[0]
 
 
 def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[PathPoint]:
     """Points on either side of the other branch that crosses the one of a branch point.
 
-    ``amplitude`` is the distance to them, in u over its size and in t.
+    ``amplitude`` is the distance to them, in u over its size and in t. It is halved where a second
+    eigenvalue changes its sign on the way, so that no critical point is skipped.
     """
     mode = at.modes[:, np.argmin(np.abs(at.eigenvalues))]
     directions = [np.append(mode, 0.0), _across_mode(equations, at, mode)]
@@ -104,10 +135,16 @@ def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[Path
     apart = [each - at.tangent * (each @ at.tangent) for each in directions]
     other = max(apart, key=np.linalg.norm)
     other /= np.linalg.norm(other)
+    negative = int((np.delete(at.eigenvalues, np.argmin(np.abs(at.eigenvalues))) < 0).sum())
     points = []
     for direction in (other, -other):
-        with suppress(NotFollowed):
-            points.append(_stepped(equations, at, amplitude, direction)[0])
+        side = None
+        for halvings in range(HALVINGS):
+            with suppress(NotFollowed):
+                side, _ = _stepped(equations, at, amplitude / 2**halvings, direction)
+                if side.unstable in (negative, negative + 1):
+                    break
+        points += [side] if side else []
     return points
 
 
@@ -115,7 +152,7 @@ def _across_mode(equations: Equations, at: PathPoint, mode: Vector) -> Float[np.
     """The direction (u / size, t) in which the force stays zero and the critical mode is still."""
     stiffness = equations.stiffness(at.unknowns, at.parameter)
     by_parameter = equations.force_by_parameter(at.unknowns, at.parameter)
-    held = [mode, *equations.neutral.T]
+    held = [mode, *_free_motions(equations, stiffness).T]
     border = sp.csc_array(np.stack(held, axis=1))
     whole = sp.block_array([[stiffness, border], [border.T, None]], format="csc")
     moved = splu(whole).solve(np.append(-by_parameter, np.zeros(len(held))))[: len(mode)]
@@ -127,9 +164,16 @@ def _stepped(
     equations: Equations, last: PathPoint, length: float, along: Float[np.ndarray, " along"]
 ) -> tuple[PathPoint, int]:
     """The point at a distance from one along a direction, and the iterations that it took."""
-    u = last.unknowns + length * equations.size * along[:-1]
-    u, t, iterations = _corrected(equations, u, last.parameter + length * along[-1], along)
+    u, t, iterations = _at_distance(equations, last, length, along)
     return _point(equations, u, t, along), iterations
+
+
+def _at_distance(
+    equations: Equations, last: PathPoint, length: float, along: Float[np.ndarray, " along"]
+) -> tuple[Vector, float, int]:
+    """The unknowns and the parameter of that point, and the iterations that they took."""
+    u = last.unknowns + length * equations.size * along[:-1]
+    return _corrected(equations, u, last.parameter + length * along[-1], along)
 
 
 def _corrected(
@@ -192,10 +236,8 @@ def lowest_eigenvalues(
     equations: Equations, stiffness: sp.csc_array
 ) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
     """The lowest eigenvalues of a stiffness, ascending, and their modes, but neutral motions."""
-    rigid, size = equations.neutral, stiffness.shape[0]
+    rigid, size = _free_motions(equations, stiffness), stiffness.shape[0]
     largest = float(abs(stiffness.diagonal()).max())
-    if (abs(stiffness @ equations.lift) < NO_STIFFNESS * largest).all():
-        rigid = np.concatenate([rigid, equations.lift], axis=1)
     if size <= DENSE:
         values, modes = np.linalg.eigh(stiffness.toarray() + 10 * largest * rigid @ rigid.T)
         return values[:NUMBER], modes[:, :NUMBER]
@@ -217,6 +259,20 @@ def lowest_eigenvalues(
     values, modes = eigsh(stiffness, NUMBER, sigma=shift, OPinv=inverse, v0=start)
     order = np.argsort(values)
     return values[order], modes[:, order]
+
+
+def _free_motions(equations: Equations, stiffness: sp.csc_array) -> Float[np.ndarray, "free mode"]:
+    """The neutral motions, and the lift where nothing is touched."""
+    largest = abs(stiffness.diagonal()).max()
+    if (abs(stiffness @ equations.lift) < NO_STIFFNESS * largest).all():
+        return np.concatenate([equations.neutral, equations.lift], axis=1)
+    return equations.neutral
+
+
+def _distance(equations: Equations, one: PathPoint, other: PathPoint) -> float:
+    """Distance between two points, in u over its size and in t."""
+    moved = (other.unknowns - one.unknowns) / equations.size
+    return float(np.hypot(np.linalg.norm(moved), other.parameter - one.parameter))
 
 
 def _negative(stiffness: sp.csc_array, shift: float) -> int:

@@ -7,9 +7,18 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.cube.cube_file import open_cube, read_cube, with_derived, write_cube
+from knitlab.cube.cube_file import (
+    RELIABLE_WAVES,
+    TRACED_PERIODS,
+    open_cube,
+    read_cube,
+    with_derived,
+    write_cube,
+)
 from knitlab.figures.kinds.design_map import CROSSES, LAST, SNAPS, auxetic_map
+from knitlab.figures.kinds.wavelength import wavelength_figure
 from knitlab.io.shipped import shipped
+from knitlab.measure.wavelength import PERIODIC_CELLS, wave_of
 
 REFERENCE = shipped("params").parent / "results" / "reference"
 STRAIN = np.linspace(0, 0.4, 9)
@@ -53,6 +62,39 @@ def test_intersections_count_where_the_ratio_is_lowest(crossing_at, expected):
     assert cube["intersections_at_min"].item() == expected
     texts = [text.get_text() for text in auxetic_map([cube]).axes[0].texts]
     assert any(CROSSES[0] in text for text in texts) == (expected > 0)
+
+
+def test_a_wavelength_comes_with_the_number_of_its_waves():
+    """Known sinusoids: 3 waves give their length to 4 %, 2 do not."""
+    assert TRACED_PERIODS == PERIODIC_CELLS
+    worst = {}
+    for waves in (2, 3):
+        along = np.linspace(0, waves, 200)
+        lines = [(along, np.sin(2 * np.pi * along + phase)) for phase in np.linspace(0, 6, 13)]
+        found = [wave_of(np.transpose(line), waves).wavelength for line in lines]
+        worst[waves] = np.abs(np.array(found) - 1).max()
+    assert worst[RELIABLE_WAVES] < 0.04 < worst[RELIABLE_WAVES - 1]
+    # As many waves as unit cells; periodic fabric is traced over several of its periods.
+    cube = linear_cube().assign(wavelength_x=(("n_stripe", "n_subunit"), [[11.0]]))
+    assert "waves_x" not in with_derived(cube), "nothing says whether it is periodic"
+    assert with_derived(cube.assign_attrs(model_boundary="clamped"))["waves_x"].item() == CELLS
+    periodic = with_derived(cube.assign_attrs(model_boundary="periodic"))
+    assert periodic["waves_x"].item() == TRACED_PERIODS * CELLS
+    swept = cube.expand_dims(boundary=["clamped", "periodic"])
+    np.testing.assert_array_equal(
+        with_derived(swept)["waves_x"].squeeze(), [CELLS, TRACED_PERIODS * CELLS]
+    )
+
+
+def test_wavelengths_from_two_waves_are_hollow():
+    cube = open_cube(REFERENCE / "paper")
+    axes = wavelength_figure(cube).axes
+    for direction, lines in (("x", axes[2]), ("y", axes[5])):
+        hollow = [line for line in lines.get_lines() if line.get_markerfacecolor() == "white"]
+        marked = {(x, y) for line in hollow for x, y in zip(*line.get_data(), strict=True)}
+        wavelength = cube[f"knit_wavelength_{direction}"].where(cube[f"unit_cells_{direction}"] < 3)
+        few = wavelength.to_series().dropna()
+        assert marked == {(n, length) for (_, n), length in few.items()} != set()
 
 
 def test_a_lowest_ratio_at_the_last_strain_is_marked():

@@ -90,7 +90,7 @@ def test_constraints_leave_designs_out_and_report_it():
 
 
 def test_a_design_without_a_value_in_the_window_is_skipped():
-    found = kl.find(cube(), targets="poisson_ratio < 0 @ 0:0.4")
+    found = kl.find(cube(), targets="poisson_ratio < 0 @ 0.1:0.4")
     assert found.table.empty
     assert found.passed_over == {"have no value at the strains of a target": 4}
 
@@ -146,10 +146,33 @@ def test_curves_can_be_reduced_in_queries():
     )
     assert table["n_subunit"].tolist() == [32]
     assert table.iloc[0, 1] == pytest.approx(0, abs=1e-12)
-    missing = kl.query(cube(), where="isnan(mean(poisson_ratio, 0:0.4))")
+    missing = kl.query(cube(), where="isnan(mean(poisson_ratio, 0.1:0.4))")
     assert len(missing) == len(LEVELS)
     with pytest.raises(kl.BadInput, match="reduces a curve along applied_strain"):
         kl.query(cube(), where="mean(knit_cell_x, 0:0.1) > 0")
+
+
+@pytest.mark.parametrize("window", ["0", "0.05", "0:0.2", "0.06:0.2"])
+def test_poisson_ratio_below_its_first_strain_is_refused(window):
+    """Wherever a window is asked for: it names the variable, the window and the first strain."""
+    target = f"poisson_ratio = -0.5 ± 0.1 @ {window}"
+    for ask in (
+        lambda: kl.find(cube(), targets=target),
+        lambda: kl.find(cube(), targets=CURVE, subject_to=[target]),
+        lambda: kl.query(cube(), where=f"mean(poisson_ratio, {window}) < 0"),
+        lambda: kl.find(cube(), targets=f"max(poisson_ratio, {window}) < 0"),
+    ):
+        with pytest.raises(kl.BadInput, match=rf"{window}.*0\.1\b.*poisson_ratio"):
+            ask()
+
+
+def test_poisson_ratio_is_missing_below_its_first_strain():
+    strains = [0.0, 0.05, 0.1, 0.15]
+    with_size = cube().assign(reaction_force=("applied_strain", 2 * STRAIN))
+    table = kl.query(with_size, applied_strain=strains).sort_values("applied_strain")
+    (one, *_) = (rows for _, rows in table[table["status"] == "ok"].groupby("n_subunit"))
+    np.testing.assert_allclose(one["poisson_ratio"], [np.nan, np.nan, -0.1, -0.1])
+    np.testing.assert_allclose(one["reaction_force"], np.multiply(2, strains))
 
 
 def test_a_figure_shows_targets_and_designs():

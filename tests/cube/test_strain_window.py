@@ -70,8 +70,9 @@ def test_values_outside_a_known_curve_are_missing():
         (0.03, 0.1): True,
         (0.03, 0.03): True,
         (0.1, 0.1): True,
-        (0.02, 0.05): True,  # at zero strain it has the value of the next
-        (0.0, 0.1): True,
+        (0.02, 0.05): False,  # nothing is known below the first strain with a value
+        (0.0, 0.1): False,
+        (0.01, 0.01): False,
         (0.1, 0.15): False,
         (0.3, 0.3): False,
         (0.5, 0.6): False,

@@ -80,7 +80,7 @@ def test_met_means_within_a_tolerance_of_a_value_and_within_a_range():
         "poisson_ratio = -0.32 ± 0.01 @ 0.1:0.3": False,
         "reaction_force < 0.8 ± 0.5 @ 0.2": True,
         "reaction_force < 0.79 ± 0.5 @ 0.2": False,
-        "poisson_ratio < -0.2 @ 0:0.3": True,
+        "poisson_ratio < -0.2 @ 0.1:0.3": True,
     }.items():
         assert met_by(objective(text), trial) == met, text
         kept = objective("reaction_force > 0 @ 0.1", subject_to=[text])
@@ -104,6 +104,7 @@ def test_constraints_are_negative_where_they_are_violated():
         ("poisson_ratio = 1", "add @ STRAIN"),
         ("knit_cell_x < 20 @ 0.1", "leave out the window"),
         ("capacitance > 1 @ 0.1", "capacitance"),
+        ("poisson_ratio < 0 @ 0:0.3", "0:0.3.*0.03.*poisson_ratio"),
     ],
 )
 def test_targets_that_a_test_cannot_have_are_refused(text, message):
@@ -119,8 +120,8 @@ def thickness(shape):
 
 
 WANTED = [
-    "poisson_ratio = 0.3 ± 0.05 @ 0:0.06",
-    CURVE | {"tolerance": 0.1, "applied_strain": [0.01, 0.05]},
+    "poisson_ratio = 0.3 ± 0.05 @ 0.03:0.06",
+    CURVE | {"tolerance": 0.1, "applied_strain": [0.03, 0.05]},
     "reaction_force = 9 ± 1 @ 0.05",
     "mean(reaction_force) = 9 ± 1 @ 0.01:0.06",
     "slope(poisson_ratio) = 9 ± 1 @ 0.03:0.06",

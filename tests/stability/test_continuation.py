@@ -1,11 +1,14 @@
 """Continuation against closed forms: a shallow truss that snaps, a strut that buckles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from knitlab.stability.continuation import (
     Kind,
+    at_parameter,
     equilibrium,
     follow,
     lowest_eigenvalues,
@@ -131,6 +134,67 @@ def test_the_other_branch_of_a_pitchfork_is_reached_in_any_axes():
     assert (critical.kind, critical.parameter) == (Kind.branch, pytest.approx(0.3, abs=1e-5))
     across = [(Rotated.axes.T @ point.unknowns)[0] for point in switched(Rotated(), critical, 0.01)]
     assert sorted(across) == pytest.approx([-0.01, 0.01], abs=1e-4)
+
+
+class Looped(Rotated):
+    """Branch x = 0, y = t, unstable in the loop x² = 0.01 - (y - 0.3)²; two neutral axes."""
+
+    axes = np.linalg.qr(np.random.default_rng(2).normal(size=(5, 5)))[0]
+    neutral, lift = axes[:, 2:3], axes[:, 3:4]
+
+    def energy(self, u, t):
+        x, y, *_, idle = self.axes.T @ u
+        return ((y - 0.3) ** 2 - 0.01) * x**2 / 2 + x**4 / 4 + 2 * (y - t) ** 2 + idle**2
+
+    def force(self, u, t):
+        x, y, *_, idle = self.axes.T @ u
+        slope = (y - 0.3) * x**2 + 4 * (y - t)
+        return self.axes @ [((y - 0.3) ** 2 - 0.01) * x + x**3, slope, 0.0, 0.0, 2 * idle]
+
+    def force_by_parameter(self, u, t):
+        return self.axes @ [0.0, -4.0, 0.0, 0.0, 0.0]
+
+    def stiffness(self, u, t):
+        x, y, *_ = self.axes.T @ u
+        own = np.diag([(y - 0.3) ** 2 - 0.01 + 3 * x**2, x**2 + 4, 0.0, 0.0, 2.0])
+        own[0, 1] = own[1, 0] = 2 * (y - 0.3) * x
+        return sp.csc_array(self.axes @ own @ self.axes.T)
+
+
+def test_a_closed_loop_is_followed_once_and_left_at_both_ends_without_a_lift():
+    looped = Looped()
+    straight = follow(looped, equilibrium(looped, np.zeros(5), 0.0), (-0.1, 0.6))
+    ends = [point for point in straight if point.kind is Kind.branch]
+    assert [point.parameter for point in ends] == pytest.approx([0.2, 0.4], abs=1e-5)
+    loop = follow(looped, switched(looped, ends[0], 0.01)[0], (-0.1, 0.6))
+    x, y, *_ = looped.axes.T @ np.transpose([point.unknowns for point in loop])
+    np.testing.assert_allclose(x**2 + (y - 0.3) ** 2, 0.01, atol=1e-7)
+    assert x.max() > 0.09
+    assert x.min() < -0.09
+    turned = np.unwrap(np.arctan2(x, y - 0.3))
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * np.pi, abs=0.3)
+    # From the end of the loop onto the straight branch, in both directions.
+    at = next(point for point in loop if point.kind is Kind.branch)
+    sides = switched(looped, at, 0.01)
+    assert sorted(side.parameter > at.parameter for side in sides) == [False, True]
+    for side in sides:
+        x, y, neutral, lift, _ = looped.axes.T @ side.unknowns
+        assert [x, neutral, lift] == pytest.approx([0, 0, 0], abs=1e-4)
+        assert y == pytest.approx(side.parameter, abs=1e-6)
+
+
+def test_the_points_of_a_branch_at_a_parameter_are_on_this_branch():
+    """Near the tip of a pitchfork, where interpolation would lead onto the other branch."""
+    straight = follow(Rotated(), equilibrium(Rotated(), np.zeros(4), 0.0), (-0.1, 0.5))
+    (at,) = [point for point in straight if point.kind is Kind.branch]
+    bent = [at, *follow(Rotated(), switched(Rotated(), at, 0.01)[0], (-0.1, 0.5))]
+    bent[0] = replace(at, tangent=bent[1].tangent)
+    for wanted in (0.3001, 0.302, 0.4):
+        ((x, y, *_),) = [
+            Rotated.axes.T @ point.unknowns for point in at_parameter(Rotated(), bent, wanted)
+        ]
+        assert x**2 == pytest.approx(y - 0.3, abs=1e-9)
+        assert y - x**2 / 8 == pytest.approx(wanted, abs=1e-9)
 
 
 def test_the_lowest_eigenvalues_are_found_far_below_those_near_zero():

@@ -1,10 +1,16 @@
 """Branches and relaxed shapes of fabrics, against the tensile test and between two methods."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import knitlab as kl
+from knitlab.api.single_design import single_design
+from knitlab.api.stability import _is_known
 from knitlab.equilibrium.loading import loading_of
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_test import stretch
 from knitlab.io.errors import BadInput
 from knitlab.stability import shapes as atlas
 from knitlab.stability.continuation import Kind, equilibrium, follow, switched
@@ -106,6 +112,43 @@ def test_a_flat_sheet_and_a_rough_one_relax_to_one_shape_of_a_small_design():
 def test_bad_input_is_refused(call, message):
     with pytest.raises(BadInput, match=message):
         call()
+
+
+def test_copies_of_a_shape_are_no_branches():
+    """A shape that is moved along the sheet or across it is known."""
+    _, _, of_fabric = fabric_equations()
+    start = equilibrium(of_fabric, of_fabric.start, 0.01)
+    branch = follow(of_fabric, start, (-0.01, 0.03))
+    motions = np.concatenate([of_fabric.neutral, of_fabric.lift], axis=1)
+    for motion in motions.T:
+        copy = equilibrium(of_fabric, start.unknowns + 0.3 * motion, 0.015)
+        assert np.linalg.norm(copy.unknowns - start.unknowns) > 0.2
+        assert _is_known(of_fabric, copy, [branch])
+    assert not _is_known(of_fabric, equilibrium(of_fabric, start.unknowns, 0.0), [branch])
+    stiffer = replace(start, energy=1.001 * start.energy)
+    assert not _is_known(of_fabric, stiffer, [branch])
+
+
+@pytest.mark.slow
+@pytest.mark.nightly
+def test_the_loop_at_20_percent_and_both_sides_of_the_first_crossing_are_found():
+    """No branch is a copy of another, and the loop has the state that a minimiser finds."""
+    points = kl.branches("periodic", **FOLDED, strain_max=0.3).to_dataframe()
+    assert points["branch"].nunique() == 6
+    first = points.loc[(points["branch"] == 1) & (points["kind"] == "branch"), "applied_strain"]
+    second, third = (points.loc[points["branch"] == k, "applied_strain"] for k in (2, 3))
+    assert second.max() > 0.3
+    assert second.min() > first.iloc[0] > third.max()
+    assert third.min() < -0.02
+    loop = points[points["branch"] == 4]
+    assert loop["applied_strain"].between(0.199, 0.2012).all()
+    at = loop.iloc[(loop["applied_strain"] - 0.2).abs().argmin()]
+    assert at["unstable"] == 0
+    case = single_design("periodic", FOLDED, {}).case
+    net, fabric = case.assemble()
+    strains = (0.0, 0.02, 0.05, 0.1, 0.15, 0.195, at["applied_strain"])
+    test = stretch(System(net.shape, fabric), strains, case.equilibrium_solver)
+    assert at["energy"] == pytest.approx(float(test.states[-1].energy.total), rel=1e-8)
 
 
 def test_no_branch_crosses_at_a_regular_point():

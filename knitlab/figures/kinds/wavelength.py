@@ -5,6 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.cube.cube_file import RELIABLE_WAVES
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.cells import design_name
 from knitlab.figures.kinds import FigureKind
@@ -21,7 +22,8 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
     """Boundaries, their spectra, and wavelengths against n_subunit (paper, Fig. "wavelength").
 
     Lengths are in cloth, by the gauge, as in the paper. Boundary and spectrum are of the smallest
-    unit cell of n_stripe 4, or of the first n_stripe if there is no 4.
+    unit cell of n_stripe 4, or of the first n_stripe if there is no 4. Wavelengths from fewer than
+    3 waves, which can be wrong by more than 5 %, are hollow; the slopes include them.
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
         problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"
@@ -76,6 +78,8 @@ def _draw_wave(line: Axes, axes: Axes, shown: xr.Dataset, direction: str) -> Non
 def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
     lengths = cube.get(f"knit_wavelength_{direction}", cube[f"wavelength_{direction}"])
     wavelengths = lengths.where(cube["status"] == Status.ok)
+    few = cube.get(f"waves_{direction}", xr.full_like(lengths, RELIABLE_WAVES)) < RELIABLE_WAVES
+    hollow = bool((few & wavelengths.notnull()).any())
     for n_stripe, colour, marker in zip(
         cube["n_stripe"].values, CATEGORY_COLOURS, MARKERS, strict=False
     ):
@@ -83,6 +87,7 @@ def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
         if not line.size:
             continue
         x, y = line["n_subunit"].values.astype(float), line.values
+        uncertain = few.sel(n_stripe=n_stripe, n_subunit=line["n_subunit"]).values
         label = f"n_stripe = {n_stripe}"
         if line.size >= 3:
             fit = linear_fit(x, y)
@@ -90,13 +95,17 @@ def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
             axes.plot(ends, fit.intercept + fit.slope * ends, color=colour, lw=0.9)
             label += f": {fit.slope:.2f} ± {fit.slope_halfwidth:.2f}"
         axes.plot(x, y, marker, color=colour, ms=3.5, label=label)
+        axes.plot(x[uncertain], y[uncertain], marker, color=colour, ms=3.5, mfc="white")
+    if hollow:
+        label = f"hollow: fewer than {RELIABLE_WAVES} waves"
+        axes.plot([], [], "o", color="0.4", ms=3.5, mfc="white", label=label)
     axes.set(xlabel="n_subunit [stitches]", ylabel="wavelength [mm]")
     axes.set_title(f"wavelength along {direction}")
     title = "slope ± 95 % [mm a stitch]"
     small: Look = {"fontsize": 6, "title_fontsize": 6, "handletextpad": 0.2}
     axes.legend(loc="upper left", title=title, **small)
     # Room above the lines for the legend.
-    axes.set_ylim(0, 1.7 * axes.get_ylim()[1])
+    axes.set_ylim(0, (2.1 if hollow else 1.7) * axes.get_ylim()[1])
 
 
 FIGURES = {"wavelength": FigureKind(wavelength_figure)}
