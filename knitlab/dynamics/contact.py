@@ -6,6 +6,7 @@ Trans. Graph. 39, 2020), which :mod:`knitlab.dynamics.contact_pairs` lists. List
 and are read in chunks, so that one program serves lists of any length.
 """
 
+from functools import partial, wraps
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -281,6 +282,10 @@ DEEPEST = 0.05  # excess over its range, below which a guess of the force does n
 
 
 def _approach(pairs: PairList, corners: Corners, closest: Any) -> Approach:
+    return _KEPT[closest](pairs, corners)
+
+
+def _approaching(pairs: PairList, corners: Corners, closest: Any) -> Approach:
     weights, crossed = closest(corners)
     separation = _separation(weights, corners)
     distance = jnp.sqrt(dot(separation, separation))
@@ -289,12 +294,16 @@ def _approach(pairs: PairList, corners: Corners, closest: Any) -> Approach:
     return Approach(weights, scale(1 / jnp.maximum(distance, 1e-300), separation), distance, begins, factor)
 
 
+_KEPT = {f: kept(partial(_approaching, closest=f)) for f in (node_and_triangle, two_edges)}
+
+
 def _rise(part: Component) -> tuple[Component, Component]:
     """The barrier's slope by its excess over its range, negative, and the derivative of that."""
     left, logarithm = 1 - part, jnp.log(part)
     return left * (left / part - 2 * logarithm), 2 * logarithm - (left / part) * (4 + left / part)
 
 
+@kept
 def _guess(pairs: PairList, distance: Component) -> Component:
     """Force at a distance, not more than at a small one [N]."""
     part = (distance**2 - pairs.least_squared) / pairs.range_squared
@@ -302,6 +311,7 @@ def _guess(pairs: PairList, distance: Component) -> Component:
     return 2 * distance * pairs.strength * pairs.range_squared * _rise(part)[0]
 
 
+@kept
 def _implicit(
     pairs: PairList, begins: Component, reached: Component, softness: Component, distance: Component
 ) -> Component:

@@ -8,11 +8,12 @@ with itself, and with its images above and to the right: all other pairs are ima
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from knitlab.dynamics.contact import CHUNK, Contact, Kind, PairList, squared_distance
@@ -28,16 +29,15 @@ NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 """Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
 SPLIT = {"triangle": 1, "edges": 2}  # number of the first corner of the second part of a pair
 MARGINS = 0.05, 0.5  # least and greatest margin of a list, over the shortest side of a cell
-BLOCK = 2**14  # pairs whose distances are computed together
+BLOCK = 1024  # pairs of cells whose parts are compared together
+UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
+CLOSE = 1.0  # distance beyond that of listed pairs up to which cells are close, over a cell side
 PARALLEL = 1e-3  # squared sine between edges of unit length, below which they count as parallel
 
 Cells = Int[np.ndarray, "cell 2"]  # row and column of lower left nodes, images included
 Pairs = Int[np.ndarray, "pair 4 2"]  # the same of the four corners
 Positions = Float[np.ndarray, "node 3"]
 Lengths = Float[np.ndarray, "2"]
-
-_squared = jax.jit(squared_distance, static_argnames="kind")
-
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -54,13 +54,40 @@ class Parts:
 
 
 @dataclass(frozen=True, eq=False)
+class Place:
+    """Where the nodes of a fabric are."""
+
+    positions: Positions  # [mm]
+    lengths: Lengths  # L_x and L_y [mm]
+
+
+@dataclass(frozen=True, eq=False)
+class CloseCells:
+    """Pairs of cells, but for neighbours, that were within a distance of each other."""
+
+    place: Place
+    within: float  # [mm]
+    one: Cells
+    other: Cells
+
+
+class Watched(NamedTuple):
+    """Pairs of cells, and how far they may approach before some of their parts are not listed."""
+
+    one: Int[Array, " pair"]  # number of the cell
+    other: Int[Array, " pair"]
+    turns: Float[Array, "2 pair"]  # sides L_x, L_y between the images that are compared
+    slack: Float[Array, " pair"]  # [mm]
+
+
+@dataclass(frozen=True, eq=False)
 class Listed:
     """The pairs that can come within reach before parts have approached by more than a margin."""
 
-    positions: Positions  # at which they were found [mm]
-    lengths: Lengths  # L_x and L_y then [mm]
-    margin: float  # [mm]
+    place: Place  # where they were found
     parts: dict[Kind, Parts]
+    cells: CloseCells
+    watched: "Watched"
 
 
 @dataclass(frozen=True)
@@ -70,69 +97,129 @@ class PairFinder:
     shape: MeshShape
     layers: ContactLayers
 
-    def listed(self, positions: Positions, lengths: Lengths) -> Listed:
-        """The pairs at a configuration, with a wide margin where few parts are close."""
+    def listed(self, place: Place, last: Listed | None = None) -> Listed:
+        """The pairs at a configuration, with a wide margin where few parts are close.
+
+        The cells that are close to each other are searched only if those of the ``last`` list may
+        not be all.
+        """
         least, margin = (fraction * self.layers.cell for fraction in MARGINS)
-        parts = self._parts(positions, lengths, margin)
+        within = self.layers.far.begins + margin
+        if last is None or not self._spent(last.cells, place) < 0.4:
+            cells = self._close_cells(place, within + CLOSE * self.layers.cell)
+        else:
+            cells = last.cells
+        parts, watched = self._parts(cells, place, margin)
         gaps = np.concatenate([each.gap for each in parts.values()])
-        few = self.shape.nodes // 4
+        few = self.shape.nodes // 8
         if len(gaps) > few:
             margin = max(least, float(np.partition(gaps, few)[few]))
-        within = {kind: each.within(margin) for kind, each in parts.items()}
-        return Listed(positions, lengths, margin, within)
+        one, other, slack = watched
+        watch = self._watched(one, other, np.maximum(slack, margin))
+        return Listed(place, {kind: each.within(margin) for kind, each in parts.items()}, cells, watch)
 
-    def margin_left(self, listed: Listed, positions: Positions, lengths: Lengths) -> float:
-        """Margin that is left to a list after a motion [mm]; NaN if the motion is.
+    def used(self, listed: Listed, place: Place) -> float:
+        """Part of its margins that a motion has used of a list; above 1 it may be incomplete."""
+        motion = place.positions - listed.place.positions
+        motion = motion.T.reshape(3, self.shape.nodes_y, self.shape.nodes_x)
+        used = float(_used(motion, place.lengths - listed.place.lengths, listed.watched))
+        spent = self._spent(listed.cells, place)
+        return max(used, spent) if np.isfinite(used + spent) else np.inf
 
-        Parts approach by the stretch of the fabric along x and y, and by all other motion.
+    def _spent(self, cells: CloseCells, place: Place) -> float:
+        """Part of their margin by which cells that are not close may have approached.
+
+        They approach by the stretch of the fabric along x and y, and by all other motion.
         """
+        before = cells.place
         if self.shape.periodic:
-            plane = lengths / listed.lengths
+            plane = place.lengths / before.lengths
         else:
-            plane = np.ptp(positions[:, :2], axis=0) / np.ptp(listed.positions[:, :2], axis=0)
-        motion = positions - listed.positions * [*plane, 1.0]
+            spans = (np.ptp(each.positions[:, :2], axis=0) for each in (place, before))
+            plane = np.divide(*spans)
+        motion = place.positions - before.positions * [*plane, 1.0]
         motion -= (motion.min(axis=0) + motion.max(axis=0)) / 2
         nearer = 2 * float(np.sqrt(np.einsum("nc,nc->n", motion, motion).max()))
-        begins = self.layers.far.begins
-        return (begins + listed.margin) * min(float(plane.min()), 1.0) - nearer - begins
+        left = cells.within * min(float(plane.min()), 1.0) - nearer
+        return (cells.within - left) / (CLOSE * self.layers.cell)
 
-    def _parts(self, positions: Positions, lengths: Lengths, margin: float) -> dict[Kind, Parts]:
-        one, other = self._close_cells(positions, lengths, self.layers.far.begins + margin)
+    def _watched(self, one: Cells, other: Cells, slack: Float[np.ndarray, " pair"]) -> Watched:
+        spare = 2 ** int(np.ceil(np.log2(max(len(one), 1024)))) - len(one)
+        number, turns = _nodes_and_turns(self.shape, one)
+        other_number, other_turns = _nodes_and_turns(self.shape, other)
+        turns = np.pad((turns - other_turns)[:, ::-1].T.astype(float), ((0, 0), (0, spare)))
+        numbers = (np.pad(each, (0, spare)).astype(np.int32) for each in (number, other_number))
+        return Watched(*map(jnp.asarray, (*numbers, turns, np.pad(slack, (0, spare), constant_values=np.inf))))
+
+    def _parts(
+        self, cells: CloseCells, place: Place, margin: float
+    ) -> tuple[dict[Kind, Parts], tuple[Cells, Cells, Float[np.ndarray, " pair"]]]:
+        """Pairs with gaps up to a margin, among close cells and neighbours that fold together.
+
+        Also all pairs of cells that could come close, and by how much they may.
+        """
+        one, other = self._corners(cells.one, place), self._corners(cells.other, place)
+        gap = np.maximum(one.min(0) - other.max(0), other.min(0) - one.max(0))
+        gap = np.maximum(gap, 0.0)
+        gap = np.sqrt(np.einsum("cp,cp->p", gap, gap)) - self.layers.far.begins
+        close = gap <= margin
+        *beside, folded = self._neighbours(place)
+        watched = (
+            np.concatenate([cells.one, beside[0]]),
+            np.concatenate([cells.other, beside[1]]),
+            np.concatenate([gap, np.where(folded, 0.0, UNFOLDED * self.layers.cell)]),
+        )
+        beside = [each[folded] for each in beside]
+        cell = np.concatenate([cells.one[close], beside[0]])
+        cell_other = np.concatenate([cells.other[close], beside[1]])
+        distances = self._distances(cell, cell_other, place)
         found = {}
         for kind, split in SPLIT.items():
+            steps = _STEPS[kind]
+            limit = self.layers.far.begins + margin
+            number, which = np.nonzero(distances[kind].T <= limit)
+            if kind == "triangle":
+                swap = which >= 2
+                own = np.where(swap[:, None], cell_other[number], cell[number])
+                against = np.where(swap[:, None], cell[number], cell_other[number])
+                step = steps[which % 2]
+            else:
+                own, against, step = cell[number], cell_other[number], steps[which]
             corners = np.concatenate(
-                [_beside(self.shape, kind), _between(self.shape, one, other, kind)]
+                [own[:, None] + step[:, :split], against[:, None] + step[:, split:]], axis=1
             )
-            distance = self._distances(corners, positions, lengths, kind)
+            distance = distances[kind][which, number]
             apart = _apart_on_grid(corners, split)
-            near = (apart <= self.layers.near_cells).any(axis=(1, 2))
-            far = (apart > self.layers.near_cells).any(axis=(1, 2))
-            of_layers = [
-                Parts(
-                    corners[which], np.full(which.sum(), layer is self.layers.near),
-                    distance[which] - layer.begins,
-                ).within(margin)
-                for which, layer in ((far, self.layers.far), (near, self.layers.near))
-            ]
+            exist = (apart > 0).all(axis=(1, 2))
+            if not self.shape.periodic:
+                inside = (corners >= 0) & (corners < [self.shape.nodes_y, self.shape.nodes_x])
+                exist &= inside.all(axis=(1, 2))
+            of_layers = []
+            for near, layer in ((False, self.layers.far), (True, self.layers.near)):
+                on_grid = apart <= self.layers.near_cells if near else apart > self.layers.near_cells
+                which = exist & on_grid.any(axis=(1, 2))
+                parts = Parts(
+                    corners[which], np.full(which.sum(), near), distance[which] - layer.begins
+                )
+                of_layers.append(parts.within(margin))
             found[kind] = Parts(
                 *(
                     np.concatenate([getattr(each, name) for each in of_layers])
                     for name in ("corners", "near", "gap")
                 )
             )
-        return found
+        return found, watched
 
-    def _close_cells(
-        self, positions: Positions, lengths: Lengths, within: float
-    ) -> tuple[Cells, Cells]:
+    def _close_cells(self, place: Place, within: float) -> CloseCells:
         """Pairs of cells whose boxes are within a distance [mm], but for neighbours."""
         cells, own = _cells(self.shape), len(_cells(self.shape))
-        low, high = self._boxes(cells, positions, lengths)
+        at = self._corners(cells, place)
+        low, high = at.min(axis=0).T, at.max(axis=0).T
         if self.shape.periodic:
             # Images whose boxes may come near those of the fabric.
             inner, outer = low.min(axis=0) - within, high.max(axis=0) + within
             for period in NEIGHBOURS:
-                shift = np.array([*(period * lengths[::-1])[::-1], 0.0])
+                shift = np.array([*(period[::-1] * place.lengths), 0.0])
                 reaches = ((low[:own] + shift <= outer) & (high[:own] + shift >= inner)).all(axis=1)
                 image = period * [self.shape.cells_y, self.shape.cells_x]
                 cells = np.concatenate([cells, cells[:own][reaches] + image])
@@ -147,35 +234,112 @@ class PairFinder:
         one, other = one[which], other[which]
         gap = np.maximum(np.maximum(low[one] - high[other], low[other] - high[one]), 0.0)
         close = np.einsum("pc,pc->p", gap, gap) <= within**2
-        return cells[one[close]], cells[other[close]]
+        return CloseCells(place, within, cells[one[close]], cells[other[close]])
 
-    def _boxes(
-        self, cells: Cells, positions: Positions, lengths: Lengths
-    ) -> tuple[Float[np.ndarray, "cell 3"], Float[np.ndarray, "cell 3"]]:
-        """Lowest and highest coordinates of cells [mm]."""
-        corners = cells[:, None] + CORNERS
+    def _neighbours(self, place: Place) -> tuple[Cells, Cells, Bool[np.ndarray, " pair"]]:
+        """Pairs of neighbouring cells, and whether they are folded by more than a right angle.
+
+        Others cannot come as near as the barrier of near parts reaches.
+        """
+        cells = _cells(self.shape)
+        at = self._corners(cells, place)
+        normals = np.cross((at[2] - at[0]).T, (at[3] - at[1]).T)
+        one, other = _beside(self.shape)
+        numbers = (_nodes_and_turns(self.shape, each)[0] for each in (one, other))
+        against = np.einsum("nc,nc->n", *(normals[number] for number in numbers))
+        return one, other, against <= 0
+
+    def _corners(self, cells: Cells, place: Place) -> Float[np.ndarray, "4 3 cell"]:
+        """Positions of the corners of cells; beyond an edge those of the edge [mm]."""
+        corners = (cells[:, None] + CORNERS).transpose(1, 0, 2)
         if not self.shape.periodic:
             corners = np.minimum(corners, [self.shape.cells_y, self.shape.cells_x])
+            return place.positions[corners[..., 0] * self.shape.nodes_x + corners[..., 1]].transpose(0, 2, 1)
         nodes, turns = _nodes_and_turns(self.shape, corners)
-        at = positions[nodes]
-        at[..., :2] += turns[..., ::-1] * lengths
-        return at.min(axis=1), at.max(axis=1)
+        at = place.positions[nodes]
+        at[..., :2] += turns[..., ::-1] * place.lengths
+        return at.transpose(0, 2, 1)
 
-    def _distances(
-        self, corners: Pairs, positions: Positions, lengths: Lengths, kind: Kind
-    ) -> Float[np.ndarray, " pair"]:
-        """Distances of pairs [mm]."""
-        nodes, turns = _nodes_and_turns(self.shape, corners)
-        at = positions[nodes]
-        if self.shape.periodic:
-            at[..., :2] += turns[..., ::-1] * lengths
-        count = len(at)
-        at = np.concatenate([at, np.zeros((-count % BLOCK, 4, 3))]).transpose(1, 2, 0)
-        blocks = [
-            _squared(jnp.asarray(at[..., start : start + BLOCK]), kind=kind)
-            for start in range(0, at.shape[-1], BLOCK)
+    def _distances(self, one: Cells, other: Cells, place: Place) -> dict[Kind, Float[np.ndarray, "pair cell"]]:
+        """Distances of all that the cells of a pair own [mm]."""
+        count = len(one)
+        spare = -count % BLOCK
+        at = [
+            np.pad(self._corners(cells, place), ((0, 0), (0, 0), (0, spare)))
+            for cells in (one, other)
         ]
-        return np.sqrt(np.concatenate([*blocks, np.zeros(0)])[:count])
+        blocks = [
+            _cell_distances(*(each[..., start : start + BLOCK] for each in at))
+            for start in range(0, count, BLOCK)
+        ]
+        if not blocks:
+            return {"triangle": np.zeros((4, 0)), "edges": np.zeros((9, 0))}
+        return {
+            kind: np.concatenate([np.asarray(block[kind]) for block in blocks], axis=1)[:, :count]
+            for kind in SPLIT
+        }
+
+
+@lru_cache(maxsize=8)
+def _beside(shape: MeshShape) -> tuple[Cells, Cells]:
+    """All pairs of neighbouring cells."""
+    cells = _cells(shape)
+    one = np.repeat(cells, len(NEIGHBOURS), axis=0)
+    other = one + np.tile(NEIGHBOURS, (len(cells), 1))
+    if shape.periodic:
+        return one, other
+    inside = ((other >= 0) & (other < [shape.nodes_y, shape.nodes_x])).all(axis=1)
+    return one[inside], other[inside]
+
+
+@jax.jit
+def _used(
+    motion: Float[Array, "3 row column"], stretch: Float[Array, "2"], watched: Watched
+) -> Float[Array, ""]:
+    """Largest part of their slack by which cells may have approached in a motion."""
+    after = jnp.pad(motion, ((0, 0), (0, 1), (0, 1)), "edge")
+    corners = jnp.stack([motion, after[:, :-1, 1:], after[:, 1:, 1:], after[:, 1:, :-1]])
+    mean = corners.mean(axis=0)
+    spread = jnp.sqrt(((corners - mean) ** 2).sum(axis=1).max(axis=0)).ravel()
+    x, y, z = mean.reshape(3, -1)
+    one, other = watched.one, watched.other
+    square = (
+        (x[one] - x[other] + stretch[0] * watched.turns[0]) ** 2
+        + (y[one] - y[other] + stretch[1] * watched.turns[1]) ** 2
+        + (z[one] - z[other]) ** 2
+    )
+    return jnp.max((jnp.sqrt(square) + spread[one] + spread[other]) / watched.slack)
+
+
+_STEPS = {
+    "triangle": np.array([[*NODE[0], *triangle] for triangle in TRIANGLES]),
+    "edges": np.array([[*one, *other] for one in EDGES for other in EDGES]),
+}
+"""Steps to the corners of what two cells own, those of the first cell and those of the second."""
+
+
+@jax.jit
+def _cell_distances(
+    one: Float[Array, "4 3 cell"], other: Float[Array, "4 3 cell"]
+) -> dict[Kind, Float[Array, "pair cell"]]:
+    """Distances between what two cells own: the node of each and triangles, and edges [mm]."""
+    place = {(int(y), int(x)): number for number, (y, x) in enumerate(CORNERS)}
+
+    def distances(kind: Kind, first: Array, second: Array) -> list[Array]:
+        split = SPLIT[kind]
+        found = []
+        for steps in _STEPS[kind]:
+            numbers = [place[int(y), int(x)] for y, x in steps]
+            corners = jnp.stack(
+                [first[n] if i < split else second[n] for i, n in enumerate(numbers)]
+            )
+            found.append(jnp.sqrt(squared_distance(corners, kind)))
+        return found
+
+    return {
+        "triangle": jnp.stack(distances("triangle", one, other) + distances("triangle", other, one)),
+        "edges": jnp.stack(distances("edges", one, other)),
+    }
 
 
 def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) -> Contact:
@@ -234,44 +398,6 @@ def _nodes_and_turns(
 def _cells(shape: MeshShape) -> Cells:
     """All cells, and beyond the last ones of a sample those that own what lies on its edges."""
     return np.indices((shape.nodes_y, shape.nodes_x)).reshape(2, -1).T
-
-
-def _between(shape: MeshShape, one: Cells, other: Cells, kind: Kind) -> Pairs:
-    """Pairs of what two cells own."""
-    if kind == "edges":
-        return _products(shape, one, EDGES, other, EDGES)
-    return np.concatenate(
-        [_products(shape, one, NODE, other, TRIANGLES), _products(shape, other, NODE, one, TRIANGLES)]
-    )
-
-
-def _products(
-    shape: MeshShape,
-    one: Cells,
-    parts: Int[np.ndarray, "part corner 2"],
-    other: Cells,
-    other_parts: Int[np.ndarray, "part corner 2"],
-) -> Pairs:
-    """Every part of one cell with every part of another, of those that exist."""
-    steps = np.array([[*a, *b] for a in parts for b in other_parts])
-    split = parts.shape[1]
-    corners = np.repeat(one[:, None, None], len(steps), axis=1) + steps[:, :split]
-    others = np.repeat(other[:, None, None], len(steps), axis=1) + steps[:, split:]
-    pairs = np.concatenate([corners, others], axis=2).reshape(-1, 4, 2)
-    if shape.periodic:
-        return pairs
-    return pairs[(pairs < [shape.nodes_y, shape.nodes_x]).all(axis=(1, 2))]
-
-
-@lru_cache(maxsize=8)
-def _beside(shape: MeshShape, kind: Kind) -> Pairs:
-    """Pairs of what neighbouring cells own, without those that share a corner."""
-    cells = _cells(shape)
-    own = np.repeat(cells, len(NEIGHBOURS), axis=0)
-    pairs = _between(shape, own, np.tile(NEIGHBOURS, (len(cells), 1)) + own, kind)
-    if not shape.periodic:
-        pairs = pairs[(pairs >= 0).all(axis=(1, 2))]
-    return pairs[(_apart_on_grid(pairs, SPLIT[kind]) > 0).all(axis=(1, 2))]
 
 
 def _apart_on_grid(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner corner"]:

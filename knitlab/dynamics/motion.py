@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.dynamics.contact import Contact
-from knitlab.dynamics.contact_pairs import Listed, PairFinder, contact_of_batch
+from knitlab.dynamics.contact_pairs import Listed, PairFinder, Place, contact_of_batch
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import Dynamics
 from knitlab.fabric.energy import Energy
@@ -26,7 +26,7 @@ HALVINGS = 12
 """Times that an unstable step is halved before the motion counts as diverged. Where a cell is
 crushed to a line its hinges are stiff for a moment, which a step of 1/300 was seen to pass."""
 
-COVERED = 0.2  # margin of a list that is kept in reserve for what a motion gains in speed
+COVERED = 0.8  # part of the margins of a list that a motion may use as it is, if it gains no speed
 
 OfCases = Float[np.ndarray, " case"]
 
@@ -352,25 +352,25 @@ class Touching:
     @classmethod
     def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
         """List the pairs of all fabrics."""
-        places = zip(finders, *_places(shape), strict=True)
-        return cls._of(finders, [finder.listed(*place) for finder, *place in places])
+        fabrics = zip(finders, _places(shape), strict=True)
+        return cls._of(finders, [finder.listed(place) for finder, place in fabrics])
 
     @classmethod
     def _of(cls, finders: Sequence[PairFinder], listed: Sequence[Listed]) -> "Touching":
         return cls(finders, listed, contact_of_batch(finders, listed))
 
-    def margin_left(self, shape: Shape) -> OfCases:
-        """Margin that is left to the list of each fabric [mm]; NaN where its motion is unstable."""
-        fabrics = zip(self.finders, self.listed, *_places(shape), strict=True)
-        return np.array([finder.margin_left(*fabric) for finder, *fabric in fabrics])
+    def used(self, shape: Shape) -> OfCases:
+        """Part that each fabric has used of the margins of its list; above 1 it is incomplete."""
+        fabrics = zip(self.finders, self.listed, _places(shape), strict=True)
+        return np.array([finder.used(*fabric) for finder, *fabric in fabrics])
 
     def renewed(self, shape: Shape, which: Bool[np.ndarray, " case"]) -> "Touching":
         """The same with the lists of some fabrics found anew."""
         if not which.any():
             return self
-        fabrics = zip(self.finders, self.listed, which, *_places(shape), strict=True)
+        fabrics = zip(self.finders, self.listed, which, _places(shape), strict=True)
         listed = [
-            finder.listed(*place) if new else old for finder, old, new, *place in fabrics
+            finder.listed(place, old) if new else old for finder, old, new, place in fabrics
         ]
         return self._of(self.finders, listed)
 
@@ -381,20 +381,19 @@ class Touching:
             motion.shape,
             motion.velocity,
         )
-        lists, now, then = self, self.margin_left(motion.shape), self.margin_left(ahead)
-        full = np.array([listed.margin for listed in self.listed])
-        short = (then < COVERED * now) & (now < 0.95 * full)
+        lists, now, then = self, self.used(motion.shape), self.used(ahead)
+        short = (then > COVERED) & (now > 0.1)
         if short.any():
             lists = self.renewed(motion.shape, short)
-            now, then = lists.margin_left(motion.shape), lists.margin_left(ahead)
-        lost = np.maximum(now - then, 1e-300)
-        return lists, np.minimum((1 - COVERED) * now / lost, 1.0)
+            now, then = lists.used(motion.shape), lists.used(ahead)
+        return lists, np.clip((COVERED - now) / np.maximum(then - now, 1e-300), 0.0, 1.0)
 
 
-def _places(shape: Shape) -> tuple[Float[np.ndarray, "case node 3"], Float[np.ndarray, "case 2"]]:
-    """Positions of the nodes of every fabric of a batch, and its lengths [mm]."""
+def _places(shape: Shape) -> list[Place]:
+    """Where the nodes of every fabric of a batch are."""
     positions = np.stack([np.asarray(each) for each in shape.positions], axis=-1)
-    return positions.reshape(len(positions), -1, 3), np.asarray(shape.lengths)
+    flat = positions.reshape(len(positions), -1, 3)
+    return [Place(*place) for place in zip(flat, np.asarray(shape.lengths), strict=True)]
 
 
 def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = False) -> Moving:
@@ -472,7 +471,7 @@ def _by_leapfrog(
     done = stable
     if moving.touching is not None:
         # A pair that was not listed may have touched.
-        done = stable & (moving.touching.margin_left(motion.shape) > 0)
+        done = stable & (moving.touching.used(motion.shape) <= 1)
         most = np.where(done, np.minimum(2 * count, 256), np.maximum(count // 2, 1))
     count = np.where(done, count, 0)
     fraction = np.where(stable, np.minimum(2 * fraction, safety), fraction / 2)
