@@ -11,11 +11,11 @@ from knitlab.cube.cube_file import cube_name, is_measured, model_options, parame
 def model_line(cube: xr.Dataset) -> str:
     """Lengths, contact, boundary and method of a cube; of a swept setting every value.
 
-    For example ``relaxed lengths, no contact, clamped samples of 4 × 3 unit cells, dynamics``. An
-    experiment has its name instead. What the cube does not state is left out.
+    For example ``relaxed lengths, no contact, clamped samples of 4 × 3 unit cells, dynamics``. What
+    a cube does not state is left out.
     """
     if is_measured(cube):
-        return f"measured: {source_of(cube)}"
+        return f"none, {source_of(cube)} was measured"
     stated = model_options(cube) | {"method": cube.attrs.get("method")}
     stated |= {"thickness": parameters_of(cube).get("sheet", {}).get("thickness")}
 

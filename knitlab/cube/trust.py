@@ -11,6 +11,7 @@ from operator import or_
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from knitlab.cube.cube_file import is_measured, parameters_of
@@ -94,10 +95,17 @@ def marked(
 
 def marks_of(cube: xr.Dataset, names: Iterable[str], each_strain: bool = False) -> xr.DataArray:
     """The signs of the marks of designs as texts; the arguments are those of :func:`marked`."""
-    signs: xr.DataArray = xr.full_like(cube["status"], "", object)
+    signs: xr.DataArray = xr.full_like(cube["status"], "", object).drop_attrs()
     for name, where in marked(cube, names, each_strain).items():
         signs = signs + xr.where(where, MARKS[name].sign, "").astype(object)
     return signs.rename(COLUMN)
+
+
+def marks_of_rows(cube: xr.Dataset, table: pd.DataFrame) -> list[str]:
+    """The marks of the states in a table, whose rows name them by the dimensions of the cube."""
+    signs = marks_of(cube, (), each_strain=True)
+    rows = pd.MultiIndex.from_frame(table[list(signs.dims)])
+    return [str(sign) for sign in signs.to_series().reindex(rows, fill_value="")]
 
 
 def with_marks_only(cube: xr.Dataset) -> xr.Dataset:
