@@ -69,7 +69,11 @@ def with_doubts(cube: xr.Dataset) -> xr.Dataset:
     if (moving := _moving(cube)) is not None:
         found["moving"] = moving
     if "poisson_ratio_min" in cube and {"n_stripe", "n_subunit"} <= set(cube.coords):
-        found["contrary"] = _not_auxetic_in_the_paper(cube) & (cube["poisson_ratio_min"] < 0)
+        lowest = cube["poisson_ratio_min"]
+        if "poisson_ratio" in cube and STRAIN in cube["poisson_ratio"].dims:
+            # That of a test which did not converge at all strains is missing.
+            lowest = lowest.fillna(cube["poisson_ratio"].min(STRAIN))
+        found["contrary"] = _not_auxetic_in_the_paper(cube) & (lowest < 0)
     return cube.assign({f"{PREFIX}{name}": each.astype(float) for name, each in found.items()})
 
 

@@ -102,6 +102,12 @@ def test_designs_are_marked_whose_claim_fails(lowest):
         assert (result.margin < 0) == contrary.sel(n_stripe=2, n_subunit=n_subunit).item()
 
 
+def test_a_test_that_ended_early_counts_as_far_as_it_went():
+    cube = cube_of()
+    cube["poisson_ratio_min"][:] = np.nan
+    assert marked(cube, [])["contrary"].values.tolist() == [[True, True], [False, False]]
+
+
 def test_a_claim_about_one_design_marks_it_alone():
     cube = cube_of().assign_coords(n_subunit=[40, 48])
     assert marked(cube, [])["contrary"].values.tolist() == [[True, True], [False, True]]
