@@ -1,6 +1,7 @@
 """Of cubes: ``query``, ``find``, ``compare``, ``map``, ``claims``, ``plate``, ``explore``."""
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def query(
     all.
     """
     from knitlab.cube.cube_file import open_cube
-    from knitlab.cube.query import main_columns, query_cubes, variables_table
+    from knitlab.cube.query import main_columns, marks_of_all, query_cubes, variables_table
 
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     parts = re.findall(r"(?:\([^)]*\)?|[^,(])+", columns or "")
@@ -49,7 +50,11 @@ def query(
     if not names and style == "table":
         asked = re.findall(r"\w+", f"{where or ''} {' '.join(sort)}")
         table = table[main_columns(table, [name for name in asked if name in table])]
-    options.show(table, style)
+    marks: Iterable[str] = ()
+    if style == "table":
+        marks = marks_of_all(opened, selections, list(table.columns))[table.index]
+    options.show_models(opened)
+    options.show(table, style, marks=marks)
 
 
 @click.command()
@@ -77,11 +82,13 @@ def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any
     from knitlab.api import cubes as api
 
     check_figure_suffix(output)
-    nearest = api.find(*cubes, **wanted)
+    opened = [api.opened(cube, lazily=True) for cube in cubes]
+    nearest = api.find(*opened, **wanted)
+    options.show_models(opened)
     if style == "table":
         for number, reached in enumerate(nearest.reached, start=1):
             click.echo(f"target {number}: {reached.target.text}")
-    options.show(nearest.table, style)
+    options.show(nearest.table, style, marks=nearest.marks)
     for reason, count in nearest.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)
     if output is not None and len(nearest.table):
@@ -132,10 +139,13 @@ def draw_map(
     **shown: str | Path | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
+    from knitlab.cube.cube_file import open_cube
     from knitlab.figures.drawing import draw_figure
 
     chosen = {name: str(value) for name, value in shown.items() if value is not None}
-    click.echo(f"figure  {draw_figure(kind, cubes, output, selections, chosen)}")
+    path = draw_figure(kind, cubes, output, selections, chosen)
+    options.show_models([open_cube(cube, lazily=True) for cube in cubes])
+    click.echo(f"figure  {path}")
 
 
 @click.command()
@@ -175,7 +185,9 @@ def explore(cubes: tuple[Path, ...], output: Path) -> None:
     """
     from knitlab.api import cubes as api
 
-    click.echo(f"page    {api.explore(*cubes, output=output)}")
+    opened = [api.opened(cube) for cube in cubes]
+    options.show_models(opened)
+    click.echo(f"page    {api.explore(*opened, output=output)}")
     click.echo(f"{output.stat().st_size / 1e6:.1f} MB", err=True)
 
 

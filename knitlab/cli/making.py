@@ -41,7 +41,8 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
         for number, target in enumerate(designed.request.wanted, start=1):
             kind = "target" if number <= len(designed.request.targets) else "subject to"
             click.echo(f"{kind} {number}: {target.text}")
-    options.show(designed.table, style)
+    options.show_models([designed.cube])
+    options.show(designed.table, style, marks=designed.ranking.marks)
     for line in summary(designed):
         click.echo(line, err=style != "table")
     click.echo(f"cube    {designed.folder / CUBE}", err=True)

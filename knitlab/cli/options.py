@@ -22,6 +22,7 @@ from knitlab.io.names import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
     from matplotlib.figure import Figure
 
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
@@ -136,13 +137,33 @@ def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool
         click.echo(f"{indent}… and {len(lines) - MOST_LINES} more{more}", err=err)
 
 
-def show(table: "pd.DataFrame", style: str, output: Path | None = None, what: str = "") -> None:
-    """Print a table, and on the error stream the file, of some sort, that was written too."""
-    from knitlab.cube.query import formatted
+def show(
+    table: "pd.DataFrame",
+    style: str,
+    output: Path | None = None,
+    what: str = "",
+    marks: Iterable[str] = (),
+) -> None:
+    """Print a table, and on the error stream the file, of some sort, that was written too.
 
+    ``marks`` of its rows are a column of a table for people, if there are any.
+    """
+    from knitlab.cube.query import formatted
+    from knitlab.cube.trust import COLUMN
+
+    if style == "table" and any(signs := list(marks)):
+        table = table.assign(**{COLUMN: signs})
     click.echo(formatted(table, style))
     if output is not None:
         click.echo(f"{what or 'figure':6}  {output}", err=True)
+
+
+def show_models(cubes: "Sequence[xr.Dataset]") -> None:
+    """Print on the error stream of which model the numbers of cubes are."""
+    from knitlab.cube.model_line import model_lines
+
+    for line in model_lines(cubes):
+        click.echo(one_line(line), err=True)
 
 
 def exit_unless(ok: bool) -> None:

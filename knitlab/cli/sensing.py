@@ -50,12 +50,15 @@ def sensing(
     Exit code 1 if nothing is known of a state.
     """
     from knitlab.api import sensing as of
+    from knitlab.cube.cube_file import open_cube
+    from knitlab.cube.trust import marks_of_rows
     from knitlab.sensing.selectivity import selectivity_table
 
     if electrodes and sensors:
         raise fault("electrodes", "gives one table and --sensor another; give one of them")
     if (electrodes or sensors) and where:
         raise fault("where", "is of a table of designs; select one design")
+    marks: list[str] = []
     if electrodes:
         found = of.capacitance_matrix(cube, electrodes, selections, output=output, **cloth)
         wide = found["capacitance"].to_dataframe()["capacitance"].unstack("to")
@@ -73,7 +76,8 @@ def sensing(
         found = of.selectivity(cube, output, selections, along=along, where=where)
         table = selectivity_table(found, "free" if free else "held")
         known = bool((table["status"] == "ok").all())
-    options.show(table, style, output)
+        marks = marks_of_rows(open_cube(cube, lazily=True), table)
+    options.show(table, style, output, marks=marks)
     options.exit_unless(known)
 
 

@@ -333,9 +333,21 @@ class SettingDifference(NamedTuple):
 def common_settings(
     records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
 ) -> dict[str, Any]:
-    """Settings that all records share, but for swept ones, with the fingerprint of the stripes."""
+    """Settings that all records share, but for swept ones, with the fingerprint of the stripes.
+
+    Of the sheet, those that some records leave out are kept: without contact they mean nothing.
+    """
     # Converted to JSON, so that they can be compared with those of a cube.
-    common: dict[str, Any] = reduce(shared, json.loads(json.dumps(list(records))))
+    listed: list[dict[str, Any]] = json.loads(json.dumps(list(records)))
+    common: dict[str, Any] = reduce(shared, listed)
+    if all("sheet" in record for record in listed):
+        sheets = [record["sheet"] for record in listed]
+        stated = {name: value for sheet in sheets for name, value in sheet.items()}
+        common["sheet"] = {
+            name: value
+            for name, value in stated.items()
+            if all(sheet.get(name, value) == value for sheet in sheets)
+        }
     kept = {
         key: {name: inner for name, inner in value.items() if name not in swept}
         if isinstance(value, dict)

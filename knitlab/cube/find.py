@@ -18,7 +18,7 @@ from knitlab.cube.probability import (
     numbers_of,
     with_deviations,
 )
-from knitlab.cube.query import designs_of_all
+from knitlab.cube.query import designs_of_all, marks_of_all
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.cube.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
 from knitlab.cube.target import MOST_TARGETS, Target, check_window
@@ -77,6 +77,7 @@ class Found:
     table: pd.DataFrame
     reached: tuple[Reached, ...]  # for each target, in the order of the table
     passed_over: dict[str, int]  # designs that were not considered, by reason
+    marks: tuple[str, ...] = ()  # of the rows of the table: the signs of what not to rely on
 
     def __repr__(self) -> str:
         return f"<Found: {len(self.table)} designs, {len(self.reached)} targets>"
@@ -110,6 +111,7 @@ def find_designs(
     expressions = [target for target in (*targets, *subject_to) if not target.name.isidentifier()]
     known = with_columns(cubes, [target.name for target in expressions])
     designs = designs_of_all(known)
+    marks = marks_of_all(cubes, {}, [_read_over(each) for each in (*targets, *subject_to)])
     ok = (designs["status"] == Status.ok.name).to_numpy()
     if not ok.any():
         raise fault("cubes", "hold no design that is ok; run a workflow first")
@@ -149,7 +151,8 @@ def find_designs(
         table[f"in_spread_{number}"] = each.in_spread
     for constraint in required:
         table[constraint.target.label] = constraint.obtained[order]
-    return Found(table, ordered, {reason: count for reason, count in passed_over.items() if count})
+    counted = {reason: count for reason, count in passed_over.items() if count}
+    return Found(table, ordered, counted, tuple(marks[ok].iloc[order]))
 
 
 def _reached(
@@ -197,6 +200,12 @@ def _reached(
         ]
         met = is_met(target, at, curves, np.array(read))
     return Reached(target, at, curves, obtained, off_by, worst, in_spread, tuple(band), met)
+
+
+def _read_over(target: Target) -> str:
+    """The variable of a target, as a column reduced over its window if it has one."""
+    window = target.window
+    return f"mean({target.name}, {window.start}:{window.stop})" if window else target.name
 
 
 def _lies_along_strain(

@@ -1,6 +1,7 @@
 """Queries: the designs of cubes as a table, filtered, sorted and printed."""
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ from pandas.api.types import is_numeric_dtype
 
 from knitlab.cube.condition import computed, holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path, with_derived
-from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
+from knitlab.cube.model_line import model_line
+from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, STRAIN, VARIABLES, Status
 from knitlab.cube.selection import refuse_others, selectable, selected, selections_along
 from knitlab.cube.strain_window import with_columns
+from knitlab.cube.trust import COLUMN, legend, marks_of, with_marks_only
 from knitlab.io.errors import Fault, raise_any
 
 MAIN_COLUMNS = (
@@ -24,7 +27,8 @@ MAIN_COLUMNS = (
 )  # that the command line shows unless asked for others, after what tells rows apart
 MOST_MAIN_COLUMNS = 8
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a text begins that a spreadsheet computes
-ON_REQUEST = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]  # columns
+ON_REQUEST = [name for name, variable in VARIABLES.items() if variable.of == "stripes"] + [COLUMN]
+"""Columns that a table has only if they are asked for."""
 
 
 @xr.register_dataset_accessor("knitlab")
@@ -37,6 +41,11 @@ class KnitlabAccessor:
 
     def __init__(self, cube: xr.Dataset) -> None:
         self._cube = with_derived(cube)
+
+    @property
+    def model(self) -> str:
+        """The model that its numbers are of: lengths, contact, boundary and method."""
+        return model_line(self._cube)
 
     def select(self, **selections: Any) -> xr.Dataset:
         """The cube at selected values of its coordinates; all dimensions are kept.
@@ -77,7 +86,7 @@ class KnitlabAccessor:
             where: expression over the columns that the rows must meet.
             sort: column to sort by, or several; a leading minus sorts descending.
             columns: columns to keep, or expressions over them; by default all but the stripe
-                parameters.
+                parameters and ``marks``, the signs of what not to rely on.
             selections: a value or a list of values for each coordinate.
 
         Returns:
@@ -110,13 +119,34 @@ def query_cubes(
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
     known = with_columns(cubes, [where or "", *keys, *(columns or ())])
-    return queried(designs_of_all(known, selections), where, keys, columns)
+    table = designs_of_all(known, selections)
+    if re.search(rf"\b{COLUMN}\b", f"{where or ''} {' '.join((*keys, *(columns or ())))}"):
+        table[COLUMN] = marks_of_all(cubes, selections, columns or list(table.columns))
+    return queried(table, where, keys, columns)
 
 
-def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
-    """One row for each design and each selected value of further dimensions; none if excluded."""
+def marks_of_all(
+    cubes: Sequence[xr.Dataset], selections: Mapping[str, Any], columns: Sequence[str]
+) -> pd.Series:
+    """The marks of the rows of :func:`designs_of_all`, at the states that some columns are of.
+
+    Where a strain or a force is selected, they are those of that state.
+    """
+    lean = [with_marks_only(cube) for cube in cubes]
+    return designs_of_all(lean, selections, marked=columns)[COLUMN]
+
+
+def designs_table(
+    cube: xr.Dataset, selections: Mapping[str, Any] = {}, marked: Sequence[str] | None = None
+) -> pd.DataFrame:
+    """One row for each design and each selected value of further dimensions; none if excluded.
+
+    With ``marked`` columns there are the marks that concern them, see :func:`marks_of_all`.
+    """
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
     chosen = selected(cube, selections)
+    if marked is not None:
+        chosen = chosen.assign({COLUMN: marks_of(chosen, marked, each_strain=STRAIN in rows)})
     shown = [name for name, each in chosen.data_vars.items() if set(each.dims) <= set(rows)]
     shown.sort(key=lambda name: name != "status")  # a file may have them in any order
     chosen = chosen[shown]
@@ -132,16 +162,20 @@ def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.Da
     return table
 
 
-def designs_of_all(cubes: Sequence[xr.Dataset], selections: Mapping[str, Any] = {}) -> pd.DataFrame:
+def designs_of_all(
+    cubes: Sequence[xr.Dataset],
+    selections: Mapping[str, Any] = {},
+    marked: Sequence[str] | None = None,
+) -> pd.DataFrame:
     """The concatenated tables of cubes, each sliced along its own dimensions, with their source."""
     if len(cubes) == 1:
-        return designs_table(cubes[0], selections)
+        return designs_table(cubes[0], selections, marked)
     known = {name: None for cube in cubes for name in selectable(cube)}
     remedy = f"select along {', '.join(known)}"
     refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
     tables = []
     for cube, name in zip(cubes, _distinct_names(cubes), strict=True):
-        table = designs_table(cube, selections_along(selections, selectable(cube)))
+        table = designs_table(cube, selections_along(selections, selectable(cube)), marked)
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
         origin = {SOURCE: source, "cube": name} | _differing_options(cube, cubes)
         for index, (column, value) in enumerate(origin.items(), start=len(design_dims(cube))):
@@ -243,7 +277,8 @@ def formatted(table: pd.DataFrame, style: str) -> str:
         return table.to_json(orient="records", indent=1, double_precision=15)
     if table.empty:
         return "no design matches"
-    return table.to_string(index=False, float_format=_significant, na_rep="-")
+    shown = table.to_string(index=False, float_format=_significant, na_rep="-")
+    return "\n".join([shown, *legend(table.get(COLUMN, ()))])
 
 
 def _no_formula(cell: Any) -> Any:

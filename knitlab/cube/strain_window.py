@@ -175,6 +175,11 @@ def reduced_columns(text: str) -> list[str]:
     return list(dict.fromkeys(match[0] for match in _COLUMN.finditer(text)))
 
 
+def reduced_windows(text: str) -> list[StrainWindow]:
+    """The windows over which the columns in a text are reduced."""
+    return [StrainWindow.of(match[3], match[0]) for match in _COLUMN.finditer(text)]
+
+
 def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.Dataset]:
     """Cubes with the reduced columns in some texts as variables; BadInput if these cannot be."""
     known = {

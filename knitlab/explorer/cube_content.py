@@ -18,6 +18,7 @@ from PIL import Image
 
 from knitlab.cube.case_file import StoredCase, check_case_file, in_cloth, read_case
 from knitlab.cube.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
+from knitlab.cube.model_line import model_line
 from knitlab.cube.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.explorer.shapes import shape_of
 from knitlab.io.errors import BadInput
@@ -70,6 +71,7 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
         "name": cube_name(cube),
         "title": str(cube.attrs.get("title", "")),
         "source": source_of(cube),
+        "model": model_line(cube),
         "dims": [
             {
                 "name": dim,

@@ -23,6 +23,7 @@ from knitlab.cube.selection import (
     selected,
     selections_along,
 )
+from knitlab.cube.trust import with_doubts
 from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
@@ -86,7 +87,7 @@ def draw(
     Node positions are those of a case, or of case files beside the file that a cube was read from.
     """
     kind = FIGURES[name]
-    cubes = [with_derived(cube) for cube in cubes]
+    cubes = [with_doubts(with_derived(cube)) for cube in cubes]
     if not cubes:
         raise fault(name, "shows a cube; give one")
     if len(cubes) > 1 and not kind.several:

@@ -109,7 +109,8 @@ def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
     order = np.lexsort((worst, violation))
     in_order = tuple(each.in_order(order) for each in nearest.reached)
     table = table.iloc[order].reset_index(drop=True)
-    return Found(table, in_order, nearest.passed_over), described(cube)
+    marks = tuple(nearest.marks[row] for row in order)
+    return Found(table, in_order, nearest.passed_over, marks), described(cube)
 
 
 def write_workflow(

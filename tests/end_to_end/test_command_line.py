@@ -49,7 +49,7 @@ def test_a_sweep_from_plan_to_map():
 
     cube = "results/periodic/cube.nc"
     answered = knitlab("query", cube, "--where", "poisson_ratio_min < 1", "--format", "json")
-    (design,) = json.loads(answered.output)
+    (design,) = json.loads(answered.stdout)
     assert (design["n_stripe"], design["n_subunit"], design["status"]) == (4, 8, "ok")
     stored = xr.load_dataset(cube)["poisson_ratio_min"].item()
     assert design["poisson_ratio_min"] == pytest.approx(stored)

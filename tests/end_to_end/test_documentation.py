@@ -139,7 +139,8 @@ def test_tables_of_the_readme_and_of_every_kind_of_page_are_compared():
 def test_the_first_row_of_the_readme_is_computed_again(tmp_path):
     query = next(example for example in examples("README.md") if example.words[0] == "query")
     names, values = (line.split() for line in query.printed[:2])
-    printed = dict(zip(names, map(float, values), strict=True))
+    pairs = zip(names, values, strict=False)  # a row without marks ends before
+    printed = {name: float(value) for name, value in pairs if name != "marks"}
     sizes = {name: int(printed.pop(name)) for name in ("n_stripe", "n_subunit")}
     computed = kl.run("preview", **sizes, results=tmp_path).squeeze()
     assert {name: float(computed[name]) for name in printed} == pytest.approx(printed, rel=1e-3)

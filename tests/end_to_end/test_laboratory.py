@@ -48,7 +48,7 @@ def test_the_tutorial_shows_the_output_of_its_commands(results_folder):
     for command, output in commands:
         result = CliRunner().invoke(main, command)
         assert result.exit_code == 0, result.output
-        assert [line.rstrip() for line in result.output.splitlines()] == output
+        assert [line.rstrip() for line in result.stdout.splitlines()] == output
 
 
 @pytest.mark.slow

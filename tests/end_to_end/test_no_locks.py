@@ -47,8 +47,8 @@ def knitlab(library, tmp_path):
 
 
 def test_a_cube_is_read_without_a_lock(knitlab):
-    said = knitlab("query", str(PREVIEW), "--columns", "n_stripe")
-    assert (said.returncode, said.stderr) == (0, "")
+    said = knitlab("query", str(PREVIEW), "--columns", "n_stripe", "--format", "csv")
+    assert (said.returncode, len(said.stderr.splitlines())) == (0, 1)  # that of the model
     assert said.stdout.split()[:2] == ["n_stripe", "2"]
 
 

@@ -10,6 +10,7 @@ from PIL import Image
 
 from knitlab.cube.case_file import in_cloth
 from knitlab.cube.cube_file import open_cube
+from knitlab.cube.model_line import model_line
 from knitlab.explorer.explorer import write_explorer
 from tests.explorer.conftest import HOSTILE, PREVIEW, REFERENCE, started
 
@@ -153,6 +154,7 @@ def test_it_opens_from_a_file_at_the_most_auxetic_state(preview):
     picture = preview.until_shape("8~64")
     assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 100
     assert preview.is_quiet()
+    assert model_line(open_cube(PREVIEW)) in preview.one("#model").text
 
 
 @pytest.mark.slow

@@ -137,4 +137,4 @@ def test_the_steepest_of_a_range_is_found_by_a_query(tmp_path):
     asked = ("--where", "working_range >= 0.1 and status == 'ok'", "--sort", "-sensitivity")
     columns = ("--columns", "n_stripe,n_subunit,sensitivity,working_range", "--format", "csv")
     result = CliRunner().invoke(main, ["query", str(tmp_path / "cube.nc"), *asked, *columns])
-    assert result.output.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]
+    assert result.stdout.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]

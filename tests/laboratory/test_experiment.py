@@ -156,7 +156,7 @@ def test_cycles_are_separated_along_a_dimension(tmp_path):
     said = CliRunner().invoke(
         main, ["query", str(imported.path), "--columns", "cycle,source,sensitivity"]
     )
-    assert [line.split() for line in said.output.splitlines()[1:]] == [
+    assert [line.split() for line in said.stdout.splitlines()[1:]] == [
         [str(cycle), "experiment", "4"] for cycle in (1, 2, 3)
     ]
 
@@ -214,7 +214,7 @@ def test_figures_that_need_a_simulation_refuse_experiments(tmp_path, both, kind)
 
 def test_two_sources_are_queried_together(both):
     words = ["query", *map(str, both), "--select", "applied_strain=0.1", "--format", "json"]
-    rows = json.loads(CliRunner().invoke(main, words).output)
+    rows = json.loads(CliRunner().invoke(main, words).stdout)
     assert {row["source"] for row in rows} == {"simulation", "experiment"}
     (measured,) = [row for row in rows if row["source"] == "experiment"]
     assert measured["poisson_ratio"] == pytest.approx(NU)

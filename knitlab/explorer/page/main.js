@@ -61,6 +61,7 @@ function cubeChoice({ store, cubes }) {
   });
   store.show((state) => {
     select.value = state.cube;
+    byId("model").textContent = `Model: ${cubes[state.cube].model}`;
   });
 }
 

@@ -1,7 +1,7 @@
 """Design maps over n_stripe and P: lowest Poisson's ratio, and sensitivity and working range."""
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from math import dist
 from textwrap import fill
@@ -17,19 +17,17 @@ from matplotlib.patches import Rectangle
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import with_columns
+from knitlab.cube.trust import COLUMN, MARKS, marked, marks_of
 from knitlab.figures import cells, style
 from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
-from knitlab.figures.kinds.curves import snapped_before
 from knitlab.figures.nearest_designs import non_dominated
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
-CROSSES = "† the simulated fabric passes through itself there, which no real one can"
 LAST = "‡ lowest at the last strain of the test: ν may fall further"
-SNAPS = "§ the fabric snaps on the way there: another shape would have another ν"
 ENDS = "‡ the test ends within the working range: it may be wider"
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
@@ -64,7 +62,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     notes = [f"in each cell: (n_stripe, n_subunit), {said}"]
     if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
         notes.append(SPREAD_NOTE)
-    notes += sorted({note for design in designs for note in _notes(name, design)})
+    notes += _explained([name], designs)
     marks_legend(figure, marked, NO_RATIO, notes, cubes)
     return figure
 
@@ -129,16 +127,9 @@ def draw_map(
 def _notes(name: str, design: xr.Dataset) -> list[str]:
     """Notes on a value of a design, each of which begins with its mark."""
     last = float(design["applied_strain"].max())
-    crossing = "intersections_at_min" if name == "poisson_ratio_min" else "self_intersections"
-    notes = []
-    if name.startswith("poisson_ratio") and crossing in design and float(design[crossing]) > 0:
-        notes.append(CROSSES)
-    if name == "poisson_ratio_min":
-        at = float(design["applied_strain_at_min"])
-        if at >= last > 0:
-            notes.append(LAST)
-        if snapped_before(design)[design["applied_strain"].values <= at + 1e-9].any():
-            notes.append(SNAPS)
+    notes = [str(MARKS[mark]) for mark, where in marked(design, [name]).items() if where]
+    if name == "poisson_ratio_min" and float(design["applied_strain_at_min"]) >= last > 0:
+        notes.append(LAST)
     if name == "working_range" and "working_start" in design:
         end = float(design["working_start"] + design["working_range"])
         notes += [ENDS] if end >= last - 1e-9 else []
@@ -147,6 +138,12 @@ def _notes(name: str, design: xr.Dataset) -> list[str]:
 
 def _marks(name: str, design: xr.Dataset) -> str:
     return "".join(note[0] for note in _notes(name, design))
+
+
+def _explained(names: Sequence[str], designs: Iterable[xr.Dataset]) -> list[str]:
+    """The notes on some values of designs, each once, in the order of the marks of tables."""
+    shown = {note for design in designs for name in names for note in _notes(name, design)}
+    return [note for note in (*map(str, MARKS.values()), LAST, ENDS) if note in shown]
 
 
 def row_count(designs: Sequence[xr.Dataset]) -> int:
@@ -215,7 +212,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
         marked |= draw_map(axes, cubes, merit.name, label, merit.text)
     maps[0].set_xlabel("")
     notes = ["in each cell: (n_stripe, n_subunit), value"]
-    notes += sorted({note for design in designs for note in _notes(merits[1].name, design)})
+    notes += _explained([merit.name for merit in merits], designs)
     marks_legend(figure, marked, NO_VALUE, notes, cubes)
     _draw_trade_off(below, cubes, merits)
     return figure
@@ -241,7 +238,7 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
         axes.plot(points[across], points[up], "o", ms=8, mfc="none", mec="black", label="measured")
     labels: dict[tuple[float, float], str] = {}
     for _, one in named.iterrows():
-        name = f"({one['n_stripe']}, {one['n_subunit']})"
+        name = f"({one['n_stripe']}, {one['n_subunit']}){one[COLUMN]}"
         name += " measured" if one["measured"] and not measured.all() else ""
         at = one[across] / table[across].max(), one[up] / table[up].max()
         close = next((other for other in labels if dist(other, at) < CLOSE), at)
@@ -252,11 +249,12 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
         at = x * table[across].max(), y * table[up].max()
         axes.annotate(text, at, rotation=45, fontsize=6, **beside)
     axes.set(xlabel=across_label, ylabel=up_label)
-    axes.margins(0.2)
+    axes.margins(0.2, 0.35)  # with room for the names
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
     listed = [
-        f"({one['n_stripe']}, {one['n_subunit']}) {one[up]:.2f} pF, {one[across]:{form}}"
+        f"({one['n_stripe']}, {one['n_subunit']}){one[COLUMN]} {one[up]:.2f} pF,"
+        f" {one[across]:{form}}"
         for _, one in front.iterrows()
     ]
     title = fill(f"Pareto front: {'; '.join(listed)}", 110)
@@ -270,7 +268,11 @@ def values_of_designs(cubes: Sequence[xr.Dataset], merits: Merits) -> pd.DataFra
     """A row of both values for every design that is ok and has both."""
     names = [merit.name for merit in merits]
     table = pd.concat(
-        cube[["status", *names]].to_dataframe().reset_index().assign(measured=is_measured(cube))
+        cube[["status", *names]]
+        .assign({COLUMN: marks_of(cube, names)})
+        .to_dataframe()
+        .reset_index()
+        .assign(measured=is_measured(cube))
         for cube in cubes
     )
     return table[table["status"] == Status.ok].dropna(subset=names)
