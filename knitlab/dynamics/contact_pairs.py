@@ -28,16 +28,17 @@ CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
 NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 """Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
 SPLIT = {"triangle": 1, "edges": 2}  # number of the first corner of the second part of a pair
-MARGINS = 0.05, 0.5  # least and greatest margin of a list, over the shortest side of a cell
+MARGINS = 0.05, 0.3  # least and greatest margin of a list, over the shortest side of a cell
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
-CLOSE = 1.0  # distance beyond that of listed pairs up to which cells are close, over a cell side
+CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
 PARALLEL = 1e-3  # squared sine between edges of unit length, below which they count as parallel
 
 Cells = Int[np.ndarray, "cell 2"]  # row and column of lower left nodes, images included
 Pairs = Int[np.ndarray, "pair 4 2"]  # the same of the four corners
 Positions = Float[np.ndarray, "node 3"]
 Lengths = Float[np.ndarray, "2"]
+Boxes = Float[np.ndarray, "3 cell"]
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -70,6 +71,19 @@ class CloseCells:
     one: Cells
     other: Cells
 
+    def gaps(self, shape: MeshShape, low: Boxes, high: Boxes, lengths: Lengths) -> Boxes:
+        """Gaps between the boxes of pairs of cells, whose lowest and highest corners are given."""
+        (one, turns), (other, others) = (_nodes_and_turns(shape, each) for each in (self.one, self.other))
+        apart = np.zeros(len(one))
+        for axis in range(3):
+            shift = 0.0
+            if shape.periodic and axis < 2:
+                shift = (others - turns)[:, 1 - axis] * lengths[axis]
+            ahead = low[axis][other] + shift - high[axis][one]
+            behind = low[axis][one] - high[axis][other] - shift
+            apart += np.maximum(np.maximum(ahead, behind), 0.0) ** 2
+        return np.sqrt(apart)
+
 
 class Watched(NamedTuple):
     """Pairs of cells, and how far they may approach before some of their parts are not listed."""
@@ -97,13 +111,14 @@ class PairFinder:
     shape: MeshShape
     layers: ContactLayers
 
-    def listed(self, place: Place, last: Listed | None = None) -> Listed:
+    def listed(self, place: Place, last: Listed | None = None, wanted: float = 0.0) -> Listed:
         """The pairs at a configuration, with a wide margin where few parts are close.
 
         The cells that are close to each other are searched only if those of the ``last`` list may
-        not be all.
+        not be all. The margin is as ``wanted`` at least, if not wider than can be [mm].
         """
         least, margin = (fraction * self.layers.cell for fraction in MARGINS)
+        least = min(max(least, wanted), margin)
         within = self.layers.far.begins + margin
         if last is None or not self._spent(last.cells, place) < 0.4:
             cells = self._close_cells(place, within + CLOSE * self.layers.cell)
@@ -158,10 +173,9 @@ class PairFinder:
 
         Also all pairs of cells that could come close, and by how much they may.
         """
-        one, other = self._corners(cells.one, place), self._corners(cells.other, place)
-        gap = np.maximum(one.min(0) - other.max(0), other.min(0) - one.max(0))
-        gap = np.maximum(gap, 0.0)
-        gap = np.sqrt(np.einsum("cp,cp->p", gap, gap)) - self.layers.far.begins
+        at = self._corners(_cells(self.shape), place)
+        gap = cells.gaps(self.shape, at.min(axis=0), at.max(axis=0), place.lengths)
+        gap -= self.layers.far.begins
         close = gap <= margin
         *beside, folded = self._neighbours(place)
         watched = (

@@ -364,18 +364,24 @@ class Touching:
         fabrics = zip(self.finders, self.listed, _places(shape), strict=True)
         return np.array([finder.used(*fabric) for finder, *fabric in fabrics])
 
-    def renewed(self, shape: Shape, which: Bool[np.ndarray, " case"]) -> "Touching":
-        """The same with the lists of some fabrics found anew."""
+    def renewed(
+        self, shape: Shape, which: Bool[np.ndarray, " case"], margin: OfCases
+    ) -> "Touching":
+        """The same with the lists of some fabrics found anew, with at least a margin [mm]."""
         if not which.any():
             return self
-        fabrics = zip(self.finders, self.listed, which, _places(shape), strict=True)
+        fabrics = zip(self.finders, self.listed, which, _places(shape), margin, strict=True)
         listed = [
-            finder.listed(place, old) if new else old for finder, old, new, place in fabrics
+            finder.listed(place, old, wanted) if new else old
+            for finder, old, new, place, wanted in fabrics
         ]
         return self._of(self.finders, listed)
 
-    def covered(self, motion: Motion, duration: OfCases) -> tuple["Touching", OfCases]:
-        """Lists that cover most of a coming motion [ms], and the fraction of it that they cover."""
+    def covered(
+        self, motion: Motion, step: OfCases, count: OfCases
+    ) -> tuple["Touching", OfCases]:
+        """Lists that cover most of some coming steps [ms], and the fraction of them they cover."""
+        duration = step * count
         ahead = jax.tree.map(
             lambda at, rate: at + duration.reshape(-1, *[1] * (at.ndim - 1)) * rate,
             motion.shape,
@@ -384,7 +390,8 @@ class Touching:
         lists, now, then = self, self.used(motion.shape), self.used(ahead)
         short = (then > COVERED) & (now > 0.1)
         if short.any():
-            lists = self.renewed(motion.shape, short)
+            speed = np.max([np.abs(each).max(axis=(1, 2)) for each in motion.velocity.positions], axis=0)
+            lists = self.renewed(motion.shape, short, 10 * speed * duration / np.maximum(count, 1))
             now, then = lists.used(motion.shape), lists.used(ahead)
         return lists, np.clip((COVERED - now) / np.maximum(then - now, 1e-300), 0.0, 1.0)
 
@@ -458,7 +465,7 @@ def _by_leapfrog(
     count = np.where(left > 0, np.minimum(whole, 256 if moving.release is None else 64), 0).astype(int)
     if moving.touching is not None:
         count = np.minimum(count, most)
-        touching, covered = moving.touching.covered(moving.motion, count * step)
+        touching, covered = moving.touching.covered(moving.motion, step, count)
         body = replace(moving.body, contact=touching.contact)
         moving = replace(moving, touching=touching, body=body)
         count = np.where(count > 0, np.maximum(covered * count, 1), 0).astype(int)
