@@ -3,33 +3,39 @@
 The potential is that of equilibria, so that a motion comes to rest where they are. It is a sum over
 pairs of parts, a node and a triangle or two edges (Li et al., Incremental Potential Contact, ACM
 Trans. Graph. 39, 2020), which :mod:`knitlab.dynamics.contact_pairs` lists. Lists have spare places
-and are read in chunks, so that one program serves lists of any length.
+and are read in chunks, so that one program serves lists of many lengths.
+
+In time, :meth:`Contact.forces`, the barrier is too stiff for explicit steps, so that every
+pair takes the force at the distance to which the step leads.
 """
 
-from functools import partial, wraps
-from typing import Any, Literal, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from knitlab.dynamics.vectors import Component, Vector, add, cross, dot, kept, scale, subtract
+from knitlab.dynamics.closest_points import CLOSEST, Corners, Kind, Weights, crossing, separation
+from knitlab.dynamics.grid import Shape
+from knitlab.dynamics.vectors import Component, Vector, dot, kept, scale
 
 CHUNK = 256  # pairs that are evaluated together
+NEWTON_STEPS = 4  # for the force of a pair
+# Excess over its range below which the force that a step begins with does not grow, and below which
+# energies and their derivatives do not: in motion, parts may for a moment be nearer than the least.
+DEEPEST, TOUCHING = 0.05, 1e-9
 
-Kind = Literal["triangle", "edges"]  # of a pair: a node and a triangle, or two edges
-
-Corners = tuple[Vector, Vector, Vector, Vector]
-Weights = tuple[Component, Component, Component, Component]
-"""Of the corners: the sum of the weighted corners leads from one closest point to the other."""
+OfNodes = list[Float[Array, " node"]]  # components along x, y and z
+Shares = tuple[Float[Array, " node"], Float[Array, "2"]]  # of nodes, and of L_x and L_y
+Totals = tuple[OfNodes, Float[Array, "2"]]  # of nodes, and of L_x and L_y
 
 
 class PairList(NamedTuple):
     """Pairs of one kind that may come within reach, by their four corners.
 
-    A node and a triangle, or the ends of one edge and those of the other. Places that are not used
-    have a ``range_squared`` of −1.
+    Places that are not used have a ``range_squared`` of −1.
     """
 
     nodes: Int[Array, "*batch 4 pair"]  # of the corners, numbered along the rows of the grid
@@ -38,229 +44,8 @@ class PairList(NamedTuple):
     # square of the distance at which the barrier begins, less that of the least [mm²]
     range_squared: Float[Array, "*batch pair"]
     strength: Float[Array, "*batch pair"]  # of the barrier [N/mm³]
-    # squared sine times squared lengths below which edges count as parallel; 0 for a triangle [mm⁴]
+    # squared cross product below which edges count as nearly parallel [mm⁴]
     parallel: Float[Array, "*batch pair"]
-
-
-class Contact(eqx.Module):
-    """All pairs that can come within reach before they are listed again."""
-
-    triangles: PairList  # a node and a triangle
-    edges: PairList  # two edges
-    chunks: Int[Array, "2"]  # that hold pairs in any fabric of a batch: triangles, and edges
-    periodic: bool = eqx.field(static=True)
-
-    def energy(self, positions: Vector, lengths: Float[Array, "2"]) -> Float[Array, ""]:
-        """Energy of the barrier [N mm]; NaN where parts are nearer than they may be."""
-        place = tuple(each.ravel() for each in positions)
-        total = jnp.zeros(())
-        for pairs, chunks, closest in self._kinds():
-
-            def added(number: Any, energy: Array, pairs: Any = pairs, closest: Any = closest) -> Array:
-                chunk = _chunk(pairs, number)
-                corners = self._corners(chunk, place, lengths)
-                weights, crossed = closest(corners)
-                value, _ = _barrier(chunk, _squared(weights, corners))
-                return energy + jnp.sum(value * _mollified(chunk, crossed)[0])
-
-            total = jax.lax.fori_loop(0, chunks, added, total)
-        return total
-
-    def gradient(
-        self, positions: Vector, lengths: Float[Array, "2"]
-    ) -> tuple[Vector, Float[Array, "2"]]:
-        """Derivatives of the energy by the positions of nodes and by L_x and L_y [N]."""
-        place = tuple(each.ravel() for each in positions)
-        found = (*(jnp.zeros_like(each) for each in place), jnp.zeros(2))
-        for pairs, chunks, closest in self._kinds():
-
-            def added(number: Any, sums: Any, pairs: Any = pairs, closest: Any = closest) -> Any:
-                chunk = _chunk(pairs, number)
-                forces = _forces(chunk, self._corners(chunk, place, lengths), closest)
-                *nodes, sides = sums
-                for axis in range(3):
-                    by_corner = jnp.stack([force[axis] for force in forces])
-                    nodes[axis] = (
-                        nodes[axis].at[chunk.nodes].add(by_corner, mode="promise_in_bounds")
-                    )
-                    if self.periodic and axis < 2:
-                        sides = sides.at[axis].add(jnp.sum(chunk.turns[axis] * by_corner))
-                return (*nodes, sides)
-
-            found = jax.lax.fori_loop(0, chunks, added, found)
-        x, y, z, sides = found
-        grid = positions[0].shape
-        return (x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides
-
-    def kick(
-        self,
-        positions: Vector,
-        lengths: Float[Array, "2"],
-        velocity: Vector,
-        rates: Float[Array, "2"],
-        push: tuple[Vector, Float[Array, "2"]],
-        drift: Float[Array, ""],
-    ) -> tuple[Vector, Float[Array, "2"]]:
-        """Change of velocity by the barrier as it acts after a drift [ms], partly implicit.
-
-        ``velocity`` and ``rates`` are those without it [mm/ms], and ``push`` the change of velocity
-        by a unit force. Each pair finds its own force at the distance to which the drift leads,
-        with the masses of its corners shared among the pairs that act on them, so that many stiff
-        pairs are stable together. At rest the force is that of the distance.
-        """
-        grid = positions[0].shape
-        place = [each.ravel() for each in positions]
-        pushed, side_push = push
-        pushed = [jnp.broadcast_to(each, grid).ravel() for each in pushed]
-        free = [each.ravel() for each in velocity]
-        softness = jnp.maximum(jnp.maximum(pushed[0], pushed[1]), pushed[2])
-
-        # Forces at the present distances, and how many pairs share each mass.
-        sums = ([jnp.zeros_like(each) for each in place], jnp.zeros(2))
-        shares = jnp.zeros_like(place[0]), jnp.zeros(2)
-        for pairs, chunks, closest in self._kinds():
-
-            def guessed(number: Any, found: Any, pairs: Any = pairs, closest: Any = closest) -> Any:
-                (nodes, sides), (share, side_share) = found
-                chunk = _chunk(pairs, number)
-                pair = _approach(chunk, self._corners(chunk, place, lengths), closest)
-                speed = self._speed(chunk, pair, free, rates)
-                force = _guess(chunk, pair.distance) * pair.factor
-                ahead = pair.distance + drift * speed
-                acting = (pair.distance < pair.begins) | (ahead < pair.begins)
-                nodes, sides = self._spread(chunk, pair, force, nodes, sides)
-                weights = jnp.abs(jnp.stack(pair.weights)) * acting
-                share = share.at[chunk.nodes].add(weights, mode="promise_in_bounds")
-                if self.periodic:
-                    side_share = side_share + jnp.abs(pair.turns(chunk)) @ acting
-                return (nodes, sides), (share, side_share)
-
-            sums, shares = jax.lax.fori_loop(0, chunks, guessed, (sums, shares))
-        (nodes, sides), (share, side_share) = sums, shares
-        ahead = [v + p * f for v, p, f in zip(free, pushed, nodes, strict=True)]
-        ahead_sides = rates + side_push * sides
-        softness, side_softness = softness * share, side_push * side_share
-
-        for pairs, chunks, closest in self._kinds():
-
-            def solved(number: Any, sums: Any, pairs: Any = pairs, closest: Any = closest) -> Any:
-                nodes, sides = sums
-                chunk = _chunk(pairs, number)
-                pair = _approach(chunk, self._corners(chunk, place, lengths), closest)
-                speed = self._speed(chunk, pair, ahead, ahead_sides)
-                soft = sum(
-                    jnp.abs(weight) * softness.at[chunk.nodes[corner]].get(mode="promise_in_bounds")
-                    for corner, weight in enumerate(pair.weights)
-                )
-                if self.periodic:
-                    soft = soft + side_softness @ jnp.abs(pair.turns(chunk))
-                guess = _guess(chunk, pair.distance)
-                soft = drift * soft * pair.factor
-                reached = pair.distance + drift * speed - soft * guess
-                force = (_implicit(chunk, pair.begins, reached, soft, pair.distance) - guess) * pair.factor
-                return self._spread(chunk, pair, force, nodes, sides)
-
-            nodes, sides = jax.lax.fori_loop(0, chunks, solved, (nodes, sides))
-        x, y, z = (f.reshape(grid) for f in nodes)
-        return (push[0][0] * x, push[0][1] * y, push[0][2] * z), side_push * sides
-
-    def _speed(self, pairs: PairList, pair: "Approach", velocity: Any, rates: Any) -> Component:
-        """Rate of the distance [mm/ms]."""
-        corners = self._corners(pairs, velocity, rates)
-        return dot(_separation(pair.weights, corners), pair.normal)
-
-    def _spread(
-        self, pairs: PairList, pair: "Approach", force: Component, nodes: Any, sides: Any
-    ) -> Any:
-        """Add repulsive forces of pairs to those on nodes, and on L_x and L_y."""
-        nodes = [
-            total.at[pairs.nodes].add(
-                jnp.stack([weight * force * along for weight in pair.weights]),
-                mode="promise_in_bounds",
-            )
-            for total, along in zip(nodes, pair.normal, strict=True)
-        ]
-        if self.periodic:
-            sides = sides + jnp.stack(
-                [jnp.sum(force * along * turn) for along, turn in zip(pair.normal[:2], pair.turns(pairs))]
-            )
-        return nodes, sides
-
-    def _kinds(self) -> tuple[tuple[PairList, Array, Any], ...]:
-        return (
-            (self.triangles, self.chunks[0], CLOSEST["triangle"]),
-            (self.edges, self.chunks[1], CLOSEST["edges"]),
-        )
-
-    def _corners(self, pairs: PairList, place: Any, lengths: Float[Array, "2"]) -> Corners:
-        """Positions of the corners of pairs [mm]."""
-        corners = []
-        for corner in range(4):
-            nodes = pairs.nodes[corner]
-            at = [each.at[nodes].get(mode="promise_in_bounds") for each in place]
-            if self.periodic:
-                for axis in range(2):
-                    at[axis] = at[axis] + lengths[axis] * pairs.turns[axis, corner]
-            corners.append(tuple(at))
-        return tuple(corners)
-
-
-def node_and_triangle(corners: Corners) -> tuple[Weights, None]:
-    """Weights of a point and of the corners of a triangle, for their closest points."""
-    point, first, second, third = corners
-    one, other, to = subtract(second, first), subtract(third, first), subtract(point, first)
-    square_one, square_other, mixed = dot(one, one), dot(other, other), dot(one, other)
-    # The point by its products with the sides, seen from each corner in turn (Ericson, Real-Time
-    # Collision Detection, 2005, Sec. 5.1.5).
-    one_1, other_1 = dot(one, to), dot(other, to)
-    one_2, other_2 = one_1 - square_one, other_1 - mixed
-    one_3, other_3 = one_1 - mixed, other_1 - square_other
-    area_1 = one_2 * other_3 - one_3 * other_2
-    area_2 = one_3 * other_1 - one_1 * other_3
-    area_3 = one_1 * other_2 - one_2 * other_1
-    whole = area_1 + area_2 + area_3
-    second_part, third_part = area_2 / whole, area_3 / whole
-    beside_1 = (area_1 <= 0) & (other_2 >= one_2) & (one_3 >= other_3)
-    along = (other_2 - one_2) / ((other_2 - one_2) + (one_3 - other_3))
-    second_part = jnp.where(beside_1, 1 - along, second_part)
-    third_part = jnp.where(beside_1, along, third_part)
-    beside_2 = (area_2 <= 0) & (other_1 >= 0) & (other_3 <= 0)
-    second_part = jnp.where(beside_2, 0.0, second_part)
-    third_part = jnp.where(beside_2, other_1 / (other_1 - other_3), third_part)
-    beside_3 = (area_3 <= 0) & (one_1 >= 0) & (one_2 <= 0)
-    second_part = jnp.where(beside_3, one_1 / (one_1 - one_2), second_part)
-    third_part = jnp.where(beside_3, 0.0, third_part)
-    at_1 = (one_1 <= 0) & (other_1 <= 0)
-    at_2 = (one_2 >= 0) & (other_2 <= one_2)
-    at_3 = (other_3 >= 0) & (one_3 <= other_3)
-    second_part = jnp.where(at_2, 1.0, jnp.where(at_1 | at_3, 0.0, second_part))
-    third_part = jnp.where(at_3, 1.0, jnp.where(at_1 | at_2, 0.0, third_part))
-    none = jnp.ones_like(second_part)
-    return (none, second_part + third_part - 1, -second_part, -third_part), None
-
-
-def two_edges(corners: Corners) -> tuple[Weights, "Crossed"]:
-    """Weights of the ends of two edges, for their closest points, and how the edges cross."""
-    start, end, other_start, other_end = corners
-    along, other, between = (
-        subtract(end, start),
-        subtract(other_end, other_start),
-        subtract(start, other_start),
-    )
-    square, other_square, mixed = dot(along, along), dot(other, other), dot(along, other)
-    at_start, at_other = dot(along, between), dot(other, between)
-    crossed = square * other_square - mixed**2
-    # Ericson, Sec. 5.1.9: clamp the point of the first line, then that of the second, and once more.
-    skew = crossed > 1e-14 * square * other_square
-    part = (mixed * at_other - at_start * other_square) / jnp.where(skew, crossed, 1.0)
-    part = jnp.clip(jnp.where(skew, part, 0.0), 0.0, 1.0)
-    other_part = (mixed * part + at_other) / other_square
-    clamped = jnp.clip(other_part, 0.0, 1.0)
-    again = jnp.clip((mixed * clamped - at_start) / square, 0.0, 1.0)
-    part = jnp.where(clamped == other_part, part, again)
-    return (1 - part, part, clamped - 1, -clamped), Crossed(
-        crossed, along, other, square, other_square, mixed
-    )
 
 
 class Approach(NamedTuple):
@@ -269,155 +54,266 @@ class Approach(NamedTuple):
     weights: Weights
     normal: Vector  # the direction in which they are apart
     distance: Component  # [mm]
-    begins: Component  # distance at which the barrier begins [mm]
-    factor: Component  # of nearly parallel edges
-
-    def turns(self, pairs: PairList) -> Float[Array, "2 pair"]:
-        """Sides L_x and L_y by which the closest points are images of each other."""
-        return jnp.einsum("kp,akp->ap", jnp.stack(self.weights), pairs.turns)
+    excess: Component  # of the squared distance over that of the least, by its range
+    factor: Component | float  # by which nearly parallel edges count
+    twist: Corners | None  # derivatives of this factor by the corners [1/mm]
 
 
-NEWTON = 4
-DEEPEST = 0.05  # excess over its range, below which a guess of the force does not grow
+class Contact(eqx.Module):
+    """All pairs that can come within reach before they are listed again."""
+
+    lists: dict[Kind, PairList]
+    # number of chunks that hold pairs, in any fabric of a batch
+    chunks: dict[Kind, Int[Array, ""]]
+    periodic: bool = eqx.field(static=True)
+
+    def energy(self, positions: Vector, lengths: Float[Array, "2"]) -> Float[Array, ""]:
+        """Energy of the barrier [N mm], finite where parts are nearer than they may be."""
+        place = _flat(positions)
+
+        def added(pairs: PairList, pair: Approach, total: Array) -> Array:
+            return total + jnp.sum(pair.factor * _stored(pairs, pair.excess))
+
+        return self._over_pairs(place, lengths, added, jnp.zeros(()))
+
+    def gradient(
+        self, positions: Vector, lengths: Float[Array, "2"]
+    ) -> tuple[Vector, Float[Array, "2"]]:
+        """Derivatives of the energy by the positions of nodes and by L_x and L_y [N]."""
+        place = _flat(positions)
+
+        def added(pairs: PairList, pair: Approach, totals: Totals) -> Totals:
+            force = _force(pairs, pair, pair.excess) * pair.factor
+            totals = self._add(pairs, pair, -force, totals)
+            return self._add_twist(pairs, pair, _stored(pairs, pair.excess), totals)
+
+        (x, y, z), sides = self._over_pairs(place, lengths, added, _nothing(place))
+        grid = positions[0].shape
+        return (x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides
+
+    def forces(
+        self,
+        shape: Shape,
+        velocity: Shape,
+        push: Shape,
+        drift: Float[Array, ""],
+        step: Float[Array, ""],
+        last: Shares,
+    ) -> tuple[tuple[Vector, Float[Array, "2"]], Shares]:
+        """Forces of the barrier in a kick, partly implicit [N].
+
+        Every pair finds its own force, at the distance to which the drift leads. The mass of a
+        node is shared among the pairs that act on it, so that many stiff pairs are stable together
+        (mass splitting: Tonge, Benevolenski and Voroshilov, ACM Trans. Graph. 31, 2012). First come
+        forces at the present distances, as far as they are stable; at rest nothing is added.
+
+        Args:
+            shape: positions of nodes, L_x and L_y [mm].
+            velocity: their rates after the kick of all other forces [mm/ms].
+            push: change of these by a unit force in the kick [mm/ms/N].
+            drift: time after the kick [ms].
+            step: time over which ``push`` acts in a whole step [ms].
+            last: how many pairs shared each mass in the last kick.
+
+        Returns:
+            The forces on nodes, L_x and L_y, and how many pairs shared each mass.
+        """
+        grid, lengths = shape.positions[0].shape, shape.lengths
+        place, free = _flat(shape.positions), (_flat(velocity.positions), velocity.lengths)
+        pushed = [jnp.broadcast_to(each, grid).ravel() for each in push.positions]
+        side_push = push.lengths
+        pushed_most = jnp.maximum(jnp.maximum(pushed[0], pushed[1]), pushed[2])
+
+        def softness(pairs: PairList, pair: Approach, shares: Shares, time: Array) -> Component:
+            """Distance that a pair gains in a time by a unit force on its shares of masses [mm/N]."""
+            of_nodes, of_sides = time * pushed_most * shares[0], time * side_push * shares[1]
+            soft = sum(
+                jnp.abs(weight) * of_nodes.at[pairs.nodes[corner]].get(mode="promise_in_bounds")
+                for corner, weight in enumerate(pair.weights)
+            )
+            if self.periodic:
+                soft = soft + of_sides @ jnp.abs(_turns(pairs, pair))
+            return soft * pair.factor
+
+        def present(pairs: PairList, pair: Approach) -> Component:
+            """Force at the present distance, if that is not too stiff for an explicit step [N]."""
+            force = _force(pairs, pair, jnp.maximum(pair.excess, DEEPEST))
+            begins = jnp.sqrt(jnp.abs(pairs.least_squared + pairs.range_squared))
+            limit = jnp.maximum(begins - pair.distance, 0.0)
+            return jnp.minimum(force, limit / jnp.maximum(softness(pairs, pair, last, step), 1e-30))
+
+        def begun(pairs: PairList, pair: Approach, found: Any) -> Any:
+            totals, (share, side_share) = found
+            totals = self._add(pairs, pair, present(pairs, pair) * pair.factor, totals)
+            totals = self._add_twist(
+                pairs, pair, -_stored(pairs, jnp.maximum(pair.excess, DEEPEST)), totals
+            )
+            ahead = pair.distance + drift * self._speed(pairs, pair, free)
+            acting = (pairs.range_squared > 0) & (
+                (pair.excess < 1) | (ahead**2 < pairs.least_squared + pairs.range_squared)
+            )
+            weights = acting * jnp.abs(jnp.stack(pair.weights))
+            share = share.at[pairs.nodes].add(weights, mode="promise_in_bounds")
+            if self.periodic:
+                side_share = side_share + jnp.abs(_turns(pairs, pair)) @ acting
+            return totals, (share, side_share)
+
+        none = jnp.zeros_like(place[0]), jnp.zeros(2)
+        totals, shares = self._over_pairs(place, lengths, begun, (_nothing(place), none))
+        ahead = (
+            [v + p * force for v, p, force in zip(free[0], pushed, totals[0], strict=True)],
+            velocity.lengths + side_push * totals[1],
+        )
+
+        def corrected(pairs: PairList, pair: Approach, totals: Totals) -> Totals:
+            soft, begun = softness(pairs, pair, shares, drift), present(pairs, pair)
+            reached = pair.distance + drift * self._speed(pairs, pair, ahead) - soft * begun
+            force = jnp.where(drift > 0, _force_after(pairs, reached, soft), begun)
+            return self._add(pairs, pair, (force - begun) * pair.factor, totals)
+
+        (x, y, z), sides = self._over_pairs(place, lengths, corrected, totals)
+        return ((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides), shares
+
+    def _over_pairs(
+        self, place: OfNodes, lengths: Float[Array, "2"], visit: Any, begin: Any
+    ) -> Any:
+        """What a function of pairs, of how they lie and of its last result returns at the end."""
+        for kind in self.lists:
+
+            def visited(number: Any, result: Any, kind: Kind = kind) -> Any:
+                pairs = jax.tree.map(
+                    lambda each: jax.lax.dynamic_slice_in_dim(each, number * CHUNK, CHUNK, axis=-1),
+                    self.lists[kind],
+                )
+                corners = self._corners(pairs, place, lengths)
+                return visit(pairs, APPROACHES[kind](pairs, corners), result)
+
+            begin = jax.lax.fori_loop(0, self.chunks[kind], visited, begin)
+        return begin
+
+    def _corners(self, pairs: PairList, of_nodes: OfNodes, sides: Float[Array, "2"]) -> Corners:
+        """Vectors at the corners of pairs, from those of the nodes and of a period."""
+        corners = []
+        for corner in range(4):
+            nodes = pairs.nodes[corner]
+            x, y, z = (each.at[nodes].get(mode="promise_in_bounds") for each in of_nodes)
+            if self.periodic:
+                x = x + sides[0] * pairs.turns[0, corner]
+                y = y + sides[1] * pairs.turns[1, corner]
+            corners.append((x, y, z))
+        one, two, three, four = corners
+        return one, two, three, four
+
+    def _speed(self, pairs: PairList, pair: Approach, velocity: Totals) -> Component:
+        """Rate of the distance [mm/ms]."""
+        return dot(separation(pair.weights, self._corners(pairs, *velocity)), pair.normal)
+
+    def _add(self, pairs: PairList, pair: Approach, force: Component, totals: Totals) -> Totals:
+        """Add forces that push the parts of pairs apart."""
+        push = scale(force, pair.normal)
+        by_corner = [jnp.stack([weight * each for weight in pair.weights]) for each in push]
+        return self._scattered(pairs, by_corner, totals)
+
+    def _add_twist(
+        self, pairs: PairList, pair: Approach, force: Component, totals: Totals
+    ) -> Totals:
+        """Add forces along the derivatives of the factor of nearly parallel edges."""
+        if pair.twist is None:
+            return totals
+        by_corner = [
+            jnp.stack([force * corner[axis] for corner in pair.twist]) for axis in range(3)
+        ]
+        return self._scattered(pairs, by_corner, totals)
+
+    def _scattered(self, pairs: PairList, by_corner: list[Array], totals: Totals) -> Totals:
+        nodes, sides = totals
+        nodes = [
+            total.at[pairs.nodes].add(each, mode="promise_in_bounds")
+            for total, each in zip(nodes, by_corner, strict=True)
+        ]
+        if self.periodic:
+            sides = sides + jnp.stack(
+                [jnp.sum(pairs.turns[axis] * by_corner[axis]) for axis in range(2)]
+            )
+        return nodes, sides
 
 
-def _approach(pairs: PairList, corners: Corners, closest: Any) -> Approach:
-    return _KEPT[closest](pairs, corners)
+def _flat(vector: Vector) -> OfNodes:
+    return [each.ravel() for each in vector]
 
 
-def _approaching(pairs: PairList, corners: Corners, closest: Any) -> Approach:
-    weights, crossed = closest(corners)
-    separation = _separation(weights, corners)
-    distance = jnp.sqrt(dot(separation, separation))
-    factor = jnp.ones_like(distance) * _mollified(pairs, crossed)[0]
-    begins = jnp.sqrt(jnp.maximum(pairs.range_squared + pairs.least_squared, 0.0))
-    return Approach(weights, scale(1 / jnp.maximum(distance, 1e-300), separation), distance, begins, factor)
+def _nothing(place: OfNodes) -> Totals:
+    return [jnp.zeros_like(each) for each in place], jnp.zeros(2)
 
 
-_KEPT = {f: kept(partial(_approaching, closest=f)) for f in (node_and_triangle, two_edges)}
+def _turns(pairs: PairList, pair: Approach) -> Float[Array, "2 pair"]:
+    """Sides L_x and L_y between the closest points of pairs, as images of each other."""
+    return jnp.einsum("kp,akp->ap", jnp.stack(pair.weights), pairs.turns)
 
 
-def _rise(part: Component) -> tuple[Component, Component]:
-    """The barrier's slope by its excess over its range, negative, and the derivative of that."""
-    left, logarithm = 1 - part, jnp.log(part)
-    return left * (left / part - 2 * logarithm), 2 * logarithm - (left / part) * (4 + left / part)
-
-
-@kept
-def _guess(pairs: PairList, distance: Component) -> Component:
-    """Force at a distance, not more than at a small one [N]."""
-    part = (distance**2 - pairs.least_squared) / pairs.range_squared
-    part = jnp.where(pairs.range_squared > 0, jnp.clip(part, DEEPEST, 1.0), 1.0)
-    return 2 * distance * pairs.strength * pairs.range_squared * _rise(part)[0]
-
-
-@kept
-def _implicit(
-    pairs: PairList, begins: Component, reached: Component, softness: Component, distance: Component
-) -> Component:
-    """Force f of pairs that keeps them at the distance reached + softness · f, f that of it [N].
-
-    ``reached`` is the distance without force [mm], and ``softness`` the distance gained by a unit
-    force [mm/N]. By Newton's method for the excess of the squared distance over its range, from
-    below, where it converges monotonically.
-    """
-    used = pairs.range_squared > 0
-    largest = jnp.where(used, pairs.range_squared, 1.0)
-    least = jnp.where(used, pairs.least_squared, 1.0)
-    begins = jnp.where(used, begins, 1.0)
-    scale_ = 2 * pairs.strength * largest
-    touching = used & (reached < begins)
-    room = jnp.where(touching, begins - reached, 0.0)
-    ratio = room / jnp.maximum(softness * scale_ * jnp.sqrt(least), 1e-30)
-    part = 2 / ((2 + ratio) + jnp.sqrt(ratio * (ratio + 4)))
-    for _ in range(NEWTON):
-        at = jnp.sqrt(least + largest * part)
-        rise, slope = _rise(part)
-        value = at - reached - softness * scale_ * at * rise
-        by_part = largest / (2 * at) * (1 - softness * scale_ * rise) - softness * scale_ * at * slope
-        part = jnp.clip(part - value / by_part, 1e-12, 1.0)
-    at = jnp.sqrt(least + largest * part)
-    return jnp.where(touching, scale_ * at * _rise(part)[0], 0.0)
-
-
-class Crossed(NamedTuple):
-    """The square of the cross product of two edges [mm⁴], and their scalar products [mm²]."""
-
-    squared: Component
-    along: Vector
-    other: Vector
-    square: Component
-    other_square: Component
-    mixed: Component
-
-
-CLOSEST: dict[Kind, Any] = {"triangle": node_and_triangle, "edges": two_edges}
-
-
-def squared_distance(corners: Float[Array, "4 3 pair"], kind: Kind) -> Float[Array, " pair"]:
-    """Squared distances of pairs of one kind [mm²]."""
-    vectors: Any = tuple(tuple(corner) for corner in corners)
-    weights, _ = CLOSEST[kind](vectors)
-    return _squared(weights, vectors)
-
-
-def _chunk(pairs: PairList, number: Int[Array, ""]) -> PairList:
-    return jax.tree.map(
-        lambda each: jax.lax.dynamic_slice_in_dim(each, number * CHUNK, CHUNK, axis=-1), pairs
-    )
-
-
-def _separation(weights: Weights, corners: Corners) -> Vector:
-    return add(*(scale(weight, at) for weight, at in zip(weights, corners, strict=True)))
-
-
-def _squared(weights: Weights, corners: Corners) -> Component:
-    separation = _separation(weights, corners)
-    return dot(separation, separation)
-
-
-def _barrier(pairs: PairList, squared: Component) -> tuple[Component, Component]:
-    """Energy of pairs by their squared distance, without mollifier, and its derivative."""
-    excess, largest = squared - pairs.least_squared, pairs.range_squared
-    active = excess < largest
-    excess = jnp.where(active, excess, largest)
-    below, logarithm = excess - largest, jnp.log(excess / largest)
-    value = -pairs.strength * below**2 * logarithm
-    slope = -pairs.strength * below * (2 * logarithm + below / excess)
-    return jnp.where(active, value, 0.0), jnp.where(active, slope, 0.0)
-
-
-def _mollified(pairs: PairList, crossed: Crossed | None) -> tuple[Component | float, Component | float]:
-    """Factor that lets pairs of nearly parallel edges vanish, and its derivative by ``squared``."""
-    if crossed is None:
-        return 1.0, 0.0
+def _approach(pairs: PairList, corners: Corners, kind: Kind) -> Approach:
+    weights = CLOSEST[kind](corners)
+    apart = separation(weights, corners)
+    squared = dot(apart, apart)
+    distance = jnp.sqrt(squared)
+    normal = scale(1 / jnp.maximum(distance, 1e-300), apart)
+    excess = (squared - pairs.least_squared) / pairs.range_squared
+    excess = jnp.where(pairs.range_squared > 0, jnp.clip(excess, TOUCHING, 1.0), 1.0)
+    if kind == "triangle":
+        return Approach(weights, normal, distance, excess, 1.0, None)
+    crossed = crossing(corners)
     part = jnp.minimum(crossed.squared / pairs.parallel, 1.0)
-    return (2 - part) * part, 2 * (1 - part) / pairs.parallel
+    slope = 4 * (1 - part) / pairs.parallel
+    first, second = scale(slope, crossed.by_first), scale(slope, crossed.by_second)
+    twist = scale(-1.0, first), first, scale(-1.0, second), second
+    return Approach(weights, normal, distance, excess, (2 - part) * part, twist)
 
 
-def _forces(pairs: PairList, corners: Corners, closest: Any) -> Corners:
-    """Derivatives of the energy of pairs by their corners [N]."""
-    weights, crossed = closest(corners)
-    separation = _separation(weights, corners)
-    value, slope = _barrier(pairs, dot(separation, separation))
-    factor, turning = _mollified(pairs, crossed)
-    pull = scale(2 * slope * factor, separation)
-    forces = tuple(scale(weight, pull) for weight in weights)
-    if crossed is None:
-        return forces
-    # The derivative of |a × b|² by a is 2 (b·b a − a·b b).
-    spread = 2 * value * turning
-    by_along = scale(
-        spread,
-        subtract(scale(crossed.other_square, crossed.along), scale(crossed.mixed, crossed.other)),
-    )
-    by_other = scale(
-        spread, subtract(scale(crossed.square, crossed.other), scale(crossed.mixed, crossed.along))
-    )
-    start, end, other_start, other_end = forces
+APPROACHES = {kind: kept(partial(_approach, kind=kind)) for kind in CLOSEST}
+
+
+def _stored(pairs: PairList, excess: Component) -> Component:
+    """Energy of pairs by the excess of their squared distance over its range [N mm]."""
+    return -pairs.strength * (pairs.range_squared * (1 - excess)) ** 2 * jnp.log(excess)
+
+
+def _steepness(excess: Component) -> tuple[Component, Component]:
+    """Decrease of the energy with the excess, over its scale, and the derivative of that."""
+    left, logarithm = 1 - excess, jnp.log(excess)
     return (
-        subtract(start, by_along),
-        add(end, by_along),
-        subtract(other_start, by_other),
-        add(other_end, by_other),
+        left * (left / excess - 2 * logarithm),
+        2 * logarithm - left / excess * (4 + left / excess),
     )
+
+
+def _force(pairs: PairList, pair: Approach, excess: Component) -> Component:
+    """Force that pushes the parts of pairs apart [N]."""
+    slope = 2 * pairs.strength * pairs.range_squared * _steepness(excess)[0]
+    return pair.distance * slope
+
+
+@kept
+def _force_after(pairs: PairList, reached: Component, softness: Component) -> Component:
+    """Force f of pairs at the distance reached + softness · f to which it brings them [N].
+
+    ``reached`` is the distance without force [mm], and ``softness`` that gained by a unit force
+    [mm/N]. Newton's method for the excess converges monotonically from below, where it begins: the
+    force is at least as at the least distance.
+    """
+    used: Bool[Array, " pair"] = pairs.range_squared > 0
+    span = jnp.where(used, pairs.range_squared, 1.0)
+    least = jnp.where(used, pairs.least_squared, 1.0)
+    begins = jnp.sqrt(least + span)
+    touching = used & (reached < begins)
+    slope = 2 * softness * pairs.strength * span  # of the distance gained, over distance and steepness
+    ratio = jnp.where(touching, begins - reached, 0.0) / jnp.maximum(slope * jnp.sqrt(least), 1e-30)
+    excess = 2 / (2 + ratio + jnp.sqrt(ratio * (ratio + 4)))
+    for _ in range(NEWTON_STEPS):
+        distance = jnp.sqrt(least + span * excess)
+        steep, change = _steepness(excess)
+        error = distance * (1 - slope * steep) - reached
+        rise = span / (2 * distance) * (1 - slope * steep) - slope * distance * change
+        excess = jnp.clip(excess - error / rise, 1e-12, 1.0)
+    distance = jnp.sqrt(least + span * excess)
+    force = 2 * pairs.strength * span * distance * _steepness(excess)[0]
+    return jnp.where(touching, force, 0.0)

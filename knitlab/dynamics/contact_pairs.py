@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from knitlab.dynamics.contact import CHUNK, Contact, Kind, PairList, squared_distance
+from knitlab.dynamics.closest_points import Kind, distance
+from knitlab.dynamics.contact import CHUNK, Contact, PairList
 from knitlab.fabric.contact_layers import ContactLayers
 from knitlab.fabric.network import MeshShape
 
@@ -347,7 +348,7 @@ def _cell_distances(
             corners = jnp.stack(
                 [first[n] if i < split else second[n] for i, n in enumerate(numbers)]
             )
-            found.append(jnp.sqrt(squared_distance(corners, kind)))
+            found.append(distance(corners, kind))
         return found
 
     return {
@@ -359,18 +360,19 @@ def _cell_distances(
 def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) -> Contact:
     """The contact of a batch of fabrics of one mesh shape, in lists of one length."""
     shape = finders[0].shape
-    lists, chunks = {}, []
+    lists, chunks = {}, {}
     for kind in SPLIT:
         longest = max(len(each.parts[kind].gap) for each in listed)
-        chunks.append(-(-longest // CHUNK))
-        # Lengths are powers of two, so that few programs are compiled.
-        places = CHUNK * 2 ** max(int(np.ceil(np.log2(max(chunks[-1], 1)))), 2)
+        filled = -(-longest // CHUNK)
+        # Lengths are powers of four, so that few programs are compiled.
+        places = CHUNK * 4 ** max(int(np.ceil(np.log2(max(filled, 1)) / 2)), 2)
+        chunks[kind] = jnp.asarray(filled)
         each = [
             _pair_list(shape, finder.layers, pairs, kind, places)
             for finder, pairs in zip(finders, listed, strict=True)
         ]
         lists[kind] = jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *each)
-    return Contact(lists["triangle"], lists["edges"], jnp.asarray(chunks), shape.periodic)
+    return Contact(lists, chunks, shape.periodic)
 
 
 def _pair_list(

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from knitlab.dynamics.contact_pairs import PairFinder
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.motion import Body, Moving, advance, largest_step
+from knitlab.dynamics.motion import Body, Moving, advance, developing, largest_step
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.alignment import between_walls, rigidly_aligned
 from knitlab.equilibrium.loading import Load, Loading, all_free, free_under, loading_of
@@ -96,10 +96,9 @@ def relax_by_dynamics(
     rate = np.full(len(flat), settings.strain_rate)
     if settings.ending == "steps":
         rate = settings.step_strain / stable
-    import os
-    if os.environ.get("RELEASE"):
-        rests = tuple(h.rest for h in moving.body.fabric.hinges)
-        moving = replace(moving, release=float(os.environ["RELEASE"]) * longest, curl=rests)
+    if settings.release:
+        duration = settings.relax_time if to_rest else longest
+        moving = developing(moving, settings.release * duration)
     # The first record after the beginning is at 0.01 ms. The last is the end, even if it is the
     # only one or if all is over before the first.
     count = settings.snapshots or 40

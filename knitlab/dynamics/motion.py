@@ -7,7 +7,7 @@ Within a batch, those that have arrived stand still: a result does not depend on
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,18 +15,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from knitlab.dynamics.contact import Contact
-from knitlab.dynamics.contact_pairs import Listed, PairFinder, Place, contact_of_batch
+from knitlab.dynamics.contact import Contact, Shares
+from knitlab.dynamics.contact_pairs import PairFinder
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import Dynamics
+from knitlab.dynamics.touching import Touching
 from knitlab.fabric.energy import Energy
 
 FIRST_ITERATIONS = 40  # iterations for the highest frequency of a fabric, the first time
 HALVINGS = 12
 """Times that an unstable step is halved before the motion counts as diverged. Where a cell is
 crushed to a line its hinges are stiff for a moment, which a step of 1/300 was seen to pass."""
-
-COVERED = 0.8  # part of the margins of a list that a motion may use as it is, if it gains no speed
 
 OfCases = Float[np.ndarray, " case"]
 
@@ -69,13 +68,18 @@ class Motion(eqx.Module):
 
     shape: Shape  # [mm]
     velocity: Shape  # [mm/ms]
-    dissipated: Float[Array, "*batch"]  # work done against the drag [N mm]
+    dissipated: Float[Array, "*batch"]  # work done against the drag and in collisions [N mm]
     supplied: Float[Array, "*batch"]  # work done on what is held [N mm]
+    contact_work: Float[Array, "*batch"]  # work done by contact [N mm]
+    shares: Shares  # number of pairs in contact that last acted on each node and length
 
     @classmethod
     def at_rest(cls, shape: Shape) -> "Motion":
         """The beginning of a motion without velocity."""
-        return cls(shape, jax.tree.map(jnp.zeros_like, shape), jnp.zeros(()), jnp.zeros(()))
+        still, none = jax.tree.map(jnp.zeros_like, shape), jnp.zeros(())
+        # So many that forces of a first contact are wholly implicit.
+        shares = jnp.full(shape.positions[0].size, 1e3), jnp.full(2, 1e3)
+        return cls(shape, still, none, none, none, shares)
 
 
 class Observed(eqx.Module):
@@ -178,65 +182,67 @@ def leapfrog(
 ) -> Motion:
     """Move a fabric by a number of equal steps [ms] of the leapfrog; by none if the step is 0.
 
-    Drag and walls are taken implicitly, which costs nothing: both act on every coordinate alone. A
-    wall acts with the force at the height that the step leads to. States at rest are those of the
-    explicit scheme, and the walls, by far the stiffest part, do not limit the time step.
+    Drag and walls are diagonal and are integrated implicitly, contact partly so. A wall acts with
+    the force at the height that the step leads to, and so does each pair in contact with that at
+    its distance. States at rest are those of the explicit scheme, and walls and contact, by far the
+    stiffest parts, do not limit the time step.
     ``longest`` is the largest number of steps in the batch; the fabric stands still after its own.
     """
     stiffness, z_max = body.fabric.k_wall, body.fabric.z_max
     half = jax.tree.map(lambda rate: step * rate / 2, body.damping_rate)
-    gradient = partial(body.fabric.gradient, walls=False)
 
-    def kicked(motion: Motion, force: Shape, before: Array, after: Array, drift: Array) -> Shape:
-        # Velocity after a kick of ``before`` half steps up to now, and ``after`` from now on, with
-        # the walls as they act after a drift.
+    def kicked(motion: Motion, before: Array, after: Array) -> tuple[Motion, Array]:
+        # The motion after a kick of ``before`` half steps up to now, and ``after`` from now on,
+        # with the walls and contact as they act after the drift that follows, if one does; and
+        # the power of what is driven.
+        part, drift = (before + after) / 2, after * step
         kept = jax.tree.map(lambda h: (1 - after * h) / (1 + before * h), half)
         push = jax.tree.map(
-            lambda inverse, h: step * (before + after) / 2 * inverse / (1 + before * h),
-            *(body.inverse, half),
+            lambda inverse, h: step * part * inverse / (1 + before * h), body.inverse, half
         )
+        force = body.fabric.gradient(motion.shape, walls=False)
         velocity = jax.tree.map(
             lambda kept, old, by, acting: kept * old - by * acting,
             *(kept, motion.velocity, push, force),
         )
+        shares, work = motion.shares, motion.contact_work
         if body.contact is not None:
-            touching = body.contact.kick(
-                *motion.shape, *velocity, (push.positions, push.lengths), drift
+            touching, shares = body.contact.forces(
+                motion.shape, velocity, push, drift, step / part, motion.shares
             )
-            velocity = jax.tree.map(jnp.add, velocity, Shape(*touching))
+            touching = Shape(*touching)
+            force = jax.tree.map(jnp.subtract, force, touching)
+            gained = jax.tree.map(jnp.multiply, push, touching)
+            mean = jax.tree.map(lambda rate, change: rate + change / 2, velocity, gained)
+            power = jax.tree.map(lambda acting, rate: jnp.sum(acting * rate), touching, mean)
+            work = work + step * part * sum(jax.tree.leaves(power))
+            velocity = jax.tree.map(jnp.add, velocity, gained)
         (x, y, z), (_, _, by) = velocity.positions, push.positions
         ahead = motion.shape.positions[2] + drift * z
         beyond = ahead - jnp.clip(ahead, -z_max, z_max)
         z = z - by * stiffness / (1 + drift * by * stiffness) * beyond
-        return Shape((x, y, z), velocity.lengths)
+        velocity = Shape((x, y, z), velocity.lengths)
+        moved = replace(motion, velocity=velocity, shares=shares, contact_work=work)
+        return moved, driving_power(body, force, velocity)
 
     def once(number: Any, moving: tuple[Motion, Float[Array, ""]]) -> tuple[Motion, Any]:
         motion, power = moving
         active, last = number < count, number == count - 1
         taken = jnp.where(active, step, 0.0)
         shape = jax.tree.map(lambda at, rate: at + taken * rate, motion.shape, motion.velocity)
-        force = gradient(shape)
-        moved = Motion(
-            shape,
-            motion.velocity,
-            motion.dissipated + taken * loss(body, motion.velocity),
-            motion.supplied + taken / 2 * power,
+        drifted = replace(
+            motion,
+            shape=shape,
+            dissipated=motion.dissipated + taken * loss(body, motion.velocity),
+            supplied=motion.supplied + taken / 2 * power,
         )
-        whole = jnp.where(last, 0.0, 1.0)
-        velocity = jax.tree.map(
-            lambda new, old: jnp.where(active, new, old),
-            kicked(moved, force, jnp.ones(()), whole, whole * step),
-            motion.velocity,
-        )
-        power = driving_power(body, force, velocity)
-        supplied = moved.supplied + taken / 2 * power
-        return Motion(shape, velocity, moved.dissipated, supplied), power
+        moved, power = kicked(drifted, jnp.ones(()), jnp.where(last, 0.0, 1.0))
+        moved = replace(moved, supplied=moved.supplied + taken / 2 * power)
+        moved = jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted)
+        return moved, power
 
-    force = gradient(motion.shape)
-    first = kicked(motion, force, jnp.zeros(()), jnp.ones(()), step)
-    begin = Motion(motion.shape, first, motion.dissipated, motion.supplied)
-    power = driving_power(body, force, first)
-    moved, _ = jax.lax.fori_loop(0, longest, once, (begin, power))
+    begin = kicked(motion, jnp.zeros(()), jnp.ones(()))
+    moved, _ = jax.lax.fori_loop(0, longest, once, begin)
     return moved
 
 
@@ -253,7 +259,8 @@ def runge_kutta(
             *(body.inverse, force, body.damping_rate, velocity),
         )
         power = loss(body, velocity), driving_power(body, force, velocity)
-        return Motion(velocity, acceleration, *power)
+        unused = jnp.zeros_like(motion.contact_work), jax.tree.map(jnp.zeros_like, motion.shares)
+        return Motion(velocity, acceleration, *power, *unused)
 
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(derivative),
@@ -311,9 +318,8 @@ class Moving:
     resting: Bool[np.ndarray, " case"]
     # unstable at the smallest step; they stay as they last were
     diverged: Bool[np.ndarray, " case"]
-    touching: "Touching | None" = None  # if the fabrics can touch themselves
-    release: OfCases | None = None  # time over which the rest angles develop, if they do [ms]
-    curl: tuple[Array, Array] | None = None  # their final values, about warp and weft [rad]
+    touching: Touching | None = None  # if the fabrics can touch themselves
+    development: "Development | None" = None  # of the folds, if they are not there at once
 
     @classmethod
     def from_rest(
@@ -341,68 +347,6 @@ class Moving:
         return cls(body, motion, seen, mode, none, steps, none, energy, no, no, touching)
 
 
-@dataclass(frozen=True, eq=False)
-class Touching:
-    """The lists of pairs that may touch in a batch of fabrics, one for each."""
-
-    finders: Sequence[PairFinder]
-    listed: Sequence[Listed]
-    contact: Contact
-
-    @classmethod
-    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
-        """List the pairs of all fabrics."""
-        fabrics = zip(finders, _places(shape), strict=True)
-        return cls._of(finders, [finder.listed(place) for finder, place in fabrics])
-
-    @classmethod
-    def _of(cls, finders: Sequence[PairFinder], listed: Sequence[Listed]) -> "Touching":
-        return cls(finders, listed, contact_of_batch(finders, listed))
-
-    def used(self, shape: Shape) -> OfCases:
-        """Part that each fabric has used of the margins of its list; above 1 it is incomplete."""
-        fabrics = zip(self.finders, self.listed, _places(shape), strict=True)
-        return np.array([finder.used(*fabric) for finder, *fabric in fabrics])
-
-    def renewed(
-        self, shape: Shape, which: Bool[np.ndarray, " case"], margin: OfCases
-    ) -> "Touching":
-        """The same with the lists of some fabrics found anew, with at least a margin [mm]."""
-        if not which.any():
-            return self
-        fabrics = zip(self.finders, self.listed, which, _places(shape), margin, strict=True)
-        listed = [
-            finder.listed(place, old, wanted) if new else old
-            for finder, old, new, place, wanted in fabrics
-        ]
-        return self._of(self.finders, listed)
-
-    def covered(
-        self, motion: Motion, step: OfCases, count: OfCases
-    ) -> tuple["Touching", OfCases]:
-        """Lists that cover most of some coming steps [ms], and the fraction of them they cover."""
-        duration = step * count
-        ahead = jax.tree.map(
-            lambda at, rate: at + duration.reshape(-1, *[1] * (at.ndim - 1)) * rate,
-            motion.shape,
-            motion.velocity,
-        )
-        lists, now, then = self, self.used(motion.shape), self.used(ahead)
-        short = (then > COVERED) & (now > 0.1)
-        if short.any():
-            speed = np.max([np.abs(each).max(axis=(1, 2)) for each in motion.velocity.positions], axis=0)
-            lists = self.renewed(motion.shape, short, 10 * speed * duration / np.maximum(count, 1))
-            now, then = lists.used(motion.shape), lists.used(ahead)
-        return lists, np.clip((COVERED - now) / np.maximum(then - now, 1e-300), 0.0, 1.0)
-
-
-def _places(shape: Shape) -> list[Place]:
-    """Where the nodes of every fabric of a batch are."""
-    positions = np.stack([np.asarray(each) for each in shape.positions], axis=-1)
-    flat = positions.reshape(len(positions), -1, 3)
-    return [Place(*place) for place in zip(flat, np.asarray(shape.lengths), strict=True)]
-
-
 def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = False) -> Moving:
     """Move a batch until given times [ms], or until each is at rest by ``rest_force``."""
     rest = settings.rest_force if to_rest else -1.0
@@ -410,13 +354,14 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
     fraction, most = np.full(len(until), settings.step_safety), np.full(len(until), 32)
     while True:
         still = np.maximum(np.asarray(moving.seen.force), np.asarray(moving.seen.drag)) <= rest
+        if moving.development is not None:
+            still &= moving.time >= moving.development.until
         moving = replace(moving, resting=moving.resting | still)
         going = (moving.time < until) & ~moving.resting & ~moving.diverged
         if not going.any():
             return moving
         left = np.where(going, until - moving.time, 0.0)
-        if moving.release is not None:
-            moving = _developed(moving)
+        moving = _developed(moving)
         if settings.integrator == "tsit5":
             moving = _by_runge_kutta(moving, left, settings)
         else:
@@ -430,16 +375,35 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
         )
 
 
+class Development(NamedTuple):
+    """The growth of rest angles from flat."""
+
+    until: OfCases  # [ms]
+    rest: tuple[Float[Array, "case row column"], ...]  # angles at its end, by hinges [rad]
+
+
+def developing(moving: Moving, duration: OfCases) -> Moving:
+    """A batch at its beginning, with rest angles that grow evenly from flat in some time [ms]."""
+    rest = tuple(hinges.rest for hinges in moving.body.fabric.hinges)
+    return _developed(replace(moving, development=Development(duration, rest)))
+
+
 def _developed(moving: Moving) -> Moving:
-    """The batch with its rest angles as they are at its time, and the work of that change."""
-    part = jnp.asarray(np.minimum(moving.time / moving.release, 1.0)).reshape(-1, 1, 1)
-    hinges = moving.body.fabric.hinges
-    new = tuple(eqx.tree_at(lambda h: h.rest, h, part * c) for h, c in zip(hinges, moving.curl))
-    body = eqx.tree_at(lambda body: body.fabric.hinges, moving.body, new)
+    """The batch with the rest angles of its time; the work of their change is supplied."""
+    if moving.development is None:
+        return moving
+    until, rest = moving.development
+    part = jnp.asarray(np.minimum(moving.time / until, 1.0)).reshape(-1, 1, 1)
+    hinges = tuple(
+        eqx.tree_at(lambda each: each.rest, own, part * full)
+        for own, full in zip(moving.body.fabric.hinges, rest, strict=True)
+    )
+    body = eqx.tree_at(lambda body: body.fabric.hinges, moving.body, hinges)
     seen = _observe(body, moving.motion)
     work = seen.energy.total - moving.seen.energy.total
     motion = replace(moving.motion, supplied=moving.motion.supplied + work)
-    return replace(moving, body=body, seen=seen, motion=motion)
+    development = None if (moving.time >= until).all() else moving.development
+    return replace(moving, body=body, seen=seen, motion=motion, development=development)
 
 
 def largest_step(moving: Moving) -> OfCases:
@@ -461,14 +425,15 @@ def _by_leapfrog(
     step = fraction * 2 / np.sqrt(np.asarray(square))
     whole = np.maximum(np.ceil(left / step), 1.0)
     step = left / whole
-    # After 256 steps step size, energy and forces are looked at again.
-    count = np.where(left > 0, np.minimum(whole, 256 if moving.release is None else 64), 0).astype(int)
+    # After some steps step size, energy and forces are looked at again, and folds developed.
+    some = 256 if moving.development is None else 64
+    count = np.where(left > 0, np.minimum(whole, some), 0).astype(int)
     if moving.touching is not None:
-        count = np.minimum(count, most)
-        touching, covered = moving.touching.covered(moving.motion, step, count)
+        touching, count = moving.touching.covering(
+            moving.motion.shape, moving.motion.velocity, step, np.minimum(count, most)
+        )
         body = replace(moving.body, contact=touching.contact)
         moving = replace(moving, touching=touching, body=body)
-        count = np.where(count > 0, np.maximum(covered * count, 1), 0).astype(int)
     motion = _leap(moving.body, moving.motion, step, count, count.max())
     seen = _observe(moving.body, motion)
     supplied = np.asarray(motion.supplied - moving.motion.supplied)
@@ -477,8 +442,13 @@ def _by_leapfrog(
     stable = after - supplied <= before + 0.02 * np.maximum(moving.largest, np.abs(supplied))
     done = stable
     if moving.touching is not None:
+        # What contact has not given back of its work is lost in collisions.
+        stored = np.asarray(seen.energy.contact) - np.asarray(moving.seen.energy.contact)
+        lost = -(stored + np.asarray(motion.contact_work - moving.motion.contact_work))
+        motion = replace(motion, dissipated=motion.dissipated + lost)
         # A pair that was not listed may have touched.
-        done = stable & (moving.touching.used(motion.shape) <= 1)
+        done = stable & (moving.touching.used(motion.shape) <= 1.0)
+        stable = done | (stable & (count > 1))
         most = np.where(done, np.minimum(2 * count, 256), np.maximum(count // 2, 1))
     count = np.where(done, count, 0)
     fraction = np.where(stable, np.minimum(2 * fraction, safety), fraction / 2)

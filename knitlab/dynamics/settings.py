@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from knitlab.fabric.settings import Fraction, Unit
+from knitlab.fabric.settings import Fraction, Position, Unit
 
 Integrator = Literal["leapfrog", "tsit5"]
 Ending = Literal["rest", "time", "steps"]
@@ -26,6 +26,9 @@ class Dynamics:
         damping_ratio: viscous damping of a node, c, over √(k_s m) with the smaller k_s of the two
             stripes and the mass m of a node [1].
         surface_density: mass of the fabric per area, ρ_s [g/mm²].
+        release: part of the relaxation over which the folds develop: their rest angles grow
+            evenly from flat. With 0 they are there from the beginning. With ``"rest"`` it counts
+            in ``relax_time``.
         relax_time: duration of the relaxation with ``"time"`` [ms].
         strain_rate: rate of the applied strain in a test by dynamics, but with ``"steps"`` [1/ms].
         relax_steps: duration of the relaxation with ``"steps"``.
@@ -42,6 +45,7 @@ class Dynamics:
     ending: Ending = "rest"
     damping_ratio: NonNegativeFloat = 0.035
     surface_density: Annotated[PositiveFloat, Unit("g/mm^2")] = 1.1e-4
+    release: Position = 0.0
     relax_time: Annotated[PositiveFloat, Unit("ms")] = 40.0
     strain_rate: Annotated[PositiveFloat, Unit("1/ms")] = 0.012
     relax_steps: PositiveInt = 10_000

@@ -6,10 +6,10 @@ documentation derive from it (:mod:`knitlab.sweep.workflow`).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 
 @dataclass(frozen=True)
@@ -80,17 +80,31 @@ class ModelOptions:
 class Sheet:
     """The walls between which every fabric lies, and its thickness.
 
+    ``z_max`` and ``thickness`` are lengths of the cloth if the size of its stitch is given. The
+    lengths of a network, those of its stripes, may be others: then walls and thickness are scaled
+    by the flat length of a stitch in the network over that in the cloth.
+
     Attributes:
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
         thickness: distance that the middle surfaces of two plies keep; used with contact only [mm].
         contact_pressure: pressure scale at which they do [N/mm²].
+        cloth_stitch_width: width of a stitch of the flat cloth, along the course; 0 if walls and
+            thickness are lengths of the network [mm].
+        cloth_stitch_height: height of a stitch of the flat cloth, along the wale, for stripes
+            that fold along it; 0 as above [mm].
     """
 
     z_max: Annotated[PositiveFloat, Unit("mm")]
     k_wall: Annotated[PositiveFloat, Unit("N/mm")]
     thickness: Annotated[PositiveFloat, Unit("mm")] = 0.1
     contact_pressure: Annotated[PositiveFloat, Unit("N/mm^2")] = 1.0
+    cloth_stitch_width: Annotated[NonNegativeFloat, Unit("mm")] = 0.0
+    cloth_stitch_height: Annotated[NonNegativeFloat, Unit("mm")] = 0.0
+
+    def on_network(self, ratio: float) -> "Sheet":
+        """The sheet in lengths of the network, by their ratio to those of the cloth."""
+        return replace(self, z_max=ratio * self.z_max, thickness=ratio * self.thickness)
 
 
 @dataclass(frozen=True)

@@ -122,6 +122,17 @@ def cell_length(
     return length if options.cell_size == "flat" else length / xp.sin(stripe.theta_0 / 2)
 
 
+def lengths_ratio(stripe: Stripe, sheet: Sheet, options: ModelOptions) -> float:
+    """Lengths of the network of a stripe over those of the cloth; 1 if the sheet does not tell.
+
+    It compares the flat length of a stitch along the direction in which the stripe folds.
+    """
+    rib = stripe.knit == "rib"
+    cloth = sheet.cloth_stitch_width if rib else sheet.cloth_stitch_height
+    flat_period = options.cells_per_period * float(cell_length(stripe, options))
+    return flat_period / (2 * stripe.n * cloth) if cloth else 1.0
+
+
 def periods_per_patch(n_stripe: int, n_subunit: int) -> int:
     """Periods across a patch, n_subunit / (2 n_stripe); a ValueError if that is not whole."""
     periods, rest = divmod(n_subunit, 2 * n_stripe)

@@ -34,6 +34,7 @@ Given = TypeVar("Given")
 
 OF_NO_TEST = ("design", "capacitor")  # fields that change only what is measured in tests
 OF_CONTACT = ("thickness", "contact_pressure")
+OF_CLOTH = ("cloth_stitch_width", "cloth_stitch_height")
 OF_STEPS = ("relax_steps", "step_strain")
 OF_FRICTION = ("fold_slide", "fold_hardening")
 OF_TIME = ("relax_time", "strain_rate")
@@ -67,6 +68,7 @@ class Case:
     plain: PlainKnit | None = None
     load: Load = WARP
     friction: Friction = NO_FRICTION
+    lengths_ratio: float = 1.0  # lengths of its network over those of walls and thickness
     cycle: int = 1  # between zero and the largest strain, that is measured
 
     def __repr__(self) -> str:
@@ -106,6 +108,8 @@ class Case:
             yield "options", "ridge_fraction"
         if self.options.contact == "none":
             yield from (("sheet", name) for name in OF_CONTACT)
+        # Their effect is the ratio of lengths.
+        yield from (("sheet", name) for name in OF_CLOTH)
         if not self.friction.fold_friction:
             yield from (("friction", name) for name in OF_FRICTION)
         if self.capacitor is not None and self.capacitor.ground == "none":
@@ -272,18 +276,23 @@ class Case:
     @property
     def layout(self) -> FabricLayout:
         """Its fabric but for the numbers of its stripes."""
-        sheet = self.sheet
+        sheet = self.sheet_of_network
         if self.options.contact != "none":
             # The gap between the walls that is left to the middle surface.
             sheet = replace(sheet, z_max=sheet.z_max - sheet.thickness / 2)
         return fabric_layout(self.sample, sheet, self.options, self.plain)
 
     @property
+    def sheet_of_network(self) -> Sheet:
+        """Its walls and thickness in the lengths of its network."""
+        return self.sheet.on_network(self.lengths_ratio)
+
+    @property
     def contact_layers(self) -> ContactLayers:
         """How far its parts keep apart, if it has contact."""
         _, fabric = self.assemble()
         cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
-        sheet, refinement = self.sheet, self.options.cells_per_period
+        sheet, refinement = self.sheet_of_network, self.options.cells_per_period
         return contact_layers(sheet.thickness, sheet.contact_pressure, cell, refinement)
 
     def assemble(self) -> tuple[Network, Fabric]:

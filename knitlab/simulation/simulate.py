@@ -226,7 +226,7 @@ def contact_of(case: Case) -> "Barrier | None":
 
     _, fabric = case.assemble()
     cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
-    sheet, refinement = case.sheet, case.options.cells_per_period
+    sheet, refinement = case.sheet_of_network, case.options.cells_per_period
     return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
 
 

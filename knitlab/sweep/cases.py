@@ -14,6 +14,7 @@ from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern, SingleFold
 from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
 from knitlab.fabric.stripe import (
+    lengths_ratio,
     GARTER_STITCHES_PER_RIB_STITCH,
     STRIPE_QUANTITIES,
     Knit,
@@ -180,6 +181,7 @@ def cases(
         if "P" in "".join(rows):
             common["plain"] = _plain(parameters, changes, source)
         for n, m in possible:
+            ratio = lengths_ratio(stripe("rib", n), common["sheet"], model_options)
             try:
                 case = Case(
                     design={"n_stripe": n, "n_subunit": m, **labels},
@@ -192,6 +194,7 @@ def cases(
                     grading=entry.grading(rows, n, m, stripe),
                     folds=tuple(SingleFold(**fold.model_dump()) for fold in entry.folds),
                     cell_patches=entry.cell,
+                    lengths_ratio=ratio,
                     **common,
                 )
                 _check_size(case, source)
@@ -216,6 +219,7 @@ def cases(
                 pattern=PULLED_ACROSS,
                 periods=workflow.stripes.stripe_periods,
                 unit_cells=(1, 1),
+                lengths_ratio=lengths_ratio(pure, common["sheet"], model_options),
                 **common,
             )
             _check_thickness(case, source)
@@ -343,9 +347,11 @@ def _check_thickness(case: Case, source: Source) -> None:
     refinement = case.options.cells_per_period // CELLS_PER_PERIOD
     sharpest = float(min(pair.weft.theta_0.min(), pair.warp.theta_0.min()))
     largest = largest_thickness(refinement * float(fabric.cell_sides.min()), sharpest)
-    if case.sheet.thickness >= largest:
+    thickness = case.sheet.thickness
+    largest /= case.lengths_ratio
+    if thickness >= largest:
         problem = f"is too thick for the folds of {case.label}; give less than {largest:.3g} mm"
-        raise fault(source("model.thickness"), f"{case.sheet.thickness:g} mm {problem}")
+        raise fault(source("model.thickness"), f"{thickness:g} mm {problem}")
 
 
 def unusual_values(

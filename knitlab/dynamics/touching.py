@@ -1,0 +1,78 @@
+"""What may touch in a batch of fabrics, listed again when a motion may have used up its margins."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from knitlab.dynamics.contact import Contact
+from knitlab.dynamics.contact_pairs import Listed, PairFinder, Place, contact_of_batch
+from knitlab.dynamics.grid import Shape
+
+COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
+OLD = 0.1  # part used of a list that is worth a new one
+STEPS = 5  # for which a list has margins at least
+
+OfCases = Float[np.ndarray, " case"]
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """The lists of pairs that may touch in a batch of fabrics, one for each."""
+
+    finders: Sequence[PairFinder]
+    listed: Sequence[Listed]
+    contact: Contact
+
+    @classmethod
+    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
+        """List the pairs of all fabrics."""
+        places = zip(finders, _places(shape), strict=True)
+        listed = [finder.listed(place) for finder, place in places]
+        return cls(finders, listed, contact_of_batch(finders, listed))
+
+    def used(self, shape: Shape) -> OfCases:
+        """Part that each fabric has used of the margins of its list; above 1 it is incomplete."""
+        fabrics = zip(self.finders, self.listed, _places(shape), strict=True)
+        return np.array([finder.used(*fabric) for finder, *fabric in fabrics])
+
+    def covering(
+        self, shape: Shape, velocity: Shape, step: OfCases, count: Int[np.ndarray, " case"]
+    ) -> tuple["Touching", Int[np.ndarray, " case"]]:
+        """Lists for some coming steps [ms], and as many of these as they cover, at least one."""
+        duration = step * count
+
+        def moved(at: jax.Array, rate: jax.Array) -> jax.Array:
+            return at + duration.reshape(-1, *[1] * (at.ndim - 1)) * rate
+
+        ahead: Shape = jax.tree.map(moved, shape, velocity)
+        lists, now, then = self, self.used(shape), self.used(ahead)
+        short = (then > COVERED) & (now > OLD)
+        if short.any():
+            fastest = np.max(
+                [np.abs(each).max(axis=(1, 2)) for each in velocity.positions], axis=0
+            )
+            lists = self._renewed(shape, short, 2 * STEPS * step * fastest)
+            now, then = lists.used(shape), lists.used(ahead)
+        part = np.clip((COVERED - now) / np.maximum(then - now, 1e-300), 0.0, 1.0)
+        return lists, np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
+
+    def _renewed(
+        self, shape: Shape, which: Bool[np.ndarray, " case"], margins: OfCases
+    ) -> "Touching":
+        """The same with new lists of some fabrics, which have at least these margins [mm]."""
+        fabrics = zip(self.finders, self.listed, which, _places(shape), margins, strict=True)
+        listed = [
+            finder.listed(place, old, margin) if new else old
+            for finder, old, new, place, margin in fabrics
+        ]
+        return Touching(self.finders, listed, contact_of_batch(self.finders, listed))
+
+
+def _places(shape: Shape) -> list[Place]:
+    """Where the nodes of every fabric of a batch are."""
+    positions = np.stack([np.asarray(each) for each in shape.positions], axis=-1)
+    flat = positions.reshape(len(positions), -1, 3)
+    return [Place(*place) for place in zip(flat, np.asarray(shape.lengths), strict=True)]
