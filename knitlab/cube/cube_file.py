@@ -23,7 +23,13 @@ from knitlab.io.seal import has_seal, seal
 CUBE = "cube.nc"
 ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
 TEXTS = ("case_id", "code")  # variables that are no numbers
-OF_DESIGNS = ("design", "weft", "warp", "periods", "lengths_ratio")  # entries of a record that follow from these
+OF_DESIGNS = (
+    "design",
+    "weft",
+    "warp",
+    "periods",
+    "lengths_ratio",
+)  # entries of a record that follow from these
 ROUND_OFF = 1e-6  # force over the largest that counts as none
 GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
 OPTION = "model_"  # prefix of the attributes of a cube that are model options

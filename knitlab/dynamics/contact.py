@@ -66,6 +66,7 @@ class Contact(eqx.Module):
     # number of chunks that hold pairs, in any fabric of a batch
     chunks: dict[Kind, Int[Array, ""]]
     periodic: bool = eqx.field(static=True)
+    held: int = eqx.field(static=True)  # steps for which forces are held
 
     def energy(self, positions: Vector, lengths: Float[Array, "2"]) -> Float[Array, ""]:
         """Energy of the barrier [N mm], finite where parts are nearer than they may be."""
@@ -96,24 +97,22 @@ class Contact(eqx.Module):
         shape: Shape,
         velocity: Shape,
         push: Shape,
-        drift: Float[Array, ""],
-        step: Float[Array, ""],
+        time: Float[Array, ""],
         last: Shares,
-    ) -> tuple[tuple[Vector, Float[Array, "2"]], Shares]:
-        """Forces of the barrier in a kick, partly implicit [N].
+    ) -> tuple[Shape, Shares]:
+        """Forces of the barrier over a time, partly implicit [N].
 
-        Every pair finds its own force, at the distance to which the drift leads. The mass of a
+        Every pair finds its own force, at the distance to which the motion leads. The mass of a
         node is shared among the pairs that act on it, so that many stiff pairs are stable together
         (mass splitting: Tonge, Benevolenski and Voroshilov, ACM Trans. Graph. 31, 2012). First come
         forces at the present distances, as far as they are stable; at rest nothing is added.
 
         Args:
             shape: positions of nodes, L_x and L_y [mm].
-            velocity: their rates after the kick of all other forces [mm/ms].
-            push: change of these by a unit force in the kick [mm/ms/N].
-            drift: time after the kick [ms].
-            step: time over which ``push`` acts in a whole step [ms].
-            last: how many pairs shared each mass in the last kick.
+            velocity: their mean rates over the time by all other forces [mm/ms].
+            push: change of these by a unit force [mm/ms/N].
+            time: for which the forces act [ms].
+            last: how many pairs shared each mass before.
 
         Returns:
             The forces on nodes, L_x and L_y, and how many pairs shared each mass.
@@ -124,8 +123,8 @@ class Contact(eqx.Module):
         side_push = push.lengths
         pushed_most = jnp.maximum(jnp.maximum(pushed[0], pushed[1]), pushed[2])
 
-        def softness(pairs: PairList, pair: Approach, shares: Shares, time: Array) -> Component:
-            """Distance that a pair gains in a time by a unit force on its shares of masses [mm/N]."""
+        def softness(pairs: PairList, pair: Approach, shares: Shares) -> Component:
+            """Distance that a pair gains by a unit force on its shares of masses [mm/N]."""
             of_nodes, of_sides = time * pushed_most * shares[0], time * side_push * shares[1]
             soft = sum(
                 jnp.abs(weight) * of_nodes.at[pairs.nodes[corner]].get(mode="promise_in_bounds")
@@ -136,11 +135,11 @@ class Contact(eqx.Module):
             return soft * pair.factor
 
         def present(pairs: PairList, pair: Approach) -> Component:
-            """Force at the present distance, if that is not too stiff for an explicit step [N]."""
+            """Force at the present distance, as far as it is stable [N]."""
             force = _force(pairs, pair, jnp.maximum(pair.excess, DEEPEST))
             begins = jnp.sqrt(jnp.abs(pairs.least_squared + pairs.range_squared))
             limit = jnp.maximum(begins - pair.distance, 0.0)
-            return jnp.minimum(force, limit / jnp.maximum(softness(pairs, pair, last, step), 1e-30))
+            return jnp.minimum(force, limit / jnp.maximum(softness(pairs, pair, last), 1e-30))
 
         def begun(pairs: PairList, pair: Approach, found: Any) -> Any:
             totals, (share, side_share) = found
@@ -148,7 +147,7 @@ class Contact(eqx.Module):
             totals = self._add_twist(
                 pairs, pair, -_stored(pairs, jnp.maximum(pair.excess, DEEPEST)), totals
             )
-            ahead = pair.distance + drift * self._speed(pairs, pair, free)
+            ahead = pair.distance + time * self._speed(pairs, pair, free)
             acting = (pairs.range_squared > 0) & (
                 (pair.excess < 1) | (ahead**2 < pairs.least_squared + pairs.range_squared)
             )
@@ -166,13 +165,13 @@ class Contact(eqx.Module):
         )
 
         def corrected(pairs: PairList, pair: Approach, totals: Totals) -> Totals:
-            soft, begun = softness(pairs, pair, shares, drift), present(pairs, pair)
-            reached = pair.distance + drift * self._speed(pairs, pair, ahead) - soft * begun
-            force = jnp.where(drift > 0, _force_after(pairs, reached, soft), begun)
+            soft, begun = softness(pairs, pair, shares), present(pairs, pair)
+            reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * begun
+            force = _force_after(pairs, reached, soft)
             return self._add(pairs, pair, (force - begun) * pair.factor, totals)
 
         (x, y, z), sides = self._over_pairs(place, lengths, corrected, totals)
-        return ((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides), shares
+        return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides), shares
 
     def _over_pairs(
         self, place: OfNodes, lengths: Float[Array, "2"], visit: Any, begin: Any
@@ -305,7 +304,9 @@ def _force_after(pairs: PairList, reached: Component, softness: Component) -> Co
     least = jnp.where(used, pairs.least_squared, 1.0)
     begins = jnp.sqrt(least + span)
     touching = used & (reached < begins)
-    slope = 2 * softness * pairs.strength * span  # of the distance gained, over distance and steepness
+    slope = (
+        2 * softness * pairs.strength * span
+    )  # of the distance gained, over distance and steepness
     ratio = jnp.where(touching, begins - reached, 0.0) / jnp.maximum(slope * jnp.sqrt(least), 1e-30)
     excess = 2 / (2 + ratio + jnp.sqrt(ratio * (ratio + 4)))
     for _ in range(NEWTON_STEPS):

@@ -41,6 +41,7 @@ Positions = Float[np.ndarray, "node 3"]
 Lengths = Float[np.ndarray, "2"]
 Boxes = Float[np.ndarray, "3 cell"]
 
+
 @dataclass(frozen=True, eq=False)
 class Parts:
     """Pairs of parts of one kind that are not too far apart."""
@@ -74,7 +75,9 @@ class CloseCells:
 
     def gaps(self, shape: MeshShape, low: Boxes, high: Boxes, lengths: Lengths) -> Boxes:
         """Gaps between the boxes of pairs of cells, whose lowest and highest corners are given."""
-        (one, turns), (other, others) = (_nodes_and_turns(shape, each) for each in (self.one, self.other))
+        (one, turns), (other, others) = (
+            _nodes_and_turns(shape, each) for each in (self.one, self.other)
+        )
         apart = np.zeros(len(one))
         for axis in range(3):
             shift = 0.0
@@ -132,7 +135,9 @@ class PairFinder:
             margin = max(least, float(np.partition(gaps, few)[few]))
         one, other, slack = watched
         watch = self._watched(one, other, np.maximum(slack, margin))
-        return Listed(place, {kind: each.within(margin) for kind, each in parts.items()}, cells, watch)
+        return Listed(
+            place, {kind: each.within(margin) for kind, each in parts.items()}, cells, watch
+        )
 
     def used(self, listed: Listed, place: Place) -> float:
         """Part of its margins that a motion has used of a list; above 1 it may be incomplete."""
@@ -165,7 +170,9 @@ class PairFinder:
         other_number, other_turns = _nodes_and_turns(self.shape, other)
         turns = np.pad((turns - other_turns)[:, ::-1].T.astype(float), ((0, 0), (0, spare)))
         numbers = (np.pad(each, (0, spare)).astype(np.int32) for each in (number, other_number))
-        return Watched(*map(jnp.asarray, (*numbers, turns, np.pad(slack, (0, spare), constant_values=np.inf))))
+        return Watched(
+            *map(jnp.asarray, (*numbers, turns, np.pad(slack, (0, spare), constant_values=np.inf)))
+        )
 
     def _parts(
         self, cells: CloseCells, place: Place, margin: float
@@ -192,7 +199,7 @@ class PairFinder:
         for kind, split in SPLIT.items():
             steps = _STEPS[kind]
             limit = self.layers.far.begins + margin
-            number, which = np.nonzero(distances[kind].T <= limit)
+            number, which = np.nonzero(limit >= distances[kind].T)
             if kind == "triangle":
                 swap = which >= 2
                 own = np.where(swap[:, None], cell_other[number], cell[number])
@@ -211,7 +218,9 @@ class PairFinder:
                 exist &= inside.all(axis=(1, 2))
             of_layers = []
             for near, layer in ((False, self.layers.far), (True, self.layers.near)):
-                on_grid = apart <= self.layers.near_cells if near else apart > self.layers.near_cells
+                on_grid = (
+                    apart <= self.layers.near_cells if near else apart > self.layers.near_cells
+                )
                 which = exist & on_grid.any(axis=(1, 2))
                 parts = Parts(
                     corners[which], np.full(which.sum(), near), distance[which] - layer.begins
@@ -269,13 +278,17 @@ class PairFinder:
         corners = (cells[:, None] + CORNERS).transpose(1, 0, 2)
         if not self.shape.periodic:
             corners = np.minimum(corners, [self.shape.cells_y, self.shape.cells_x])
-            return place.positions[corners[..., 0] * self.shape.nodes_x + corners[..., 1]].transpose(0, 2, 1)
+            return place.positions[
+                corners[..., 0] * self.shape.nodes_x + corners[..., 1]
+            ].transpose(0, 2, 1)
         nodes, turns = _nodes_and_turns(self.shape, corners)
         at = place.positions[nodes]
         at[..., :2] += turns[..., ::-1] * place.lengths
         return at.transpose(0, 2, 1)
 
-    def _distances(self, one: Cells, other: Cells, place: Place) -> dict[Kind, Float[np.ndarray, "pair cell"]]:
+    def _distances(
+        self, one: Cells, other: Cells, place: Place
+    ) -> dict[Kind, Float[np.ndarray, "pair cell"]]:
         """Distances of all that the cells of a pair own [mm]."""
         count = len(one)
         spare = -count % BLOCK
@@ -352,13 +365,17 @@ def _cell_distances(
         return found
 
     return {
-        "triangle": jnp.stack(distances("triangle", one, other) + distances("triangle", other, one)),
+        "triangle": jnp.stack(
+            distances("triangle", one, other) + distances("triangle", other, one)
+        ),
         "edges": jnp.stack(distances("edges", one, other)),
     }
 
 
-def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) -> Contact:
-    """The contact of a batch of fabrics of one mesh shape, in lists of one length."""
+def contact_of_batch(
+    finders: Sequence[PairFinder], listed: Sequence[Listed], held: int = 1
+) -> Contact:
+    """The contact of a batch of fabrics of one mesh shape, with forces ``held`` for some steps."""
     shape = finders[0].shape
     lists, chunks = {}, {}
     for kind in SPLIT:
@@ -372,7 +389,7 @@ def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) ->
             for finder, pairs in zip(finders, listed, strict=True)
         ]
         lists[kind] = jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *each)
-    return Contact(lists, chunks, shape.periodic)
+    return Contact(lists, chunks, shape.periodic, held)
 
 
 def _pair_list(

@@ -191,58 +191,81 @@ def leapfrog(
     stiffness, z_max = body.fabric.k_wall, body.fabric.z_max
     half = jax.tree.map(lambda rate: step * rate / 2, body.damping_rate)
 
-    def kicked(motion: Motion, before: Array, after: Array) -> tuple[Motion, Array]:
-        # The motion after a kick of ``before`` half steps up to now, and ``after`` from now on,
-        # with the walls and contact as they act after the drift that follows, if one does; and
-        # the power of what is driven.
+    contact = body.contact
+
+    def touching(motion: Motion, force: Shape) -> tuple[Shape, Shares]:
+        """Forces of contact over the steps for which they are held."""
+        time = contact.held * step
+        # Mean change of velocity over these steps by a unit force.
+        push = jax.tree.map(lambda inverse: (time + step) / 2 * inverse, body.inverse)
+        free = jax.tree.map(lambda v, by, f: v - by * f, motion.velocity, push, force)
+        return contact.forces(motion.shape, free, push, time, motion.shares)
+
+    def kicked(
+        motion: Motion, force: Shape, held: Shape, before: Array, after: Array
+    ) -> tuple[Motion, Array]:
+        """Motion after a kick, and the power of what is driven.
+
+        The kick is of ``before`` half steps up to now, and ``after`` from now on, with the walls as
+        they act after the drift that follows.
+        """
         part, drift = (before + after) / 2, after * step
         kept = jax.tree.map(lambda h: (1 - after * h) / (1 + before * h), half)
         push = jax.tree.map(
             lambda inverse, h: step * part * inverse / (1 + before * h), body.inverse, half
         )
-        force = body.fabric.gradient(motion.shape, walls=False)
         velocity = jax.tree.map(
             lambda kept, old, by, acting: kept * old - by * acting,
             *(kept, motion.velocity, push, force),
         )
-        shares, work = motion.shares, motion.contact_work
-        if body.contact is not None:
-            touching, shares = body.contact.forces(
-                motion.shape, velocity, push, drift, step / part, motion.shares
-            )
-            touching = Shape(*touching)
-            force = jax.tree.map(jnp.subtract, force, touching)
-            gained = jax.tree.map(jnp.multiply, push, touching)
+        if contact is not None:
+            gained = jax.tree.map(jnp.multiply, push, held)
             mean = jax.tree.map(lambda rate, change: rate + change / 2, velocity, gained)
-            power = jax.tree.map(lambda acting, rate: jnp.sum(acting * rate), touching, mean)
-            work = work + step * part * sum(jax.tree.leaves(power))
             velocity = jax.tree.map(jnp.add, velocity, gained)
+            powers = jax.tree.map(lambda acting, rate: jnp.sum(acting * rate), held, mean)
+            work = motion.contact_work + step * part * sum(jax.tree.leaves(powers))
+            motion = replace(motion, contact_work=work)
+            force = jax.tree.map(jnp.subtract, force, held)
         (x, y, z), (_, _, by) = velocity.positions, push.positions
         ahead = motion.shape.positions[2] + drift * z
         beyond = ahead - jnp.clip(ahead, -z_max, z_max)
         z = z - by * stiffness / (1 + drift * by * stiffness) * beyond
         velocity = Shape((x, y, z), velocity.lengths)
-        moved = replace(motion, velocity=velocity, shares=shares, contact_work=work)
-        return moved, driving_power(body, force, velocity)
+        return replace(motion, velocity=velocity), driving_power(body, force, velocity)
 
-    def once(number: Any, moving: tuple[Motion, Float[Array, ""]]) -> tuple[Motion, Any]:
-        motion, power = moving
+    def once(number: Any, moving: tuple[Motion, Array, Shape]) -> tuple[Motion, Array, Shape]:
+        motion, power, held = moving
         active, last = number < count, number == count - 1
         taken = jnp.where(active, step, 0.0)
-        shape = jax.tree.map(lambda at, rate: at + taken * rate, motion.shape, motion.velocity)
         drifted = replace(
             motion,
-            shape=shape,
+            shape=jax.tree.map(lambda at, v: at + taken * v, motion.shape, motion.velocity),
             dissipated=motion.dissipated + taken * loss(body, motion.velocity),
             supplied=motion.supplied + taken / 2 * power,
         )
-        moved, power = kicked(drifted, jnp.ones(()), jnp.where(last, 0.0, 1.0))
+        force = body.fabric.gradient(drifted.shape, walls=False)
+        moved = drifted
+        if contact is not None:
+            held, shares = jax.lax.cond(
+                (number + 1) % contact.held == 0,
+                lambda: touching(drifted, force),
+                lambda: (held, drifted.shares),
+            )
+            moved = replace(drifted, shares=shares)
+        moved, power = kicked(moved, force, held, jnp.ones(()), jnp.where(last, 0.0, 1.0))
         moved = replace(moved, supplied=moved.supplied + taken / 2 * power)
-        moved = jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted)
-        return moved, power
+        return (
+            jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted),
+            power,
+            held,
+        )
 
-    begin = kicked(motion, jnp.zeros(()), jnp.ones(()))
-    moved, _ = jax.lax.fori_loop(0, longest, once, begin)
+    force, held = body.fabric.gradient(motion.shape, walls=False), motion.velocity
+    if contact is not None:
+        held, shares = touching(motion, force)
+        motion = replace(motion, shares=shares)
+    begin, power = kicked(motion, force, held, jnp.zeros(()), jnp.ones(()))
+    moved, _, _ = jax.lax.fori_loop(0, longest, once, (begin, power, held))
     return moved
 
 
@@ -327,13 +350,17 @@ class Moving:
         bodies: Sequence[Body],
         shapes: Sequence[Shape],
         finders: Sequence[PairFinder] = (),
+        held: int = 1,
     ) -> "Moving":
-        """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact."""
+        """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact.
+
+        Forces of contact are ``held`` for some steps.
+        """
         stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves))
         body, shape, cases = stack(*bodies), stack(*shapes), len(bodies)
         touching = None
         if finders:
-            touching = Touching.at(finders, shape)
+            touching = Touching.at(finders, shape, held)
             body = replace(body, contact=touching.contact)
         motion = jax.vmap(Motion.at_rest)(shape)
         seen = _observe(body, motion)
@@ -409,7 +436,8 @@ def _developed(moving: Moving) -> Moving:
 def largest_step(moving: Moving) -> OfCases:
     """Largest stable time step of the leapfrog as every fabric is now, 2/ω [ms]."""
     iterations = np.full(len(moving.time), FIRST_ITERATIONS)
-    square, _ = _highest_frequencies(moving.body, moving.motion, moving.mode, iterations)
+    bare = replace(moving.body, contact=None)
+    square, _ = _highest_frequencies(bare, moving.motion, moving.mode, iterations)
     return 2 / np.sqrt(np.asarray(square))
 
 
@@ -421,7 +449,8 @@ def _by_leapfrog(
     So are more steps than the lists of what may touch allow; ``most`` is how many are tried.
     """
     iterations = np.where(moving.steps > 0, 4, FIRST_ITERATIONS)
-    square, mode = _highest_frequencies(moving.body, moving.motion, moving.mode, iterations)
+    bare = replace(moving.body, contact=None)
+    square, mode = _highest_frequencies(bare, moving.motion, moving.mode, iterations)
     step = fraction * 2 / np.sqrt(np.asarray(square))
     whole = np.maximum(np.ceil(left / step), 1.0)
     step = left / whole

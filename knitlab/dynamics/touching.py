@@ -27,11 +27,11 @@ class Touching:
     contact: Contact
 
     @classmethod
-    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
-        """List the pairs of all fabrics."""
+    def at(cls, finders: Sequence[PairFinder], shape: Shape, held: int = 1) -> "Touching":
+        """List the pairs of all fabrics; ``held`` is for how many steps their forces are."""
         places = zip(finders, _places(shape), strict=True)
         listed = [finder.listed(place) for finder, place in places]
-        return cls(finders, listed, contact_of_batch(finders, listed))
+        return cls(finders, listed, contact_of_batch(finders, listed, held))
 
     def used(self, shape: Shape) -> OfCases:
         """Part that each fabric has used of the margins of its list; above 1 it is incomplete."""
@@ -51,9 +51,7 @@ class Touching:
         lists, now, then = self, self.used(shape), self.used(ahead)
         short = (then > COVERED) & (now > OLD)
         if short.any():
-            fastest = np.max(
-                [np.abs(each).max(axis=(1, 2)) for each in velocity.positions], axis=0
-            )
+            fastest = np.max([np.abs(each).max(axis=(1, 2)) for each in velocity.positions], axis=0)
             lists = self._renewed(shape, short, 2 * STEPS * step * fastest)
             now, then = lists.used(shape), lists.used(ahead)
         part = np.clip((COVERED - now) / np.maximum(then - now, 1e-300), 0.0, 1.0)
@@ -68,7 +66,8 @@ class Touching:
             finder.listed(place, old, margin) if new else old
             for finder, old, new, place, margin in fabrics
         ]
-        return Touching(self.finders, listed, contact_of_batch(self.finders, listed))
+        contact = contact_of_batch(self.finders, listed, self.contact.held)
+        return Touching(self.finders, listed, contact)
 
 
 def _places(shape: Shape) -> list[Place]:

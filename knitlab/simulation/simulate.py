@@ -16,13 +16,13 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import write_case_file
+from knitlab.dynamics.contact_pairs import PairFinder
 from knitlab.dynamics.damped_test import (
     MovingFabrics,
     Relaxed,
     relax_by_dynamics,
     stretch_by_dynamics,
 )
-from knitlab.dynamics.contact_pairs import PairFinder
 from knitlab.equilibrium.equilibrium import run_each
 from knitlab.equilibrium.state import Outcome, TensileTest
 from knitlab.equilibrium.tensile_test import imperfect_sheet, relax, relax_near, stretch, tiled
@@ -235,9 +235,7 @@ def moving_fabrics(cases: Sequence[Case]) -> MovingFabrics:
     fabrics, inertias = [case.assemble()[1] for case in cases], [case.inertia() for case in cases]
     loads, shape = [case.load for case in cases], cases[0].mesh_shape
     finders = [
-        PairFinder(shape, case.contact_layers)
-        for case in cases
-        if case.options.contact != "none"
+        PairFinder(shape, case.contact_layers) for case in cases if case.options.contact != "none"
     ]
     return MovingFabrics(shape, fabrics, inertias, cases[0].motion, loads, finders)
 

@@ -14,13 +14,13 @@ from knitlab.fabric.fold_friction import Friction
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern, SingleFold
 from knitlab.fabric.settings import ModelOptions, PlainKnit, largest_thickness
 from knitlab.fabric.stripe import (
-    lengths_ratio,
     GARTER_STITCHES_PER_RIB_STITCH,
     STRIPE_QUANTITIES,
     Knit,
     Stripe,
     changed_stripe,
     changed_table,
+    lengths_ratio,
     periods_per_patch,
 )
 from knitlab.io.errors import BadInput, Fault, fault, raise_any, unknown
