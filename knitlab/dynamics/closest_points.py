@@ -24,7 +24,10 @@ class Crossing(NamedTuple):
 
 
 def node_and_triangle(corners: Corners) -> Weights:
-    """Weights of a node and the corners of a triangle (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    """Weights of a node and the corners of a triangle.
+
+    Source: Ericson, Real-Time Collision Detection (2005), Sec. 5.1.5.
+    """
     point, first, second, third = corners
     one, other, to = subtract(second, first), subtract(third, first), subtract(point, first)
     square_one, square_other, mixed = dot(one, one), dot(other, other), dot(one, other)
@@ -57,7 +60,7 @@ def node_and_triangle(corners: Corners) -> Weights:
 
 
 def two_edges(corners: Corners) -> Weights:
-    """Weights of the ends of two edges (Ericson, 5.1.9)."""
+    """Weights of the ends of two edges (Ericson, Sec. 5.1.9)."""
     start, end, other_start, other_end = corners
     first, second = subtract(end, start), subtract(other_end, other_start)
     between = subtract(start, other_start)

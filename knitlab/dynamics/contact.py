@@ -38,13 +38,16 @@ class PairList(NamedTuple):
     Places that are not used have a ``range_squared`` of −1.
     """
 
-    nodes: Int[Array, "*batch 4 pair"]  # of the corners, numbered along the rows of the grid
-    turns: Int[Array, "*batch 2 4 pair"]  # sides L_x, L_y between a node and its image
-    least_squared: Float[Array, "*batch pair"]  # square of the distance that parts keep [mm²]
-    # square of the distance at which the barrier begins, less that of the least [mm²]
+    # Of the corners, numbered along the rows of the grid.
+    nodes: Int[Array, "*batch 4 pair"]
+    # Sides L_x, L_y between a node and its image.
+    turns: Int[Array, "*batch 2 4 pair"]
+    # Square of the distance that parts keep [mm²].
+    least_squared: Float[Array, "*batch pair"]
+    # Square of the distance at which the barrier begins, less that of the least [mm²].
     range_squared: Float[Array, "*batch pair"]
     strength: Float[Array, "*batch pair"]  # of the barrier [N/mm³]
-    # squared cross product below which edges count as nearly parallel [mm⁴]
+    # Squared cross product below which edges count as nearly parallel [mm⁴].
     parallel: Float[Array, "*batch pair"]
 
 
@@ -55,7 +58,7 @@ class Approach(NamedTuple):
     normal: Vector  # the direction in which they are apart
     distance: Component  # [mm]
     excess: Component  # of the squared distance over that of the least, by its range
-    factor: Component | float  # by which nearly parallel edges count
+    factor: Component  # by which nearly parallel edges count
     twist: Corners | None  # derivatives of this factor by the corners [1/mm]
 
 
@@ -132,7 +135,7 @@ class Contact(eqx.Module):
             )
             if self.periodic:
                 soft = soft + of_sides @ jnp.abs(_turns(pairs, pair))
-            return soft * pair.factor
+            return jnp.asarray(soft * pair.factor)
 
         def present(pairs: PairList, pair: Approach) -> Component:
             """Force at the present distance, as far as it is stable [N]."""
@@ -241,6 +244,10 @@ def _flat(vector: Vector) -> OfNodes:
     return [each.ravel() for each in vector]
 
 
+def _minus(vector: Vector) -> Vector:
+    return -vector[0], -vector[1], -vector[2]
+
+
 def _nothing(place: OfNodes) -> Totals:
     return [jnp.zeros_like(each) for each in place], jnp.zeros(2)
 
@@ -259,12 +266,12 @@ def _approach(pairs: PairList, corners: Corners, kind: Kind) -> Approach:
     excess = (squared - pairs.least_squared) / pairs.range_squared
     excess = jnp.where(pairs.range_squared > 0, jnp.clip(excess, TOUCHING, 1.0), 1.0)
     if kind == "triangle":
-        return Approach(weights, normal, distance, excess, 1.0, None)
+        return Approach(weights, normal, distance, excess, jnp.ones_like(excess), None)
     crossed = crossing(corners)
     part = jnp.minimum(crossed.squared / pairs.parallel, 1.0)
     slope = 4 * (1 - part) / pairs.parallel
     first, second = scale(slope, crossed.by_first), scale(slope, crossed.by_second)
-    twist = scale(-1.0, first), first, scale(-1.0, second), second
+    twist = _minus(first), first, _minus(second), second
     return Approach(weights, normal, distance, excess, (2 - part) * part, twist)
 
 

@@ -28,7 +28,8 @@ TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
 NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 """Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
-SPLIT = {"triangle": 1, "edges": 2}  # number of the first corner of the second part of a pair
+SPLIT: dict[Kind, int] = {"triangle": 1, "edges": 2}
+"""Number of the first corner of the second part of a pair."""
 MARGINS = 0.05, 0.3  # least and greatest margin of a list, over the shortest side of a cell
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
@@ -195,7 +196,7 @@ class PairFinder:
         cell = np.concatenate([cells.one[close], beside[0]])
         cell_other = np.concatenate([cells.other[close], beside[1]])
         distances = self._distances(cell, cell_other, place)
-        found = {}
+        found: dict[Kind, Parts] = {}
         for kind, split in SPLIT.items():
             steps = _STEPS[kind]
             limit = self.layers.far.begins + margin
@@ -218,14 +219,12 @@ class PairFinder:
                 exist &= inside.all(axis=(1, 2))
             of_layers = []
             for near, layer in ((False, self.layers.far), (True, self.layers.near)):
-                on_grid = (
-                    apart <= self.layers.near_cells if near else apart > self.layers.near_cells
+                on_grid = (apart <= self.layers.near_cells) == near
+                those = exist & on_grid.any(axis=(1, 2))
+                pairs = Parts(
+                    corners[those], np.full(those.sum(), near), distance[those] - layer.begins
                 )
-                which = exist & on_grid.any(axis=(1, 2))
-                parts = Parts(
-                    corners[which], np.full(which.sum(), near), distance[which] - layer.begins
-                )
-                of_layers.append(parts.within(margin))
+                of_layers.append(pairs.within(margin))
             found[kind] = Parts(
                 *(
                     np.concatenate([getattr(each, name) for each in of_layers])
@@ -339,7 +338,7 @@ def _used(
     return jnp.max((jnp.sqrt(square) + spread[one] + spread[other]) / watched.slack)
 
 
-_STEPS = {
+_STEPS: dict[Kind, Int[np.ndarray, "pair 4 2"]] = {
     "triangle": np.array([[*NODE[0], *triangle] for triangle in TRIANGLES]),
     "edges": np.array([[*one, *other] for one in EDGES for other in EDGES]),
 }
@@ -377,7 +376,8 @@ def contact_of_batch(
 ) -> Contact:
     """The contact of a batch of fabrics of one mesh shape, with forces ``held`` for some steps."""
     shape = finders[0].shape
-    lists, chunks = {}, {}
+    lists: dict[Kind, PairList] = {}
+    chunks: dict[Kind, Int[Array, ""]] = {}
     for kind in SPLIT:
         longest = max(len(each.parts[kind].gap) for each in listed)
         filled = -(-longest // CHUNK)
@@ -388,7 +388,7 @@ def contact_of_batch(
             _pair_list(shape, finder.layers, pairs, kind, places)
             for finder, pairs in zip(finders, listed, strict=True)
         ]
-        lists[kind] = jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *each)
+        lists[kind] = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
     return Contact(lists, chunks, shape.periodic, held)
 
 
@@ -409,14 +409,15 @@ def _pair_list(
         values = np.where(parts.near, getattr(near, name), getattr(far, name))
         return np.pad(values, (0, spare), constant_values=spare_value)
 
-    return PairList(
-        nodes=np.concatenate([nodes.T, spare_corners], axis=1).astype(np.int32),
-        turns=np.pad(turns.transpose(2, 1, 0)[::-1], ((0, 0), (0, 0), (0, spare))).astype(np.int8),
-        least_squared=by_layer("least") ** 2,
-        range_squared=by_layer("range_squared", -1.0),
-        strength=by_layer("strength"),
-        parallel=np.pad(parallel, (0, spare), constant_values=1.0),
+    columns = (
+        np.concatenate([nodes.T, spare_corners], axis=1).astype(np.int32),
+        np.pad(turns.transpose(2, 1, 0)[::-1], ((0, 0), (0, 0), (0, spare))).astype(np.int8),
+        by_layer("least") ** 2,
+        by_layer("range_squared", -1.0),
+        by_layer("strength"),
+        np.pad(parallel, (0, spare), constant_values=1.0),
     )
+    return PairList(*map(jnp.asarray, columns))
 
 
 def _nodes_and_turns(

@@ -100,7 +100,7 @@ def relax_by_dynamics(
     if settings.ending == "steps":
         rate = settings.step_strain / stable
     if settings.release:
-        duration = settings.relax_time if to_rest else longest
+        duration = np.full(len(flat), settings.relax_time) if to_rest else longest
         moving = developing(moving, settings.release * duration)
     # The first record after the beginning is at 0.01 ms. The last is the end, even if it is the
     # only one or if all is over before the first.

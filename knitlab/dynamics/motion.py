@@ -36,8 +36,8 @@ class Body(eqx.Module):
     fabric: GridFabric
     # 1/m of every coordinate and length, 0 if held, which keeps its velocity [1/g]
     inverse: Shape
-    damping: Float[Array, ""]  # c of a node [g/ms]
-    nodes_of_lengths: Float[Array, "2"]  # that L_x and L_y move
+    damping: Float[Array, "*batch"]  # c of a node [g/ms]
+    nodes_of_lengths: Float[Array, "*batch 2"]  # that L_x and L_y move
     contact: Contact | None = None  # with itself; None if it may pass through itself
 
     def energy(self, shape: Shape) -> Energy:
@@ -193,7 +193,7 @@ def leapfrog(
 
     contact = body.contact
 
-    def touching(motion: Motion, force: Shape) -> tuple[Shape, Shares]:
+    def touching(contact: Contact, motion: Motion, force: Shape) -> tuple[Shape, Shares]:
         """Forces of contact over the steps for which they are held."""
         time = contact.held * step
         # Mean change of velocity over these steps by a unit force.
@@ -248,7 +248,7 @@ def leapfrog(
         if contact is not None:
             held, shares = jax.lax.cond(
                 (number + 1) % contact.held == 0,
-                lambda: touching(drifted, force),
+                lambda: touching(contact, drifted, force),
                 lambda: (held, drifted.shares),
             )
             moved = replace(drifted, shares=shares)
@@ -262,7 +262,7 @@ def leapfrog(
 
     force, held = body.fabric.gradient(motion.shape, walls=False), motion.velocity
     if contact is not None:
-        held, shares = touching(motion, force)
+        held, shares = touching(contact, motion, force)
         motion = replace(motion, shares=shares)
     begin, power = kicked(motion, force, held, jnp.zeros(()), jnp.ones(()))
     moved, _, _ = jax.lax.fori_loop(0, longest, once, (begin, power, held))

@@ -36,7 +36,7 @@ class Touching:
     def used(self, shape: Shape) -> OfCases:
         """Part that each fabric has used of the margins of its list; above 1 it is incomplete."""
         fabrics = zip(self.finders, self.listed, _places(shape), strict=True)
-        return np.array([finder.used(*fabric) for finder, *fabric in fabrics])
+        return np.array([finder.used(listed, place) for finder, listed, place in fabrics])
 
     def covering(
         self, shape: Shape, velocity: Shape, step: OfCases, count: Int[np.ndarray, " case"]

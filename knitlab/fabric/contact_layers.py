@@ -33,7 +33,7 @@ class ContactLayer:
 
     @property
     def strength(self) -> float:
-        """Factor of the logarithm of squared distances, whose value is a length to the 4th [N/mm³]."""
+        """Factor of the barrier of squared distances, which is a length to the fourth [N/mm³]."""
         return self.force * self.reach / self.range_squared**2
 
 
