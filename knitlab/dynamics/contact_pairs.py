@@ -30,7 +30,7 @@ NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 """Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
 SPLIT: dict[Kind, int] = {"triangle": 1, "edges": 2}
 """Number of the first corner of the second part of a pair."""
-MARGINS = 0.05, 0.3  # least and greatest margin of a list, over the shortest side of a cell
+MARGINS = 0.1, 0.5  # least and greatest margin of a list, over the shortest side of a cell
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
 CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
@@ -131,7 +131,7 @@ class PairFinder:
             cells = last.cells
         parts, watched = self._parts(cells, place, margin)
         gaps = np.concatenate([each.gap for each in parts.values()])
-        few = self.shape.nodes // 8
+        few = self.shape.nodes // 4
         if len(gaps) > few:
             margin = max(least, float(np.partition(gaps, few)[few]))
         one, other, slack = watched

@@ -13,7 +13,7 @@ from knitlab.dynamics.grid import Shape
 
 COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
 OLD = 0.1  # part used of a list that is worth a new one
-STEPS = 5  # for which a list has margins at least
+STEPS = 20  # for which a list has margins at least
 
 OfCases = Float[np.ndarray, " case"]
 
