@@ -153,8 +153,13 @@ class Barrier:
         cells_per_period: int = CELLS_PER_PERIOD,
     ) -> None:
         self._shape, self._thickness, self._cells_per_period = shape, thickness, cells_per_period
+        self._numbers = thickness, pressure, cell, cells_per_period
         self._force, self._cell = pressure * cell[0] * cell[1], min(cell)
         self._use(cells_per_period)
+
+    def on(self, shape: MeshShape) -> "Barrier":
+        """The barrier of the same fabric, with the unknowns of another mesh shape."""
+        return self if shape == self._shape else Barrier(shape, *self._numbers)
 
     def _use(self, band: int) -> None:
         self._mesh = contact_mesh(self._shape, band, self._cells_per_period)
@@ -186,12 +191,18 @@ class Barrier:
         total: Any = np.asarray(evaluation.gradient) + gradient
         return Evaluation(replace(evaluation.energy, contact=energy), total)
 
-    def hessian(self, unknowns: Unknowns, free: Int[np.ndarray, " free"]) -> sp.csc_array | None:
-        """Both triangles, made positive semidefinite by pairs [N/mm]; None if none are in reach."""
-        terms = []
+    def hessian(
+        self, unknowns: Unknowns, free: Int[np.ndarray, " free"], exact: bool = False
+    ) -> sp.csc_array | None:
+        """Both triangles [N/mm]; None if no pairs are in reach.
+
+        Unless ``exact``, each pair's share is made positive semidefinite, for a search.
+        """
+        kind = ipctk.PSDProjectionMethod
+        projection, terms = kind.NONE if exact else kind.CLAMP, []
         for search, mesh, touching in self._touching(unknowns):
             potential, of_free = self._potential(search), mesh.from_unknowns[:, free]
-            by_vertex = potential.hessian(*touching, ipctk.PSDProjectionMethod.CLAMP)
+            by_vertex = potential.hessian(*touching, projection)
             terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
         return sp.csc_array(sum(terms[1:], terms[0])) if terms else None
 

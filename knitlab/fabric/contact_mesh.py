@@ -1,7 +1,8 @@
 """The contact mesh: the triangles of a fabric, with the images that periodic fabric may touch.
 
 Positions of its vertices are linear in the unknowns of the fabric, images included: the image of a
-node lies whole sides L_x and L_y away from it. Each pair of parts counts once a period: parts of
+node lies whole periods away from it, along L_x and L_y or along the vectors of a sheared lattice.
+Each pair of parts counts once a period: parts of
 the fabric are compared with each other, and with the images to the right, above, and above to the
 left. Only a band of images is needed, as long as what lies beyond is out of reach.
 """
@@ -16,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from knitlab.fabric.fabric import Configuration
-from knitlab.fabric.network import MeshShape
+from knitlab.fabric.network import LENGTHS, UPRIGHT, MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 
 NEAR_CELLS = 2
@@ -78,8 +79,14 @@ class ContactMesh:
         if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
             return True
         configuration = Configuration.of(unknowns, shape)
-        x, y = np.asarray(configuration.positions)[..., :2].transpose(2, 0, 1)
-        length_x, length_y = (float(side) for side in configuration.lengths)
+        vectors = lattice(shape) @ np.asarray(configuration.lengths)
+        # Heights of the cell over its sides: images along one side do not change that over it.
+        area = np.linalg.det(vectors)
+        heights = area / np.linalg.norm(vectors[:, ::-1], axis=0)
+        normals = np.linalg.inv(vectors) * heights[:, None]
+        plane = np.asarray(configuration.positions)[..., :2]
+        x, y = (plane @ normals.T).transpose(2, 0, 1)
+        length_x, length_y = heights.tolist()
         right = min(x[:, band:].min() + length_x, x.min() + 2 * length_x) - x.max()
         left = x.min() - max(x[:, :-band].max() - length_x, x.max() - 2 * length_x)
         above = min(y[band:].min() + length_y, y.min() + 2 * length_y) - y.max()
@@ -147,6 +154,14 @@ def _from_unknowns(shape: MeshShape, grid: Int[np.ndarray, "vertex 2"]) -> sp.cs
     node, count = nodes[:, 0] * shape.nodes_x + nodes[:, 1], len(grid)
     entries = np.ones(count), (np.arange(count), node)
     of_node = sp.kron(sp.csr_array(entries, shape=(count, shape.nodes)), sp.eye_array(3))
-    of_sides = np.zeros((count, 3, 2))
-    of_sides[:, 0, 0], of_sides[:, 1, 1] = turns[:, 1], turns[:, 0]
-    return sp.csr_array(sp.hstack([of_node, sp.csr_array(of_sides.reshape(-1, 2))]))
+    of_lengths = np.zeros((count, 3, shape.lengths))
+    of_lengths[:, :2] = np.einsum("ckl,vk->vcl", lattice(shape), turns[:, ::-1])
+    return sp.csr_array(sp.hstack([of_node, sp.csr_array(of_lengths.reshape(3 * count, -1))]))
+
+
+def lattice(shape: MeshShape) -> Float[np.ndarray, "2 2 length"]:
+    """Lattice vectors, as the columns of a matrix, by the lengths: of component, vector, length."""
+    by_lengths, frame = np.zeros((2, 2, shape.lengths)), np.array(shape.frame or UPRIGHT)
+    for number, component, along in LENGTHS[: shape.lengths]:
+        by_lengths[component, :, number] += frame[along]
+    return by_lengths

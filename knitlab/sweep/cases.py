@@ -286,8 +286,6 @@ def _check_together(
     of_contact = {
         "needs equilibria, as explicit time steps cannot hold a barrier; take method = equilibrium,"
         " or contact = none": by_dynamics,
-        "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
-        "has no sensitivities; leave them out, or take contact = none": sensitivities,
     }
     across = load.ratio * workflow.protocol.strain_max
     biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
