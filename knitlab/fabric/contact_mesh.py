@@ -37,6 +37,7 @@ class ContactMesh:
     faces: Int[np.ndarray, "face 3"]
     near_reach: int  # rows and columns within which vertices are near each other
     own: Bool[np.ndarray, " vertex"]  # nodes of the fabric itself, not images
+    kept: Int[np.ndarray, " vertex"]  # vertices among those of the whole mesh
     from_unknowns: sp.csr_array  # to the coordinates of the vertices, vertex by vertex
 
     @cached_property
@@ -53,21 +54,30 @@ class ContactMesh:
         mesh.can_collide = ipctk.make_sparse_filter(pairs, not near)
         return mesh
 
-    def around(
-        self, chosen: Bool[np.ndarray, " vertex"]
-    ) -> tuple["ContactMesh", Int[np.ndarray, " kept"]]:
-        """The mesh of all triangles with a chosen vertex, and the numbers of its vertices."""
-        faces = self.faces[chosen[self.faces].any(axis=1)]
+    @cached_property
+    def images(self) -> "ContactMesh | None":
+        """The mesh of the triangles and edges between images; None if there are none.
+
+        No filter of a collision mesh leaves out just their pairs: it asks for each pair of vertices
+        by itself.
+        """
+        faces = self.faces[~self.own[self.faces].any(axis=1)]
+        if not len(faces):
+            return None
         kept, number = np.unique(faces, return_inverse=True)
         coordinates = (3 * kept[:, None] + np.arange(3)).ravel()
-        nearby = replace(
+        return replace(
             self,
             grid=self.grid[kept],
             faces=number.reshape(-1, 3).astype(np.int32),
             own=self.own[kept],
+            kept=kept,
             from_unknowns=self.from_unknowns[coordinates],
         )
-        return nearby, kept
+
+    def chosen(self, vertices: Float[np.ndarray, "vertex 3"]) -> Float[np.ndarray, "kept 3"]:
+        """Positions of its vertices, among those of the whole mesh."""
+        return np.asfortranarray(vertices[self.kept])
 
     def vertices(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "vertex 3"]:
         """Positions of the vertices in a configuration [mm]."""
@@ -108,34 +118,9 @@ def contact_mesh(
         faces=number.reshape(-1, 3).astype(np.int32),
         near_reach=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
         own=np.asarray(inside.all(axis=1)),
+        kept=np.arange(len(grid)),
         from_unknowns=_from_unknowns(shape, grid),
     )
-
-
-def without_pairs_of_images(
-    candidates: ipctk.Candidates, parts: ipctk.CollisionMesh, own: Bool[np.ndarray, " vertex"]
-) -> None:
-    """Remove, in place, the candidates of which both parts are images.
-
-    The filter of a collision mesh asks for each pair of vertices by itself, and so would also lose
-    pairs of which only the vertices that are not near each other are images.
-    """
-    if own.all():
-        return
-    own_vertices = own.tolist()
-    own_faces, own_edges = (
-        own[np.asarray(each)].any(axis=1).tolist() for each in (parts.faces, parts.edges)
-    )
-    candidates.fv_candidates = [
-        pair
-        for pair in candidates.fv_candidates
-        if own_vertices[pair.vertex_id] or own_faces[pair.face_id]
-    ]
-    candidates.ee_candidates = [
-        pair
-        for pair in candidates.ee_candidates
-        if own_edges[pair.edge0_id] or own_edges[pair.edge1_id]
-    ]
 
 
 def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
