@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.fabric.contact_mesh import ContactMesh, contact_mesh
+from knitlab.fabric.contact_mesh import NEAR_CELLS, ContactMesh, contact_mesh
 from knitlab.fabric.energy import Evaluation
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
@@ -68,7 +68,7 @@ class PairSearch:
     def __init__(
         self, mesh: ContactMesh, near: bool, least: float, reach: float, cell: float
     ) -> None:
-        self.least, self.reach = least, reach
+        self.mesh, self.least, self.reach = mesh, least, reach
         self.meshes = [(each, each.parts(near)) for each in (mesh, mesh.images) if each is not None]
         self._reached, self._margin = least + reach, 2 * MARGIN * cell
         nowhere = np.full((len(mesh.grid), 3), np.nan)
@@ -80,12 +80,23 @@ class PairSearch:
             self._pairs = self._search(*way)
         return self._pairs
 
-    def free_fraction(self, before: Vertices, after: Vertices) -> float:
+    def free_fraction(self, before: Unknowns, after: Unknowns) -> float:
         """Fraction of a straight step that brings no parts as near as they may be."""
-        candidates, (_, parts) = self.close(before, after).candidates[0], self.meshes[0]
+        way = self.mesh.vertices(before), self.mesh.vertices(after)
+        candidates, (_, parts) = self.close(*way).candidates[0], self.meshes[0]
         return candidates.compute_collision_free_stepsize(
-            parts, before, after, self.least, ipctk.AdditiveCCD()
+            parts, *way, self.least, ipctk.AdditiveCCD()
         )
+
+    def touching(self, unknowns: Unknowns) -> Iterator[tuple[int, ContactMesh, Touching]]:
+        """What is within reach of the barrier, by mesh, and whether it is added or subtracted."""
+        vertices = self.mesh.vertices(unknowns)
+        found = zip((1, -1), self.meshes, self.close(vertices).candidates, strict=False)
+        for sign, (mesh, parts), candidates in found:
+            collisions, positions = ipctk.NormalCollisions(), mesh.chosen(vertices)
+            collisions.build(candidates, parts, positions, self.reach, self.least)
+            if len(collisions):
+                yield sign, mesh, (collisions, parts, positions)
 
     def _search(self, *way: Vertices) -> Pairs:
         within, found = self._reached + self._margin, []
@@ -124,6 +135,9 @@ class Barrier:
         self._shape, self._thickness, self._cells_per_period = shape, thickness, cells_per_period
         self._numbers = thickness, pressure, cell, cells_per_period
         self._force, self._cell = pressure * cell[0] * cell[1], min(cell)
+        # Parts that are near on the grid are near their own images only.
+        around = NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD + 1
+        self._near = self._search(around, True, 0.0, NEAR_RANGE * thickness)
         self._use(cells_per_period)
 
     def on(self, shape: MeshShape) -> "Barrier":
@@ -131,30 +145,28 @@ class Barrier:
         return self if shape == self._shape else Barrier(shape, *self._numbers)
 
     def _use(self, band: int) -> None:
-        self._mesh = contact_mesh(self._shape, band, self._cells_per_period)
         thickness = self._thickness
-        self._searches = [
-            PairSearch(self._mesh, near, least, reach, self._cell)
-            for near, least, reach in (
-                (False, thickness, CONTACT_RANGE * thickness),
-                (True, 0.0, NEAR_RANGE * thickness),
-            )
-        ]
+        self._far = self._search(band, False, thickness, CONTACT_RANGE * thickness)
 
-    def _vertices(self, *configurations: Unknowns) -> list[Vertices]:
-        """Vertices of the contact mesh, with a band of images that is wide enough for all."""
+    def _search(self, band: int, near: bool, least: float, reach: float) -> PairSearch:
+        mesh = contact_mesh(self._shape, band, self._cells_per_period)
+        return PairSearch(mesh, near, least, reach, self._cell)
+
+    def _searches(self, *configurations: Unknowns) -> tuple[PairSearch, PairSearch]:
+        """Searches with a band of images that is wide enough for all configurations."""
         reach = (1 + CONTACT_RANGE) * self._thickness
-        while not all(self._mesh.suffices(unknowns, reach) for unknowns in configurations):
-            self._use(2 * self._mesh.band)
-        return [self._mesh.vertices(unknowns) for unknowns in configurations]
+        while not all(self._far.mesh.suffices(unknowns, reach) for unknowns in configurations):
+            self._use(self._far.mesh.band + self._cells_per_period)
+        return self._far, self._near
 
     def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
         """An evaluation with energy and gradient of the barrier added."""
         energy, gradient = 0.0, np.zeros(len(unknowns))
-        for sign, search, mesh, touching in self._touching(unknowns):
+        for search in self._searches(unknowns):
             potential = self._potential(search)
-            energy += sign * potential(*touching)
-            gradient += sign * (mesh.from_unknowns.T @ potential.gradient(*touching))
+            for sign, mesh, touching in search.touching(unknowns):
+                energy += sign * potential(*touching)
+                gradient += sign * (mesh.from_unknowns.T @ potential.gradient(*touching))
         if not energy:
             return evaluation
         total: Any = np.asarray(evaluation.gradient) + gradient
@@ -169,39 +181,29 @@ class Barrier:
         """
         kind = ipctk.PSDProjectionMethod
         projection, terms = kind.NONE if exact else kind.CLAMP, []
-        for sign, search, mesh, touching in self._touching(unknowns):
-            potential, of_free = self._potential(search), mesh.from_unknowns[:, free]
-            by_vertex = sign * potential.hessian(*touching, projection)
-            terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
+        for search in self._searches(unknowns):
+            potential = self._potential(search)
+            for sign, mesh, touching in search.touching(unknowns):
+                of_free = mesh.from_unknowns[:, free]
+                by_vertex = sign * potential.hessian(*touching, projection)
+                terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
         return sp.csc_array(sum(terms[1:], terms[0])) if terms else None
 
     def free_fraction(self, unknowns: Unknowns, step: Unknowns) -> float:
         """Fraction of a step, at most 1, after which all parts still keep their distance."""
-        before, after = self._vertices(unknowns, unknowns + step)
-        fraction = min(search.free_fraction(before, after) for search in self._searches)
+        way = unknowns, unknowns + step
+        fraction = min(search.free_fraction(*way) for search in self._searches(*way))
         return fraction if fraction == 1 else KEPT_FRACTION * fraction
 
     def holds(self, unknowns: Unknowns) -> bool:
         """Whether all parts keep their distance, and nothing passes through anything."""
-        for _, search, _, (collisions, parts, positions) in self._touching(unknowns):
-            squared = collisions.compute_minimum_distance(parts, positions)
-            if squared <= search.least**2 * (1 + LEAST_FREE):
-                return False
-        (vertices,) = self._vertices(unknowns)
-        return not ipctk.has_intersections(self._mesh.whole, vertices)
-
-    def _touching(
-        self, unknowns: Unknowns
-    ) -> Iterator[tuple[int, PairSearch, ContactMesh, Touching]]:
-        """What is within reach of the barrier, by search and mesh, and whether it is subtracted."""
-        (vertices,) = self._vertices(unknowns)
-        for search in self._searches:
-            found = zip((1, -1), search.meshes, search.close(vertices).candidates, strict=False)
-            for sign, (mesh, parts), candidates in found:
-                collisions, positions = ipctk.NormalCollisions(), mesh.chosen(vertices)
-                collisions.build(candidates, parts, positions, search.reach, search.least)
-                if len(collisions):
-                    yield sign, search, mesh, (collisions, parts, positions)
+        for search in self._searches(unknowns):
+            for _, _, (collisions, parts, positions) in search.touching(unknowns):
+                squared = collisions.compute_minimum_distance(parts, positions)
+                if squared <= search.least**2 * (1 + LEAST_FREE):
+                    return False
+        mesh = self._far.mesh
+        return not ipctk.has_intersections(mesh.whole, mesh.vertices(unknowns))
 
     def _potential(self, search: PairSearch) -> ipctk.BarrierPotential:
         # The library's barrier takes squared distances, so that its value is a length to the 4th.

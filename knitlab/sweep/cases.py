@@ -289,7 +289,7 @@ def _check_together(
     }
     across = load.ratio * workflow.protocol.strain_max
     biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
-    alone = options.contact == "none" and workflow.electrodes is None
+    electrodes = workflow.electrodes is not None
     of_load = {
         "is biaxial, which needs load_ratio: strain along the weft over that along the"
         " warp": biaxial and workflow.protocol.load_ratio is None,
@@ -302,8 +302,8 @@ def _check_together(
         "is not warp, and has no sensitivities; leave them out": sensitivities,
         "is off_axis, which clamps cannot pull; take boundary = periodic": off_axis
         and "clamped" in boundaries,
-        "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
-        " shear a clamped sample": load.shears and "periodic" in boundaries and not alone,
+        "shears periodic fabric, for which there are no electrodes; leave them out, or shear a"
+        " clamped sample": load.shears and "periodic" in boundaries and electrodes,
     }
     of_friction = {
         "is found by equilibria; take method = equilibrium": by_dynamics,
