@@ -94,9 +94,8 @@ class System:
         """Factorise the assembled stiffness plus a shift [N/mm]; whether it is positive definite.
 
         With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing.
-        The Hessian of ``contact`` [N/mm] may couple any two unknowns. With contact, or if
-        ``exact``, it is in double precision; single takes half the time and memory, enough for a
-        search.
+        The Hessian of ``contact`` [N/mm] may couple any two unknowns. If ``exact``, it is in double
+        precision; single takes half the time and memory, enough for a search.
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")
@@ -104,8 +103,8 @@ class System:
         entries = free.shifted(self._entries, shift)
         if contact is not None:
             lower = sp.tril(contact, format="coo")
-            if self._touching is None or not self._touching.holds(free, lower):
-                self._touching = TouchingFactors(free, lower, self._touching, self.threads)
+            if self._touching is None or not self._touching.holds(free, exact, lower):
+                self._touching = TouchingFactors(free, exact, lower, self._touching, self.threads)
             factors = self._touching.factors
             entries = self._touching.entries(entries, lower)
         elif key in self._kept:
@@ -153,13 +152,14 @@ class TouchingFactors:
     def __init__(
         self,
         free: FreeStiffness,
+        exact: bool,
         contact: sp.coo_array,
         before: "TouchingFactors | None",
         threads: Threads,
     ) -> None:
-        self._free, size = free, len(free.dofs)
+        self._free, self._exact, size = free, exact, len(free.dofs)
         of_grid = np.repeat(np.arange(size), np.diff(free.indptr)) * size + free.indices
-        present = np.setdiff1d(self._keys(free, contact), of_grid)
+        present = np.setdiff1d(np.unique(self._keys(free, contact)), of_grid, assume_unique=True)
         self._coupled = present
         if before is not None and before._free is free:
             both = np.union1d(present, before._coupled)
@@ -169,16 +169,17 @@ class TouchingFactors:
         self._of_grid = np.searchsorted(self._every, of_grid)
         column, row = np.divmod(self._every, size)
         indptr = np.searchsorted(column, np.arange(size + 1))
-        self.factors = Multifrontal(planned(free.order, indptr, row), threads)
+        precision = np.float64 if exact else np.float32
+        self.factors = Multifrontal(planned(free.order, indptr, row), threads, precision)
 
     @staticmethod
     def _keys(free: FreeStiffness, contact: sp.coo_array) -> Int[np.ndarray, " coupling"]:
         """Places of the entries of contact in the stiffness, column by column."""
         return contact.col.astype(np.int64) * len(free.dofs) + contact.row
 
-    def holds(self, free: FreeStiffness, contact: sp.coo_array) -> bool:
-        """Whether they are of the same free unknowns, and have all couplings of a contact."""
-        if free is not self._free:
+    def holds(self, free: FreeStiffness, exact: bool, contact: sp.coo_array) -> bool:
+        """Whether they are of these free unknowns and precision, and have all couplings."""
+        if (free, exact) != (self._free, self._exact):
             return False
         keys = self._keys(free, contact)
         at = np.minimum(np.searchsorted(self._every, keys), len(self._every) - 1)

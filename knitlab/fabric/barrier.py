@@ -30,7 +30,7 @@ ipctk.set_num_threads(1)
 NEAR_RANGE = 0.1
 """Distance over which the barrier acts between parts that are near on the grid, in thicknesses: it
 keeps them from passing through each other, and leaves the calibrated folds alone."""
-MARGIN = 0.06  # motion before a new search, over the shortest side of a cell
+MARGIN = 0.02  # motion before a new search, over the shortest side of a cell
 KEPT_FRACTION = 0.5  # of a collision-free step, that is taken: the barrier is finite after it
 LEAST_FREE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
 

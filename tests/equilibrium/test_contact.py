@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.equilibrium.loading import WARP, Load
+from knitlab.equilibrium.adjoint import LinearResponse
+from knitlab.equilibrium.loading import WARP, Load, all_free
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.barrier import Barrier
 from knitlab.fabric.energy import Energy, Evaluation, energy
@@ -104,6 +105,25 @@ def test_the_energy_with_contact_grows_by_the_work_of_shear():
     forces = np.array([test.loading.reaction_force(state.gradient) for state in test.states])
     work = test.loading.length * (forces[2:-1] @ weights) * 0.005 / 2
     assert stored[-1] - stored[1] == pytest.approx(work, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_small_forces_move_fabric_in_contact_as_far_as_they_are_balanced():
+    net, fabric = checkered(4, 2, PERIODIC)
+    (state,) = pulled(net, fabric, [0.0]).states
+    force = np.zeros((1, net.shape.unknowns))
+    # Two nodes of a ply are pulled apart, along and across it.
+    force[0, [30, 33]], force[0, [32, 35]] = [1.0, -1.0], [0.5, -0.5]
+    response = LinearResponse(net.shape, all_free(net.shape))
+    (moved,) = response.at(fabric, state.unknowns, barrier_of(net, fabric)).to(force)
+    turning = response.rigid_motion(force)
+    step = 1e-6 / np.abs(moved).max()
+    ahead, behind = (
+        replace(state, unknowns=state.unknowns + sign * step * moved) for sign in (1, -1)
+    )
+    forces = [elastic(fabric, each) + pushed(net, fabric, each) for each in (ahead, behind)]
+    found = (forces[0] - forces[1]) / (2 * step)
+    np.testing.assert_allclose(found, (force - turning)[0], atol=1e-5)
 
 
 @pytest.mark.slow
