@@ -128,7 +128,7 @@ def cross_talk(
 
     Raises:
         BadInput: as :func:`capacitance_matrix`; or if the relaxed state is not a stable
-            equilibrium, or has contact.
+            equilibrium.
 
     Example:
         >>> found = kl.cross_talk(
@@ -145,8 +145,6 @@ def cross_talk(
     if not sensors or any(len(pair) != 2 for pair in sensors):
         raise fault("sensors", f"are {list(sensors)}; give pairs of electrodes, as (w1, w2)")
     case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
-    if case.options.contact != "none":
-        raise fault(case.label, "has contact, which this leaves out; simulate with contact = none")
     if len(strains) > 1 or strains[0] != 0:
         raise fault(STRAIN, "is 0 of parts that are pulled alone; select no strain")
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)

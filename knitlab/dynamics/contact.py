@@ -21,7 +21,7 @@ from knitlab.dynamics.closest_points import CLOSEST, Corners, Kind, Weights, cro
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.vectors import Component, Vector, dot, kept, scale
 
-CHUNK = 256  # pairs that are evaluated together
+CHUNK = 1024  # pairs that are evaluated together
 NEWTON_STEPS = 4  # for the force of a pair
 # Excess over its range below which the force that a step begins with does not grow, and below which
 # energies and their derivatives do not: in motion, parts may for a moment be nearer than the least.
@@ -69,16 +69,15 @@ class Contact(eqx.Module):
     # number of chunks that hold pairs, in any fabric of a batch
     chunks: dict[Kind, Int[Array, ""]]
     periodic: bool = eqx.field(static=True)
-    held: int = eqx.field(static=True)  # steps for which forces are held
 
     def energy(self, positions: Vector, lengths: Float[Array, "2"]) -> Float[Array, ""]:
         """Energy of the barrier [N mm], finite where parts are nearer than they may be."""
         place = _flat(positions)
 
-        def added(pairs: PairList, pair: Approach, total: Array) -> Array:
-            return total + jnp.sum(pair.factor * _stored(pairs, pair.excess))
+        def added(pairs: PairList, pair: Approach, total: Array) -> tuple[Array, bool]:
+            return total + jnp.sum(pair.factor * _stored(pairs, pair.excess)), True
 
-        return self._over_pairs(place, lengths, added, jnp.zeros(()))
+        return self._over_pairs(place, lengths, added, jnp.zeros(()))[0]
 
     def gradient(
         self, positions: Vector, lengths: Float[Array, "2"]
@@ -86,12 +85,12 @@ class Contact(eqx.Module):
         """Derivatives of the energy by the positions of nodes and by L_x and L_y [N]."""
         place = _flat(positions)
 
-        def added(pairs: PairList, pair: Approach, totals: Totals) -> Totals:
+        def added(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
             force = _force(pairs, pair, pair.excess) * pair.factor
             totals = self._add(pairs, pair, -force, totals)
-            return self._add_twist(pairs, pair, _stored(pairs, pair.excess), totals)
+            return self._add_twist(pairs, pair, _stored(pairs, pair.excess), totals), True
 
-        (x, y, z), sides = self._over_pairs(place, lengths, added, _nothing(place))
+        ((x, y, z), sides), _ = self._over_pairs(place, lengths, added, _nothing(place))
         grid = positions[0].shape
         return (x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides
 
@@ -146,52 +145,80 @@ class Contact(eqx.Module):
 
         def begun(pairs: PairList, pair: Approach, found: Any) -> Any:
             totals, (share, side_share) = found
-            totals = self._add(pairs, pair, present(pairs, pair) * pair.factor, totals)
-            totals = self._add_twist(
-                pairs, pair, -_stored(pairs, jnp.maximum(pair.excess, DEEPEST)), totals
-            )
             ahead = pair.distance + time * self._speed(pairs, pair, free)
             acting = (pairs.range_squared > 0) & (
                 (pair.excess < 1) | (ahead**2 < pairs.least_squared + pairs.range_squared)
             )
-            weights = acting * jnp.abs(jnp.stack(pair.weights))
-            share = share.at[pairs.nodes].add(weights, mode="promise_in_bounds")
-            if self.periodic:
-                side_share = side_share + jnp.abs(_turns(pairs, pair)) @ acting
-            return totals, (share, side_share)
+
+            def acted() -> Any:
+                pushed = self._add(pairs, pair, present(pairs, pair) * pair.factor, totals)
+                stored = _stored(pairs, jnp.maximum(pair.excess, DEEPEST))
+                pushed = self._add_twist(pairs, pair, -stored, pushed)
+                weights = acting * jnp.abs(jnp.stack(pair.weights))
+                shared = share.at[pairs.nodes].add(weights, mode="promise_in_bounds")
+                sides = side_share
+                if self.periodic:
+                    sides = sides + jnp.abs(_turns(pairs, pair)) @ acting
+                return pushed, (shared, sides)
+
+            any_acts = acting.any()
+            return jax.lax.cond(any_acts, acted, lambda: (totals, (share, side_share))), any_acts
 
         none = jnp.zeros_like(place[0]), jnp.zeros(2)
-        totals, shares = self._over_pairs(place, lengths, begun, (_nothing(place), none))
+        (totals, shares), acting = self._over_pairs(place, lengths, begun, (_nothing(place), none))
         ahead = (
             [v + p * force for v, p, force in zip(free[0], pushed, totals[0], strict=True)],
             velocity.lengths + side_push * totals[1],
         )
 
-        def corrected(pairs: PairList, pair: Approach, totals: Totals) -> Totals:
-            soft, begun = softness(pairs, pair, shares), present(pairs, pair)
-            reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * begun
+        def corrected(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
+            soft, first = softness(pairs, pair, shares), present(pairs, pair)
+            reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * first
             force = _force_after(pairs, reached, soft)
-            return self._add(pairs, pair, (force - begun) * pair.factor, totals)
+            return self._add(pairs, pair, (force - first) * pair.factor, totals), True
 
-        (x, y, z), sides = self._over_pairs(place, lengths, corrected, totals)
+        ((x, y, z), sides), _ = self._over_pairs(place, lengths, corrected, totals, acting)
         return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides), shares
 
     def _over_pairs(
-        self, place: OfNodes, lengths: Float[Array, "2"], visit: Any, begin: Any
-    ) -> Any:
-        """What a function of pairs, of how they lie and of its last result returns at the end."""
+        self,
+        place: OfNodes,
+        lengths: Float[Array, "2"],
+        visit: Any,
+        begin: Any,
+        acting: dict[Kind, Bool[Array, " chunk"]] | None = None,
+    ) -> tuple[Any, dict[Kind, Bool[Array, " chunk"]]]:
+        """What a function of pairs, of how they lie and of its last result returns at the end.
+
+        The function also tells whether any of the pairs of a chunk act; with what it told before,
+        the other chunks are left out.
+        """
+        told = {}
         for kind in self.lists:
 
-            def visited(number: Any, result: Any, kind: Kind = kind) -> Any:
-                pairs = jax.tree.map(
-                    lambda each: jax.lax.dynamic_slice_in_dim(each, number * CHUNK, CHUNK, axis=-1),
-                    self.lists[kind],
-                )
-                corners = self._corners(pairs, place, lengths)
-                return visit(pairs, APPROACHES[kind](pairs, corners), result)
+            def visited(number: Any, found: Any, kind: Kind = kind) -> Any:
+                result, act = found
 
-            begin = jax.lax.fori_loop(0, self.chunks[kind], visited, begin)
-        return begin
+                def now() -> Any:
+                    pairs = jax.tree.map(
+                        lambda each: jax.lax.dynamic_slice_in_dim(
+                            each, number * CHUNK, CHUNK, axis=-1
+                        ),
+                        self.lists[kind],
+                    )
+                    corners = self._corners(pairs, place, lengths)
+                    return visit(pairs, APPROACHES[kind](pairs, corners), result)
+
+                if acting is None:
+                    result, acts = now()
+                else:
+                    acts = acting[kind][number]
+                    result, _ = jax.lax.cond(acts, now, lambda: (result, acts))
+                return result, act.at[number].set(acts)
+
+            none = jnp.zeros(self.lists[kind].strength.shape[-1] // CHUNK, bool)
+            begin, told[kind] = jax.lax.fori_loop(0, self.chunks[kind], visited, (begin, none))
+        return begin, told
 
     def _corners(self, pairs: PairList, of_nodes: OfNodes, sides: Float[Array, "2"]) -> Corners:
         """Vectors at the corners of pairs, from those of the nodes and of a period."""

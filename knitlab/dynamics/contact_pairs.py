@@ -52,8 +52,8 @@ class Parts:
     gap: Float[np.ndarray, " pair"]  # distance beyond that at which their barrier begins [mm]
 
     def within(self, margin: float) -> "Parts":
-        """Those with a gap of at most a margin."""
-        which = self.gap <= margin
+        """Those with a gap of at most a margin, the closest first."""
+        which = np.argsort(self.gap)[: np.count_nonzero(self.gap <= margin)]
         return Parts(self.corners[which], self.near[which], self.gap[which])
 
 
@@ -371,10 +371,8 @@ def _cell_distances(
     }
 
 
-def contact_of_batch(
-    finders: Sequence[PairFinder], listed: Sequence[Listed], held: int = 1
-) -> Contact:
-    """The contact of a batch of fabrics of one mesh shape, with forces ``held`` for some steps."""
+def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) -> Contact:
+    """The contact of a batch of fabrics of one mesh shape, in lists of one length."""
     shape = finders[0].shape
     lists: dict[Kind, PairList] = {}
     chunks: dict[Kind, Int[Array, ""]] = {}
@@ -389,7 +387,7 @@ def contact_of_batch(
             for finder, pairs in zip(finders, listed, strict=True)
         ]
         lists[kind] = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
-    return Contact(lists, chunks, shape.periodic, held)
+    return Contact(lists, chunks, shape.periodic)
 
 
 def _pair_list(

@@ -20,9 +20,6 @@ from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.inertia import Inertia
 from knitlab.fabric.network import MeshShape, network
 
-HELD = 4
-"""Steps for which forces of contact are held in a motion that does not end at rest: they then cost
-half as much as all others, and move nu by 1e-4."""
 Progress = Callable[[int, float], None]  # of the index in a batch, and of finished states
 Record = tuple[float, float, float, float, Configuration]
 """Time, kinetic and potential energy, dissipated work, as in a :class:`History`, and the shape."""
@@ -87,7 +84,7 @@ def relax_by_dynamics(
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
     released = [given or sheet for given, sheet in zip(sheets or flat, flat, strict=True)]
     starts, finders = [on_grid(sheet) for sheet in released], fabrics.finders
-    moving = Moving.from_rest(fabrics.bodies(clamped=False), starts, finders, _held(settings))
+    moving = Moving.from_rest(fabrics.bodies(clamped=False), starts, finders)
     first_force = np.asarray(moving.seen.force)
     to_rest = settings.ending == "rest"
     stable = largest_step(moving)
@@ -147,9 +144,7 @@ def stretch_by_dynamics(
         for end, load in zip(relaxed, fabrics.loads, strict=True)
     ]
     starts = [on_grid(end.configuration) for end in relaxed]
-    moving = Moving.from_rest(
-        fabrics.bodies(clamped=True), starts, fabrics.finders, _held(settings)
-    )
+    moving = Moving.from_rest(fabrics.bodies(clamped=True), starts, fabrics.finders)
     failed = np.array([end.outcome is not Outcome.converged for end in relaxed])
     moving = replace(moving, diverged=failed)
     to_rest, still = settings.ending == "rest", np.zeros(len(relaxed))
@@ -183,11 +178,6 @@ def stretch_by_dynamics(
         TensileTest(loading if own[0].converged else None, own, history=end.history)
         for loading, own, end in zip(loadings, states, relaxed, strict=True)
     ]
-
-
-def _held(settings: Dynamics) -> int:
-    """Steps for which forces of contact are held: one where a motion is to come to rest."""
-    return 1 if settings.ending == "rest" else HELD
 
 
 def _outcome(moving: Moving, case: int, to_rest: bool) -> Outcome:

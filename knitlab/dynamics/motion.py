@@ -194,12 +194,10 @@ def leapfrog(
     contact = body.contact
 
     def touching(contact: Contact, motion: Motion, force: Shape) -> tuple[Shape, Shares]:
-        """Forces of contact over the steps for which they are held."""
-        time = contact.held * step
-        # Mean change of velocity over these steps by a unit force.
-        push = jax.tree.map(lambda inverse: (time + step) / 2 * inverse, body.inverse)
+        """Forces of contact in the next step."""
+        push = jax.tree.map(lambda inverse: step * inverse, body.inverse)
         free = jax.tree.map(lambda v, by, f: v - by * f, motion.velocity, push, force)
-        return contact.forces(motion.shape, free, push, time, motion.shares)
+        return contact.forces(motion.shape, free, push, step, motion.shares)
 
     def kicked(
         motion: Motion, force: Shape, held: Shape, before: Array, after: Array
@@ -246,11 +244,7 @@ def leapfrog(
         force = body.fabric.gradient(drifted.shape, walls=False)
         moved = drifted
         if contact is not None:
-            held, shares = jax.lax.cond(
-                (number + 1) % contact.held == 0,
-                lambda: touching(contact, drifted, force),
-                lambda: (held, drifted.shares),
-            )
+            held, shares = touching(contact, drifted, force)
             moved = replace(drifted, shares=shares)
         moved, power = kicked(moved, force, held, jnp.ones(()), jnp.where(last, 0.0, 1.0))
         moved = replace(moved, supplied=moved.supplied + taken / 2 * power)
@@ -311,10 +305,17 @@ def _for_batch(function: Callable[..., Any], shared: int = 0) -> Callable[..., A
 
     @jax.jit
     def compiled(body: Body, *arguments: Any) -> Any:
+        last = len(arguments) - shared
+        if len(body.damping) == 1:
+            # Without a batch, chunks of pairs that do not touch can be left out.
+            alone = [jax.tree.map(lambda leaf: leaf[0], each) for each in arguments[:last]]
+            only = jax.tree.map(lambda leaf: leaf[0] if jnp.ndim(leaf) else leaf, body)
+            found = function(only, *alone, *arguments[last:])
+            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], found)
         own: Any = jax.tree.map(lambda _: 0, body)
         if body.contact is not None:
             own = eqx.tree_at(lambda axes: axes.contact.chunks, own, None)
-        axes = [0] * (len(arguments) - shared) + [None] * shared
+        axes = [0] * last + [None] * shared
         return jax.vmap(function, in_axes=(own, *axes))(body, *arguments)
 
     return compiled
@@ -350,17 +351,13 @@ class Moving:
         bodies: Sequence[Body],
         shapes: Sequence[Shape],
         finders: Sequence[PairFinder] = (),
-        held: int = 1,
     ) -> "Moving":
-        """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact.
-
-        Forces of contact are ``held`` for some steps.
-        """
+        """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact."""
         stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves))
         body, shape, cases = stack(*bodies), stack(*shapes), len(bodies)
         touching = None
         if finders:
-            touching = Touching.at(finders, shape, held)
+            touching = Touching.at(finders, shape)
             body = replace(body, contact=touching.contact)
         motion = jax.vmap(Motion.at_rest)(shape)
         seen = _observe(body, motion)

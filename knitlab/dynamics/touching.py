@@ -27,11 +27,11 @@ class Touching:
     contact: Contact
 
     @classmethod
-    def at(cls, finders: Sequence[PairFinder], shape: Shape, held: int = 1) -> "Touching":
-        """List the pairs of all fabrics; ``held`` is for how many steps their forces are."""
+    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
+        """List the pairs of all fabrics."""
         places = zip(finders, _places(shape), strict=True)
         listed = [finder.listed(place) for finder, place in places]
-        return cls(finders, listed, contact_of_batch(finders, listed, held))
+        return cls(finders, listed, contact_of_batch(finders, listed))
 
     def used(self, shape: Shape) -> OfCases:
         """Part that each fabric has used of the margins of its list; above 1 it is incomplete."""
@@ -66,8 +66,7 @@ class Touching:
             finder.listed(place, old, margin) if new else old
             for finder, old, new, place, margin in fabrics
         ]
-        contact = contact_of_batch(self.finders, listed, self.contact.held)
-        return Touching(self.finders, listed, contact)
+        return Touching(self.finders, listed, contact_of_batch(self.finders, listed))
 
 
 def _places(shape: Shape) -> list[Place]:

@@ -7,6 +7,9 @@ with respect to the held unknowns is pulled back through the loading to the rela
 second solve completes it. One factorisation is used for all quantities of a state, and that of the
 relaxed shape for all states.
 
+Contact adds its exact Hessian to K. By the parameters it depends only in proportion to the mean area
+of a grid cell, the scale of the barrier.
+
 There is no derivative at the end of a branch of equilibria, where the fabric snaps and K is
 singular. At parameters at which a node begins to touch a wall only one-sided derivatives exist; the
 result is that with the present contacts.
@@ -14,7 +17,9 @@ result is that with the present contacts.
 
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,23 +29,27 @@ from jaxtyping import Array, Float, Int
 
 from knitlab.equilibrium.alignment import rigidly_aligned
 from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
+from knitlab.equilibrium.linear_algebra.symbolic_factorisation import planned
 from knitlab.equilibrium.loading import all_free, drive_along, free_under
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.energy import COMPLETE, energy
+from knitlab.fabric.energy import COMPLETE, Energy, Evaluation, energy
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.layout import FabricLayout
 from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.stripe import StripePair
 
+if TYPE_CHECKING:
+    from knitlab.fabric.barrier import Barrier
+
 Unknowns = Float[Array, " unknown"]  # A configuration, flattened [mm]
 Free = Float[np.ndarray, " free"]
 Rows = Float[Array, "quantity unknown"]
 Moved = Float[np.ndarray, "row unknown"]  # forces on all unknowns, or displacements
-Measure = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
-"""A function of the relaxed configuration, of the strained one and of the fabric, in pure JAX, that
-returns a number or several."""
+Measure = Callable[[Configuration, Configuration, Fabric, Unknowns], Float[Array, "*quantity"]]
+"""A function of the relaxed configuration, of the strained one, of the fabric, and of the gradient
+of the energy of contact in the strained one, in pure JAX, that returns a number or several."""
 
 
 class NoDerivative(ArithmeticError):
@@ -53,19 +62,37 @@ class LinearResponse:
     def __init__(self, shape: MeshShape, free: Int[np.ndarray, " free"]) -> None:
         self.free = free_stiffness(shape, free)
         self._movable = free_stiffness(shape, all_free(shape))
-        self._factors = Multifrontal(self.free.plan)
+        self._of_springs: Multifrontal | None = None
 
-    def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
+    def at(
+        self,
+        fabric: Fabric,
+        unknowns: Float[np.ndarray, " unknown"],
+        contact: "Barrier | None" = None,
+    ) -> "LinearResponse":
         """The response at one equilibrium, in place of the last one; or :class:`NoDerivative`."""
         shape, free = self.free.shape, self.free.dofs
         hessians = ChunkedFabric(shape, fabric).element_hessians(COMPLETE, unknowns)
+        touching = contact and contact.hessian(unknowns, self._movable.dofs, exact=True)
+        # A small shift, so that rigid motions do not make K singular [N/mm].
+        entries = self.free.shifted(self.free.entries(hessians), 1e-9)
         with one_thread_of_blas():
-            # A small shift, so that rigid motions do not make K singular [N/mm].
-            entries = self.free.shifted(self.free.entries(hessians), 1e-9)
+            if touching is None:
+                self._of_springs = self._of_springs or Multifrontal(self.free.plan)
+                self._factors = self._of_springs
+            else:
+                pairs = sp.tril(sp.csr_array(touching)[free][:, free])
+                whole = sp.csc_array(self.free.lower(entries) + pairs)
+                whole.sort_indices()
+                entries = whole.data
+                plan = planned(self.free.order, whole.indptr, whole.indices)
+                self._factors = Multifrontal(plan)
             if not self._factors.factorise(entries):
                 raise NoDerivative("the stiffness is not positive definite")
         lower = self._movable.lower(self._movable.entries(hessians))
         self._stiffness = sp.csr_array(lower + sp.tril(lower, -1).T)
+        if touching is not None:
+            self._stiffness = sp.csr_array(self._stiffness + touching)
         self._within = self._stiffness[free][:, free]
         motions = np.linalg.qr(rigid_motions(Configuration.of(unknowns, shape))[free])[0]
         energies, combined = np.linalg.eigh(motions.T @ (self._within @ motions))
@@ -124,8 +151,15 @@ class Adjoint:
     raised if the relaxed shape is not a stable equilibrium.
     """
 
-    def __init__(self, layout: FabricLayout, stripes: StripePair, relaxed: Configuration) -> None:
+    def __init__(
+        self,
+        layout: FabricLayout,
+        stripes: StripePair,
+        relaxed: Configuration,
+        contact: "Barrier | None" = None,
+    ) -> None:
         shape = self._shape = layout.net.shape
+        self._contact = contact
         self._relaxed = np.asarray(relaxed.flattened())
         self._fabric = layout.fabric(stripes)
         numbers, self._pair = ravel_pytree(stripes)
@@ -133,37 +167,66 @@ class Adjoint:
         by_numbers = jax.jacfwd(lambda x: ravel_pytree(layout.fabric(self._pair(x)))[0])(numbers)
         self._slope = np.asarray(by_numbers)
         self._under_tension = LinearResponse(shape, free_under(shape))
-        self._at_rest = LinearResponse(shape, all_free(shape)).at(self._fabric, self._relaxed)
+        at_rest = LinearResponse(shape, all_free(shape))
+        self._at_rest = at_rest.at(self._fabric, self._relaxed, contact)
 
     def of_strained(
         self, applied_strain: float, strained: Configuration, measure: Measure
     ) -> StripePair:
         """Derivatives of a measure of the equilibrium at one strain, or :class:`NoDerivative`.
 
-        The measure is such as ``lambda relaxed, strained, fabric: jnp.ptp(strained.positions[...,
-        0])``. JAX traces it once, so pass the same function object for all fabrics of a mesh shape.
-        Every value is differentiated by every stripe parameter; those of a graded fabric, along the
-        first axis.
+        The measure is such as ``lambda relaxed, strained, fabric, pushed:
+        jnp.ptp(strained.positions[..., 0])``. JAX traces it once, so pass the same function object
+        for all fabrics of a mesh shape. Every value is differentiated by every stripe parameter;
+        those of a graded fabric, along the first axis.
         """
         unknowns = np.asarray(strained.flattened())
-        by_relaxed, by_strained, by_fabric = _jacobian(
-            measure, self._shape, self._relaxed, unknowns, self._fabric
-        )
-        response = self._under_tension.at(self._fabric, unknowns)
-        by_unknowns = np.asarray(by_strained)
+        by_relaxed, by_unknowns, by_fabric = self._jacobian(measure, unknowns)
+        response = self._under_tension.at(self._fabric, unknowns, self._contact)
         multipliers = response.to(by_unknowns)
-        by_fabric = _through_forces(self._shape, self._fabric, unknowns, multipliers, by_fabric)
+        by_fabric = self._through_forces(unknowns, multipliers, by_fabric)
         by_held = by_unknowns - response.forces_of(multipliers)
         by_held[:, response.free.dofs] = 0
         by_relaxed += _through_loading(self._shape, self._relaxed, applied_strain, by_held)
-        return self._through_relaxed(np.asarray(by_relaxed), by_fabric)
+        return self._through_relaxed(by_relaxed, by_fabric)
 
     def of_relaxed(self, measure: Measure) -> StripePair:
         """The same of a measure of the relaxed shape, which is also passed as the strained one."""
-        by_relaxed, by_strained, by_fabric = _jacobian(
-            measure, self._shape, self._relaxed, self._relaxed, self._fabric
-        )
-        return self._through_relaxed(np.asarray(by_relaxed + by_strained), by_fabric)
+        by_relaxed, by_strained, by_fabric = self._jacobian(measure, self._relaxed)
+        return self._through_relaxed(by_relaxed + by_strained, by_fabric)
+
+    def _jacobian(
+        self, measure: Measure, unknowns: Float[np.ndarray, " unknown"]
+    ) -> tuple[Moved, Moved, Fabric]:
+        """Derivatives of a measure by the relaxed shape, by a state, and by the fabric."""
+        pushed = self._pushed(unknowns)
+        at = self._relaxed, unknowns, self._fabric, pushed
+        by_relaxed, by_unknowns, by_fabric, by_pushed = _jacobian(measure, self._shape, *at)
+        by_unknowns = np.array(by_unknowns)
+        if self._contact is not None:
+            every = np.arange(len(unknowns))
+            hessian = self._contact.hessian(unknowns, every, exact=True)
+            if hessian is not None:
+                by_unknowns += np.asarray(by_pushed) @ hessian
+            by_fabric = _by_cell_area(by_fabric, self._fabric, np.asarray(by_pushed) @ pushed)
+        return np.array(by_relaxed), by_unknowns, by_fabric
+
+    def _pushed(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
+        """Gradient of the energy of contact [N]."""
+        none = np.zeros_like(unknowns)
+        if self._contact is None:
+            return none
+        bare = Evaluation(Energy(*jnp.zeros(3)), jnp.asarray(none))
+        return np.asarray(self._contact.added(bare, unknowns).gradient)
+
+    def _through_forces(
+        self, unknowns: Float[np.ndarray, " unknown"], multipliers: Moved, by_fabric: Fabric
+    ) -> Fabric:
+        """Adds −λᵀ ∂g/∂(fabric) to the derivative by the fabric, contact included."""
+        by_fabric = _through_forces(self._shape, self._fabric, unknowns, multipliers, by_fabric)
+        if self._contact is None:
+            return by_fabric
+        return _by_cell_area(by_fabric, self._fabric, -multipliers @ self._pushed(unknowns))
 
     def _through_relaxed(
         self, by_relaxed: Float[np.ndarray, "quantity unknown"], by_fabric: Fabric
@@ -174,24 +237,38 @@ class Adjoint:
         at = self._shape, self._fabric, self._relaxed
         by_fabric, by_aligned = _through_alignment(*at, rigid, by_fabric)
         multipliers = self._at_rest.to(by_relaxed - rigid + np.asarray(by_aligned))
-        by_fabric = _through_forces(*at, multipliers, by_fabric)
+        by_fabric = self._through_forces(self._relaxed, multipliers, by_fabric)
         rows = [np.reshape(leaf, (len(by_relaxed), -1)) for leaf in jax.tree.leaves(by_fabric)]
         by_number = np.concatenate(rows, axis=1) @ self._slope
         derivatives: StripePair = jax.vmap(self._pair, out_axes=-1)(jnp.asarray(by_number))
         return derivatives
 
 
+def _by_cell_area(by_fabric: Fabric, fabric: Fabric, by_log: Float[np.ndarray, " row"]) -> Fabric:
+    """Adds the derivative by the logarithm of the mean width times the mean height of a cell."""
+    sides = (fabric.cell_x, by_fabric.cell_x), (fabric.cell_y, by_fabric.cell_y)
+    added = [by + by_log[:, None] / np.sum(side) for side, by in sides]
+    return eqx.tree_at(lambda each: (each.cell_x, each.cell_y), by_fabric, added)
+
+
 @partial(jax.jit, static_argnums=(0, 1))
 def _jacobian(
-    measure: Measure, shape: MeshShape, relaxed: Unknowns, strained: Unknowns, fabric: Fabric
-) -> tuple[Rows, Rows, Fabric]:
-    """Derivatives of a measure by both vectors of unknowns and by the fabric."""
+    measure: Measure,
+    shape: MeshShape,
+    relaxed: Unknowns,
+    strained: Unknowns,
+    fabric: Fabric,
+    pushed: Unknowns,
+) -> tuple[Rows, Rows, Fabric, Rows]:
+    """Derivatives of a measure by both vectors of unknowns, the fabric, and forces of contact."""
 
-    def numbers(relaxed: Unknowns, strained: Unknowns, fabric: Fabric) -> Float[Array, " quantity"]:
+    def numbers(
+        relaxed: Unknowns, strained: Unknowns, fabric: Fabric, pushed: Unknowns
+    ) -> Float[Array, " quantity"]:
         pair = Configuration.of(relaxed, shape), Configuration.of(strained, shape)
-        return jnp.ravel(measure(*pair, fabric))
+        return jnp.ravel(measure(*pair, fabric, pushed))
 
-    return jax.jacrev(numbers, argnums=(0, 1, 2))(relaxed, strained, fabric)
+    return jax.jacrev(numbers, argnums=(0, 1, 2, 3))(relaxed, strained, fabric, pushed)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -311,6 +311,10 @@ def _line_search(search: Search, step: Vector, slope: float, length: float) -> f
         if lower and (trial_energy < energy - noise or trial_force <= force):
             search.move(trial, evaluation)
             return length
+        if search.rules.contact is not None:
+            # The barrier may rise only at the very end of a step, where no parabola describes it.
+            length /= 2
+            continue
         excess = trial_energy - energy - length * slope
         lowest = -slope * length**2 / (2 * excess) if excess > 0 else length / 2
         length = min(max(lowest, 0.1 * length), 0.5 * length)

@@ -192,9 +192,11 @@ class StrainPath:
         """The state reached by a viscous step; its residual, but not its energy, includes drag."""
         before_strain, before = self.last[-1]
         drag = Drag(before.unknowns, self.settings.drag / abs(strain - before_strain))
-        rules = SearchRules(self.free, self.settings, drag=drag)
+        rules = SearchRules(self.free, self.settings, contact=self.contact, drag=drag)
         state = find_equilibrium(self.system, self._ahead(strain), rules)
         elastic = self.system.evaluate(Point(state.unknowns))
+        if self.contact is not None:
+            elastic = self.contact.added(elastic, state.unknowns)
         return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))
 
     def _found(self, start: Point, settings: Solver, floor: float, convexified: bool) -> State:

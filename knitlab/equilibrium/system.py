@@ -28,6 +28,7 @@ from knitlab.fabric.threads import ALONE, Threads
 if TYPE_CHECKING:
     from knitlab.equilibrium.domain_decomposition import SubdomainSolver
 
+MOST_EARLIER = 4  # couplings that are kept, over those of the present contact
 KeptFactors = dict[tuple[FreeStiffness, bool], Multifrontal]
 """Factors by free unknowns, and by whether they are in double precision; their memory is reused."""
 
@@ -56,6 +57,7 @@ class System:
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Multifrontal | None = None
+        self._touching: TouchingFactors | None = None
 
     def on(self, shape: MeshShape) -> "System":
         """The same fabric, with the unknowns of another mesh shape."""
@@ -91,22 +93,20 @@ class System:
     ) -> bool:
         """Factorise the assembled stiffness plus a shift [N/mm]; whether it is positive definite.
 
-        With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing,
-        but not with active ``contact``, whose Hessian [N/mm] may couple any two unknowns: the long
-        steps that convexity allows would end at the next collision. With contact, or if ``exact``,
-        it is in double precision; single takes half the time and memory, enough for a search.
+        With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing.
+        The Hessian of ``contact`` [N/mm] may couple any two unknowns. If ``exact``, it is in double
+        precision; single takes half the time and memory, enough for a search.
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")
         free, key = self._free, (self._free, exact)
         entries = free.shifted(self._entries, shift)
         if contact is not None:
-            # Planned again for every matrix, as the plies that touch change; that takes less time
-            # than the numeric factorisation.
-            whole = sp.csc_array(free.lower(entries) + sp.tril(contact))
-            whole.sort_indices()
-            entries, convexified = whole.data, False
-            factors = Multifrontal(planned(free.order, whole.indptr, whole.indices), self.threads)
+            lower = sp.tril(contact, format="coo")
+            if self._touching is None or not self._touching.holds(free, exact, lower):
+                self._touching = TouchingFactors(free, exact, lower, self._touching, self.threads)
+            factors = self._touching.factors
+            entries = self._touching.entries(entries, lower)
         elif key in self._kept:
             factors = self._kept[key]
         else:
@@ -140,6 +140,61 @@ class System:
         if self._factors is None:
             raise RuntimeError("nothing is factorised")
         return self._factors
+
+
+class TouchingFactors:
+    """Factors of the stiffness of fabric that touches itself, for its couplings by contact so far.
+
+    A new symbolic factorisation takes as long as the numeric one, and more couplings hardly add to
+    that. So those of earlier contact are kept, unless they are many times those of the present.
+    """
+
+    def __init__(
+        self,
+        free: FreeStiffness,
+        exact: bool,
+        contact: sp.coo_array,
+        before: "TouchingFactors | None",
+        threads: Threads,
+    ) -> None:
+        self._free, self._exact, size = free, exact, len(free.dofs)
+        of_grid = np.repeat(np.arange(size), np.diff(free.indptr)) * size + free.indices
+        present = np.setdiff1d(np.unique(self._keys(free, contact)), of_grid, assume_unique=True)
+        self._coupled = present
+        if before is not None and before._free is free:
+            both = np.union1d(present, before._coupled)
+            if len(both) <= MOST_EARLIER * len(present):
+                self._coupled = both
+        self._every = np.sort(np.concatenate([of_grid, self._coupled]), kind="stable")
+        self._of_grid = np.searchsorted(self._every, of_grid)
+        column, row = np.divmod(self._every, size)
+        indptr = np.searchsorted(column, np.arange(size + 1))
+        precision = np.float64 if exact else np.float32
+        self.factors = Multifrontal(planned(free.order, indptr, row), threads, precision)
+
+    @staticmethod
+    def _keys(free: FreeStiffness, contact: sp.coo_array) -> Int[np.ndarray, " coupling"]:
+        """Places of the entries of contact in the stiffness, column by column."""
+        return contact.col.astype(np.int64) * len(free.dofs) + contact.row
+
+    def holds(self, free: FreeStiffness, exact: bool, contact: sp.coo_array) -> bool:
+        """Whether they are of these free unknowns and precision, and have all couplings."""
+        if (free, exact) != (self._free, self._exact):
+            return False
+        keys = self._keys(free, contact)
+        at = np.minimum(np.searchsorted(self._every, keys), len(self._every) - 1)
+        return bool((self._every[at] == keys).all())
+
+    def entries(
+        self, entries: Float[np.ndarray, " nonzero"], contact: sp.coo_array
+    ) -> Float[np.ndarray, " coupled"]:
+        """Non-zeros of the stiffness with those of contact added [N/mm]."""
+        every = np.zeros(len(self._every))
+        every[self._of_grid] = entries
+        np.add.at(
+            every, np.searchsorted(self._every, self._keys(self._free, contact)), contact.data
+        )
+        return every
 
 
 def one_thread_of_blas() -> AbstractContextManager[object]:

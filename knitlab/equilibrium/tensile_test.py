@@ -70,13 +70,17 @@ def stretch(
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     if load.shears and system.shape.periodic:
-        relaxed = _with_shear(system, settings, relaxed)
+        relaxed = _with_shear(system, settings, relaxed, contact)
         if not relaxed.converged:
             return TensileTest(None, [relaxed])
     loading = loading_of(system.shape, relaxed.configuration, load)
     if loading.shape != system.shape:
         system, unknowns = system.on(loading.shape), loading.reference
-        gradient = np.asarray(system.evaluate(Point(unknowns)).gradient)
+        evaluation = system.evaluate(Point(unknowns))
+        if contact is not None:
+            contact = contact.on(loading.shape)
+            evaluation = contact.added(evaluation, unknowns)
+        gradient = np.asarray(evaluation.gradient)
         relaxed = replace(relaxed, shape=loading.shape, unknowns=unknowns, gradient=gradient)
     path = StrainPath(system, loading, [(applied_strain[0], relaxed)], settings, contact)
     path.begin(friction)
@@ -165,13 +169,16 @@ def relax_near(
     return find_equilibrium(system, Point(np.asarray(begin.flattened())), rules)
 
 
-def _with_shear(system: System, settings: Solver, relaxed: State) -> State:
+def _with_shear(
+    system: System, settings: Solver, relaxed: State, contact: "Barrier | None"
+) -> State:
     """Relaxed periodic fabric of which the lattice may shear too, as that of some patterns does."""
     shape = replace(system.shape, frame=UPRIGHT)
     free = free_stiffness(shape, all_free(shape))
     lengths = np.append(np.asarray(relaxed.configuration.lengths), 0.0)
     start = Configuration(relaxed.configuration.positions, lengths)
-    rules = SearchRules(free, settings, convexified=False)
+    contact = contact and contact.on(shape)
+    rules = SearchRules(free, settings, convexified=False, contact=contact)
     at = Point(np.asarray(start.flattened()))
     return find_equilibrium(system.on(shape), at, rules).after(relaxed)
 

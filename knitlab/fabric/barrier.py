@@ -5,13 +5,12 @@ Incremental Potential Contact, ACM Trans. Graph. 39, 2020): a sum over pairs of 
 triangle, and of two edges. Each pair stands for a part of the sheet, so that the sum is multiplied
 by the area of a grid cell.
 
-Most of a fabric is out of reach of itself, and moves little in a step of the solver. So pairs are
-searched with a margin and kept until vertices may have moved further than that: first those of the
-whole mesh, with a wide margin, and among them those of the parts that are close, with a narrow one.
+Pairs are searched along the whole of a step, so that they also serve for the states tried on it,
+and with a margin, so that they serve for later steps until vertices may have moved further.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import ipctk
@@ -19,112 +18,87 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.fabric.contact_mesh import ContactMesh, contact_mesh, without_pairs_of_images
+from knitlab.fabric.contact_layers import ContactLayer, contact_layers
+from knitlab.fabric.contact_mesh import ContactMesh, contact_mesh
 from knitlab.fabric.energy import Evaluation
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
-from knitlab.fabric.settings import CONTACT_RANGE
 
 # Workers have one thread each; the library would take all cores in every one of them.
 ipctk.set_num_threads(1)
 
-NEAR_RANGE = 0.1
-"""Distance over which the barrier acts between parts that are near on the grid, in thicknesses: it
-keeps them from passing through each other, and leaves the calibrated folds alone."""
-WIDE, NARROW = 0.3, 0.06  # margins before a new search, over the shortest side of a cell
+MARGIN = 0.02  # motion before a new search, over the shortest side of a cell
 KEPT_FRACTION = 0.5  # of a collision-free step, that is taken: the barrier is finite after it
 LEAST_FREE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
 
 Unknowns = Float[np.ndarray, " unknown"]
 Vertices = Float[np.ndarray, "vertex 3"]
-Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Float[np.ndarray, "kept 3"]]
+Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Vertices]
 """Pairs within reach of the barrier, their collision mesh, and the positions of its vertices."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Pairs of parts, complete up to a distance at one configuration."""
+    """All pairs of parts that come within a distance on the way between two configurations."""
 
-    mesh: ContactMesh  # whose parts they are
-    parts: ipctk.CollisionMesh  # those near on the grid, or those that are not
-    kept: Int[np.ndarray, " kept"]  # vertices of it among those of the whole mesh
-    at: Vertices  # positions of all vertices [mm]
-    within: float  # all other pairs were at least so far apart [mm]
-    candidates: ipctk.Candidates = field(default_factory=ipctk.Candidates)
+    start: Vertices
+    end: Vertices
+    within: float  # [mm]
+    candidates: tuple[ipctk.Candidates, ...]  # of each collision mesh of a search
 
-    def complete_within(self, vertices: Vertices) -> float:
-        """Distance up to which they are complete at another configuration [mm]."""
-        return shortened(self.within, self.at, vertices)
-
-    def positions(self, vertices: Vertices) -> Float[np.ndarray, "kept 3"]:
-        """Positions of the vertices of the mesh, among those of all."""
-        return np.asfortranarray(vertices[self.kept])
+    def complete_within(self, *way: Vertices) -> float:
+        """Distance up to which they are complete on another straight way, or NaN [mm]."""
+        moved, start = self.end - self.start, self.start
+        length = float(np.vdot(moved, moved))
+        if length:
+            start = start + moved * np.clip(np.vdot(way[0] - start, moved) / length, 0.0, 1.0)
+        return min(shortened(self.within, start, each) for each in way)
 
 
 class PairSearch:
     """Search of the pairs of parts that are near each other on the grid, or of those that are not.
 
-    They keep the distance ``least``; the barrier acts over a ``reach`` beyond it [mm].
+    Pairs are those of ``meshes``: of the whole, and, to be subtracted, those of two images.
     """
 
-    def __init__(
-        self, mesh: ContactMesh, near: bool, least: float, reach: float, cell: float
-    ) -> None:
-        self.least, self.reach, self._near = least, reach, near
-        self._mesh, self._every = mesh, np.arange(len(mesh.grid))
-        self._parts = mesh.parts(near)
-        self._reached = least + reach
-        self._wide, self._narrow = (2 * margin * cell for margin in (WIDE, NARROW))
-        # Complete nowhere, so that the first call searches.
-        self._all = self._close = self._of_whole(np.full((len(mesh.grid), 3), np.nan), 0.0)
+    def __init__(self, mesh: ContactMesh, near: bool, layer: ContactLayer, cell: float) -> None:
+        self.mesh, self.layer = mesh, layer
+        self.meshes = [(each, each.parts(near)) for each in (mesh, mesh.images) if each is not None]
+        self._margin = 2 * MARGIN * cell
+        nowhere = np.full((len(mesh.grid), 3), np.nan)
+        self._pairs = Pairs(nowhere, nowhere, 0.0, ())
 
-    def close(self, vertices: Vertices) -> Pairs:
-        """Pairs among which all are that are within reach, each once."""
-        if not self._close.complete_within(vertices) > self._reached:
-            self._close = self._closest(vertices)
-        return self._close
+    def close(self, *way: Vertices) -> Pairs:
+        """Pairs among which all are that are within reach on a straight way."""
+        if not self._pairs.complete_within(*way) > self.layer.begins:
+            self._pairs = self._search(*way)
+        return self._pairs
 
-    def free_fraction(self, before: Vertices, after: Vertices) -> float:
+    def free_fraction(self, before: Unknowns, after: Unknowns) -> float:
         """Fraction of a straight step that brings no parts as near as they may be."""
-        pairs = self.close(before)
-        if not pairs.complete_within(after) > self.least:
-            pairs = self._search(before)
-        if not pairs.complete_within(after) > self.least:
-            pairs = self._of_whole(before, np.inf)
-            pairs.candidates.build(pairs.parts, before, after, self._reached / 2)
-        if not len(pairs.candidates):
-            return 1.0
-        ends = pairs.positions(before), pairs.positions(after)
-        return pairs.candidates.compute_collision_free_stepsize(
-            pairs.parts, *ends, self.least, ipctk.AdditiveCCD()
+        way = self.mesh.vertices(before), self.mesh.vertices(after)
+        candidates, (_, parts) = self.close(*way).candidates[0], self.meshes[0]
+        return candidates.compute_collision_free_stepsize(
+            parts, *way, self.layer.least, ipctk.AdditiveCCD()
         )
 
-    def _of_whole(self, vertices: Vertices, within: float) -> Pairs:
-        return Pairs(self._mesh, self._parts, self._every, vertices, within)
+    def touching(self, unknowns: Unknowns) -> Iterator[tuple[int, ContactMesh, Touching]]:
+        """What is within reach of the barrier, by mesh, and whether it is added or subtracted."""
+        vertices = self.mesh.vertices(unknowns)
+        found = zip((1, -1), self.meshes, self.close(vertices).candidates, strict=False)
+        for sign, (mesh, parts), candidates in found:
+            collisions, positions = ipctk.NormalCollisions(), mesh.chosen(vertices)
+            collisions.build(candidates, parts, positions, self.layer.reach, self.layer.least)
+            if len(collisions):
+                yield sign, mesh, (collisions, parts, positions)
 
-    def _search(self, vertices: Vertices) -> Pairs:
-        """Pairs of the whole mesh, those of two images included."""
-        if not self._all.complete_within(vertices) > self._reached:
-            self._all = self._of_whole(vertices, self._reached + self._wide)
-            self._all.candidates.build(self._all.parts, vertices, self._all.within / 2)
-        return self._all
-
-    def _closest(self, vertices: Vertices) -> Pairs:
-        """Pairs of the parts around the vertices that are close to any other; mostly none."""
-        pairs = self._search(vertices)
-        complete = pairs.complete_within(vertices)
-        distances = self.least + pairs.candidates.compute_per_vertex_safe_distances(
-            pairs.parts, vertices, complete, self.least
-        )
-        nearest = min(float(distances.min()), complete)
-        if nearest > self._reached:
-            return self._of_whole(vertices, nearest)
-        within = min(self._reached + self._narrow, complete)
-        mesh, kept = self._mesh.around(distances <= within)
-        closest = Pairs(mesh, mesh.parts(self._near), kept, vertices, within)
-        closest.candidates.build(closest.parts, closest.positions(vertices), within / 2)
-        without_pairs_of_images(closest.candidates, closest.parts, mesh.own)
-        return closest
+    def _search(self, *way: Vertices) -> Pairs:
+        within, found = self.layer.begins + self._margin, []
+        for mesh, parts in self.meshes:
+            candidates = ipctk.Candidates()
+            candidates.build(parts, *(mesh.chosen(each) for each in way), within / 2)
+            found.append(candidates)
+        return Pairs(way[0], way[-1], within, tuple(found))
 
 
 def shortened(distance: float, before: Vertices, after: Vertices) -> float:
@@ -152,78 +126,76 @@ class Barrier:
         cell: tuple[float, float],
         cells_per_period: int = CELLS_PER_PERIOD,
     ) -> None:
-        self._shape, self._thickness, self._cells_per_period = shape, thickness, cells_per_period
-        self._force, self._cell = pressure * cell[0] * cell[1], min(cell)
+        self._shape, self._cells_per_period = shape, cells_per_period
+        self._numbers = thickness, pressure, cell, cells_per_period
+        self._layers = contact_layers(thickness, pressure, cell, cells_per_period)
+        # Parts that are near on the grid are near their own images only.
+        self._near = self._search(self._layers.near_cells + 1, self._layers.near)
         self._use(cells_per_period)
 
-    def _use(self, band: int) -> None:
-        self._mesh = contact_mesh(self._shape, band, self._cells_per_period)
-        thickness = self._thickness
-        self._searches = [
-            PairSearch(self._mesh, near, least, reach, self._cell)
-            for near, least, reach in (
-                (False, thickness, CONTACT_RANGE * thickness),
-                (True, 0.0, NEAR_RANGE * thickness),
-            )
-        ]
+    def on(self, shape: MeshShape) -> "Barrier":
+        """The barrier of the same fabric, with the unknowns of another mesh shape."""
+        return self if shape == self._shape else Barrier(shape, *self._numbers)
 
-    def _vertices(self, *configurations: Unknowns) -> list[Vertices]:
-        """Vertices of the contact mesh, with a band of images that is wide enough for all."""
-        reach = (1 + CONTACT_RANGE) * self._thickness
-        while not all(self._mesh.suffices(unknowns, reach) for unknowns in configurations):
-            self._use(2 * self._mesh.band)
-        return [self._mesh.vertices(unknowns) for unknowns in configurations]
+    def _use(self, band: int) -> None:
+        self._far = self._search(band, self._layers.far)
+
+    def _search(self, band: int, layer: ContactLayer) -> PairSearch:
+        mesh = contact_mesh(self._shape, band, self._cells_per_period)
+        return PairSearch(mesh, layer is self._layers.near, layer, self._layers.cell)
+
+    def _searches(self, *configurations: Unknowns) -> tuple[PairSearch, PairSearch]:
+        """Searches with a band of images that is wide enough for all configurations."""
+        reach = self._layers.far.begins
+        while not all(self._far.mesh.suffices(unknowns, reach) for unknowns in configurations):
+            self._use(self._far.mesh.band + self._cells_per_period)
+        return self._far, self._near
 
     def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
         """An evaluation with energy and gradient of the barrier added."""
         energy, gradient = 0.0, np.zeros(len(unknowns))
-        for search, mesh, touching in self._touching(unknowns):
+        for search in self._searches(unknowns):
             potential = self._potential(search)
-            energy += potential(*touching)
-            gradient += mesh.from_unknowns.T @ potential.gradient(*touching)
+            for sign, mesh, touching in search.touching(unknowns):
+                energy += sign * potential(*touching)
+                gradient += sign * (mesh.from_unknowns.T @ potential.gradient(*touching))
         if not energy:
             return evaluation
         total: Any = np.asarray(evaluation.gradient) + gradient
         return Evaluation(replace(evaluation.energy, contact=energy), total)
 
-    def hessian(self, unknowns: Unknowns, free: Int[np.ndarray, " free"]) -> sp.csc_array | None:
-        """Both triangles, made positive semidefinite by pairs [N/mm]; None if none are in reach."""
-        terms = []
-        for search, mesh, touching in self._touching(unknowns):
-            potential, of_free = self._potential(search), mesh.from_unknowns[:, free]
-            by_vertex = potential.hessian(*touching, ipctk.PSDProjectionMethod.CLAMP)
-            terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
+    def hessian(
+        self, unknowns: Unknowns, free: Int[np.ndarray, " free"], exact: bool = False
+    ) -> sp.csc_array | None:
+        """Both triangles [N/mm]; None if no pairs are in reach.
+
+        Unless ``exact``, each pair's share is made positive semidefinite, for a search.
+        """
+        kind = ipctk.PSDProjectionMethod
+        projection, terms = kind.NONE if exact else kind.CLAMP, []
+        for search in self._searches(unknowns):
+            potential = self._potential(search)
+            for sign, mesh, touching in search.touching(unknowns):
+                of_free = mesh.from_unknowns[:, free]
+                by_vertex = sign * potential.hessian(*touching, projection)
+                terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
         return sp.csc_array(sum(terms[1:], terms[0])) if terms else None
 
     def free_fraction(self, unknowns: Unknowns, step: Unknowns) -> float:
         """Fraction of a step, at most 1, after which all parts still keep their distance."""
-        before, after = self._vertices(unknowns, unknowns + step)
-        fraction = min(search.free_fraction(before, after) for search in self._searches)
+        way = unknowns, unknowns + step
+        fraction = min(search.free_fraction(*way) for search in self._searches(*way))
         return fraction if fraction == 1 else KEPT_FRACTION * fraction
 
     def holds(self, unknowns: Unknowns) -> bool:
         """Whether all parts keep their distance, and nothing passes through anything."""
-        for search, _, (collisions, parts, positions) in self._touching(unknowns):
-            squared = collisions.compute_minimum_distance(parts, positions)
-            if squared <= search.least**2 * (1 + LEAST_FREE):
-                return False
-        (vertices,) = self._vertices(unknowns)
-        return not ipctk.has_intersections(self._mesh.whole, vertices)
-
-    def _touching(self, unknowns: Unknowns) -> Iterator[tuple[PairSearch, ContactMesh, Touching]]:
-        """What is within reach of the barrier, by search, with the mesh that it belongs to."""
-        (vertices,) = self._vertices(unknowns)
-        for search in self._searches:
-            pairs, collisions = search.close(vertices), ipctk.NormalCollisions()
-            if not len(pairs.candidates):
-                continue
-            positions = pairs.positions(vertices)
-            reach, least = search.reach, search.least
-            collisions.build(pairs.candidates, pairs.parts, positions, reach, least)
-            if len(collisions):
-                yield search, pairs.mesh, (collisions, pairs.parts, positions)
+        for search in self._searches(unknowns):
+            for _, _, (collisions, parts, positions) in search.touching(unknowns):
+                squared = collisions.compute_minimum_distance(parts, positions)
+                if squared <= search.layer.least**2 * (1 + LEAST_FREE):
+                    return False
+        mesh = self._far.mesh
+        return not ipctk.has_intersections(mesh.whole, mesh.vertices(unknowns))
 
     def _potential(self, search: PairSearch) -> ipctk.BarrierPotential:
-        # The library's barrier takes squared distances, so that its value is a length to the 4th.
-        squared = 2 * search.least * search.reach + search.reach**2
-        return ipctk.BarrierPotential(search.reach, self._force * search.reach / squared**2, False)
+        return ipctk.BarrierPotential(search.layer.reach, search.layer.strength, False)

@@ -1,7 +1,8 @@
 """The contact mesh: the triangles of a fabric, with the images that periodic fabric may touch.
 
 Positions of its vertices are linear in the unknowns of the fabric, images included: the image of a
-node lies whole sides L_x and L_y away from it. Each pair of parts counts once a period: parts of
+node lies whole periods away from it, along L_x and L_y or along the vectors of a sheared lattice.
+Each pair of parts counts once a period: parts of
 the fabric are compared with each other, and with the images to the right, above, and above to the
 left. Only a band of images is needed, as long as what lies beyond is out of reach.
 """
@@ -15,13 +16,11 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from knitlab.fabric.contact_layers import NEAR_CELLS
 from knitlab.fabric.fabric import Configuration
-from knitlab.fabric.network import MeshShape
+from knitlab.fabric.network import LENGTHS, UPRIGHT, MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 
-NEAR_CELLS = 2
-"""Nodes within this many of the paper's cells of each other, along both axes, are near. A fold at
-its rest angle brings them nearer than a thickness, without any force but that of its hinge."""
 TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
 """Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.surfaces`."""
 
@@ -36,6 +35,7 @@ class ContactMesh:
     faces: Int[np.ndarray, "face 3"]
     near_reach: int  # rows and columns within which vertices are near each other
     own: Bool[np.ndarray, " vertex"]  # nodes of the fabric itself, not images
+    kept: Int[np.ndarray, " vertex"]  # vertices among those of the whole mesh
     from_unknowns: sp.csr_array  # to the coordinates of the vertices, vertex by vertex
 
     @cached_property
@@ -52,21 +52,30 @@ class ContactMesh:
         mesh.can_collide = ipctk.make_sparse_filter(pairs, not near)
         return mesh
 
-    def around(
-        self, chosen: Bool[np.ndarray, " vertex"]
-    ) -> tuple["ContactMesh", Int[np.ndarray, " kept"]]:
-        """The mesh of all triangles with a chosen vertex, and the numbers of its vertices."""
-        faces = self.faces[chosen[self.faces].any(axis=1)]
+    @cached_property
+    def images(self) -> "ContactMesh | None":
+        """The mesh of the triangles and edges between images; None if there are none.
+
+        No filter of a collision mesh leaves out just their pairs: it asks for each pair of vertices
+        by itself.
+        """
+        faces = self.faces[~self.own[self.faces].any(axis=1)]
+        if not len(faces):
+            return None
         kept, number = np.unique(faces, return_inverse=True)
         coordinates = (3 * kept[:, None] + np.arange(3)).ravel()
-        nearby = replace(
+        return replace(
             self,
             grid=self.grid[kept],
             faces=number.reshape(-1, 3).astype(np.int32),
             own=self.own[kept],
+            kept=kept,
             from_unknowns=self.from_unknowns[coordinates],
         )
-        return nearby, kept
+
+    def chosen(self, vertices: Float[np.ndarray, "vertex 3"]) -> Float[np.ndarray, "kept 3"]:
+        """Positions of its vertices, among those of the whole mesh."""
+        return np.asfortranarray(vertices[self.kept])
 
     def vertices(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "vertex 3"]:
         """Positions of the vertices in a configuration [mm]."""
@@ -78,8 +87,14 @@ class ContactMesh:
         if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
             return True
         configuration = Configuration.of(unknowns, shape)
-        x, y = np.asarray(configuration.positions)[..., :2].transpose(2, 0, 1)
-        length_x, length_y = (float(side) for side in configuration.lengths)
+        vectors = lattice(shape) @ np.asarray(configuration.lengths)
+        # Heights of the cell over its sides: images along one side do not change that over it.
+        area = np.linalg.det(vectors)
+        heights = area / np.linalg.norm(vectors[:, ::-1], axis=0)
+        normals = np.linalg.inv(vectors) * heights[:, None]
+        plane = np.asarray(configuration.positions)[..., :2]
+        x, y = (plane @ normals.T).transpose(2, 0, 1)
+        length_x, length_y = heights.tolist()
         right = min(x[:, band:].min() + length_x, x.min() + 2 * length_x) - x.max()
         left = x.min() - max(x[:, :-band].max() - length_x, x.max() - 2 * length_x)
         above = min(y[band:].min() + length_y, y.min() + 2 * length_y) - y.max()
@@ -101,34 +116,9 @@ def contact_mesh(
         faces=number.reshape(-1, 3).astype(np.int32),
         near_reach=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
         own=np.asarray(inside.all(axis=1)),
+        kept=np.arange(len(grid)),
         from_unknowns=_from_unknowns(shape, grid),
     )
-
-
-def without_pairs_of_images(
-    candidates: ipctk.Candidates, parts: ipctk.CollisionMesh, own: Bool[np.ndarray, " vertex"]
-) -> None:
-    """Remove, in place, the candidates of which both parts are images.
-
-    The filter of a collision mesh asks for each pair of vertices by itself, and so would also lose
-    pairs of which only the vertices that are not near each other are images.
-    """
-    if own.all():
-        return
-    own_vertices = own.tolist()
-    own_faces, own_edges = (
-        own[np.asarray(each)].any(axis=1).tolist() for each in (parts.faces, parts.edges)
-    )
-    candidates.fv_candidates = [
-        pair
-        for pair in candidates.fv_candidates
-        if own_vertices[pair.vertex_id] or own_faces[pair.face_id]
-    ]
-    candidates.ee_candidates = [
-        pair
-        for pair in candidates.ee_candidates
-        if own_edges[pair.edge0_id] or own_edges[pair.edge1_id]
-    ]
 
 
 def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
@@ -147,6 +137,14 @@ def _from_unknowns(shape: MeshShape, grid: Int[np.ndarray, "vertex 2"]) -> sp.cs
     node, count = nodes[:, 0] * shape.nodes_x + nodes[:, 1], len(grid)
     entries = np.ones(count), (np.arange(count), node)
     of_node = sp.kron(sp.csr_array(entries, shape=(count, shape.nodes)), sp.eye_array(3))
-    of_sides = np.zeros((count, 3, 2))
-    of_sides[:, 0, 0], of_sides[:, 1, 1] = turns[:, 1], turns[:, 0]
-    return sp.csr_array(sp.hstack([of_node, sp.csr_array(of_sides.reshape(-1, 2))]))
+    of_lengths = np.zeros((count, 3, shape.lengths))
+    of_lengths[:, :2] = np.einsum("ckl,vk->vcl", lattice(shape), turns[:, ::-1])
+    return sp.csr_array(sp.hstack([of_node, sp.csr_array(of_lengths.reshape(3 * count, -1))]))
+
+
+def lattice(shape: MeshShape) -> Float[np.ndarray, "2 2 length"]:
+    """Lattice vectors, as the columns of a matrix, by the lengths: of component, vector, length."""
+    by_lengths, frame = np.zeros((2, 2, shape.lengths)), np.array(shape.frame or UPRIGHT)
+    for number, component, along in LENGTHS[: shape.lengths]:
+        by_lengths[component, :, number] += frame[along]
+    return by_lengths

@@ -113,7 +113,8 @@ class Trial:
         if of_design:
             measure = measure_of(case.mesh_shape, case.cell_grid, of_design)
             rows = state_slopes(case, adjoint, 0.0, shapes[0], measure)
-            relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1]))
+            still = np.zeros(case.mesh_shape.unknowns)
+            relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1], still))
             for name, row, reference in zip(of_design, rows, relaxed, strict=True):
                 value = self.values(name)[0]
                 slopes[name][0, :stripes] = row * value / reference
@@ -144,7 +145,9 @@ def measure_of(
     """A measure of quantities and own functions, of a size in cloth its relaxed over flat cell."""
     functions, known = dict(own), sensitivity.quantities(shape, cells)
 
-    def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+    def measured(
+        relaxed: Configuration, strained: Configuration, fabric: Fabric, pushed: Array
+    ) -> Array:
         flat = {"relaxed_cell_x": fabric.cell_x.mean(), "relaxed_cell_y": fabric.cell_y.mean()}
         values = []
         for name in names:
@@ -152,9 +155,9 @@ def measure_of(
                 values.append(functions[name](strained))
             elif name in OF_CLOTH:
                 cell, _ = OF_CLOTH[name]
-                values.append(known[cell](relaxed, strained, fabric) / flat[cell])
+                values.append(known[cell](relaxed, strained, fabric, pushed) / flat[cell])
             else:
-                values.append(known[name](relaxed, strained, fabric))
+                values.append(known[name](relaxed, strained, fabric, pushed))
         return jnp.stack(values)
 
     return measured

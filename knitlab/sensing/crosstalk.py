@@ -20,6 +20,7 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.sensing.electrode_set import ElectrodeSet
 from knitlab.sensing.maxwell import Others, capacitance_matrices, readings
 from knitlab.simulation.case import Case
+from knitlab.simulation.contact import contact_of
 
 STEP = 1e-3  # mean strain of the part that is pulled
 
@@ -43,7 +44,7 @@ def cross_talk(
     parts = [part_of(of_set, pair) for pair in sensors]
     ends = [[_line(shape, axis, part, end) for end in (0, 1)] for part in parts]
     forces = np.array([high - low for low, high in ends])
-    response = LinearResponse(shape, free).at(case.assemble()[1], start)
+    response = LinearResponse(shape, free).at(case.assemble()[1], start, contact_of(case))
     moves = response.to(forces)
     # Of lines that are pulled apart, the force on nodes is also the measure of the elongation.
     strains = (moves @ forces.T) / (forces @ start)

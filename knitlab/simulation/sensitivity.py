@@ -24,6 +24,7 @@ from knitlab.measure.unit_cells import (
     unit_cell_corners,
 )
 from knitlab.simulation.case import Case
+from knitlab.simulation.contact import contact_of
 
 QUANTITIES = ("poisson_ratio", "reaction_force")  # quantities whose sensitivities a cube has
 STRIPE_PARAMETERS = {
@@ -34,8 +35,10 @@ STRIPE_PARAMETERS = {
 """Stripe and attribute of each parameter in a :class:`~knitlab.fabric.stripe.StripePair`, by its
 name. The periods of rib and garter are the paper's w and h."""
 
-Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, "..."]]
-"""A function of the relaxed configuration, the strained one and the fabric."""
+Pushed = Float[Array, " unknown"]
+Quantity = Callable[[Configuration, Configuration, Fabric, Pushed], Float[Array, "..."]]
+"""A function of the relaxed configuration, the strained one, the fabric, and the gradient of the
+energy of contact in the strained one."""
 
 
 def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
@@ -51,17 +54,19 @@ def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
     def cell(relaxed: Configuration) -> Float[Array, "2"]:
         return jnp.stack(mean_cell_size(corners(relaxed)))
 
-    def force(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+    def force(
+        relaxed: Configuration, strained: Configuration, fabric: Fabric, pushed: Pushed
+    ) -> Array:
         gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
         drive, length = drive_along(shape, relaxed)
-        return reaction_force(shape, drive, length, gradient.flattened())
+        return reaction_force(shape, drive, length, gradient.flattened() + pushed)
 
     return {
-        "mean_strain_xx": lambda q0, q, fabric: strains(q0, q)[0],
-        "mean_strain_yy": lambda q0, q, fabric: strains(q0, q)[1],
-        "poisson_ratio": lambda q0, q, fabric: jnp.asarray(poisson_ratio(*strains(q0, q))),
-        "relaxed_cell_x": lambda q0, q, fabric: cell(q0)[0],
-        "relaxed_cell_y": lambda q0, q, fabric: cell(q0)[1],
+        "mean_strain_xx": lambda q0, q, fabric, pushed: strains(q0, q)[0],
+        "mean_strain_yy": lambda q0, q, fabric, pushed: strains(q0, q)[1],
+        "poisson_ratio": lambda q0, q, fabric, pushed: jnp.asarray(poisson_ratio(*strains(q0, q))),
+        "relaxed_cell_x": lambda q0, q, fabric, pushed: cell(q0)[0],
+        "relaxed_cell_y": lambda q0, q, fabric, pushed: cell(q0)[1],
         "reaction_force": force,
     }
 
@@ -71,7 +76,7 @@ def measured_by(shape: MeshShape, cells: CellGrid, names: tuple[str, ...]) -> Qu
     """Several of the :func:`quantities` at once; the same function for the same arguments."""
     known = quantities(shape, cells)
     chosen = [known[name] for name in names]
-    return lambda q0, q, fabric: jnp.stack([quantity(q0, q, fabric) for quantity in chosen])
+    return lambda *of: jnp.stack([quantity(*of) for quantity in chosen])
 
 
 def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:
@@ -92,10 +97,8 @@ def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray
 
 
 def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
-    """Derivatives along a test; NoDerivative if the relaxed shape is unstable or has contact."""
-    if case.options.contact != "none":
-        raise NoDerivative("derivatives leave out contact")
-    return Adjoint(case.layout, case.stripe_pair, relaxed)
+    """Derivatives along a test; NoDerivative if the relaxed shape is unstable."""
+    return Adjoint(case.layout, case.stripe_pair, relaxed, contact_of(case))
 
 
 def sensitivities(

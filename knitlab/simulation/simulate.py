@@ -8,9 +8,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -28,15 +27,12 @@ from knitlab.equilibrium.state import Outcome, TensileTest
 from knitlab.equilibrium.tensile_test import imperfect_sheet, relax, relax_near, stretch, tiled
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.zigzag import zigzag
-from knitlab.io.errors import fault
 from knitlab.io.fingerprint import provenance
 from knitlab.measure.zigzag_tension import pull_chain
 from knitlab.simulation.case import Case, by_test
+from knitlab.simulation.contact import contact_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.siblings import SiblingTest, sibling
-
-if TYPE_CHECKING:
-    from knitlab.fabric.barrier import Barrier
 
 Progress = Callable[[str, float], None]
 """Function of a case's identifier and of the number of its finished states, with a fraction."""
@@ -214,20 +210,6 @@ def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Confi
             if contact is None or contact.holds(np.asarray(tiling.flattened())):
                 shapes[number] = tiling
     return shapes
-
-
-def contact_of(case: Case) -> "Barrier | None":
-    """The contact of the fabric of a case; ``None`` if it may pass through itself."""
-    if case.options.contact == "none":
-        return None
-    if find_spec("ipctk") is None:
-        raise fault("contact = barrier", "needs the package ipctk; pip install 'knitlab[contact]'")
-    from knitlab.fabric.barrier import Barrier
-
-    _, fabric = case.assemble()
-    cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
-    sheet, refinement = case.sheet_of_network, case.options.cells_per_period
-    return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
 
 
 def moving_fabrics(cases: Sequence[Case]) -> MovingFabrics:

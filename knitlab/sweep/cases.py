@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.fold_friction import Friction
@@ -168,7 +169,7 @@ def cases(
         "robustness": protocol.robustness if protocol.method == "equilibrium" else 0,
         "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
-    _check_together(workflow, model_options, solver, common["friction"], source)
+    _check_together(workflow, model_options, solver, common["dynamics"], common["friction"], source)
     possible = [design for design, why_not in designs.items() if why_not is None]
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
@@ -275,6 +276,7 @@ def _check_together(
     workflow: Workflow,
     options: ModelOptions,
     solver: Solver,
+    dynamics: Dynamics,
     friction: Friction,
     source: Source,
 ) -> None:
@@ -288,12 +290,12 @@ def _check_together(
         "has no sensitivities, which are those of equilibria; take drag = 0": sensitivities,
     }
     of_contact = {
-        "is not combined with drag; take drag = 0, or contact = none": solver.drag > 0,
-        "has no sensitivities; leave them out, or take contact = none": sensitivities,
+        "is integrated by leapfrog only; take integrator = leapfrog, or contact = none": by_dynamics
+        and dynamics.integrator == "tsit5",
     }
     across = load.ratio * workflow.protocol.strain_max
     biaxial, off_axis = load.kind == "biaxial", load.kind == "off_axis"
-    alone = options.contact == "none" and workflow.electrodes is None
+    electrodes = workflow.electrodes is not None
     of_load = {
         "is biaxial, which needs load_ratio: strain along the weft over that along the"
         " warp": biaxial and workflow.protocol.load_ratio is None,
@@ -306,8 +308,8 @@ def _check_together(
         "is not warp, and has no sensitivities; leave them out": sensitivities,
         "is off_axis, which clamps cannot pull; take boundary = periodic": off_axis
         and "clamped" in boundaries,
-        "shears periodic fabric, for which there are no contact and electrodes; leave them out, or"
-        " shear a clamped sample": load.shears and "periodic" in boundaries and not alone,
+        "shears periodic fabric, for which there are no electrodes; leave them out, or shear a"
+        " clamped sample": load.shears and "periodic" in boundaries and electrodes,
     }
     of_friction = {
         "is found by equilibria; take method = equilibrium": by_dynamics,

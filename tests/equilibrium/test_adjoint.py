@@ -18,9 +18,11 @@ from knitlab.equilibrium.loading import all_free, loading_of
 from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.energy import Point
+from knitlab.fabric.barrier import Barrier
+from knitlab.fabric.energy import Energy, Evaluation, Point
 from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
 from knitlab.fabric.layout import FabricLayout, fabric_layout
+from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import StripePair
@@ -54,6 +56,7 @@ class Pulled:
     strain: float
     relaxed: Configuration
     strained: Configuration
+    thickness: float | None = None  # with contact
 
     @property
     def cells(self):
@@ -67,8 +70,11 @@ class Pulled:
         """Its states with slightly different stripes, each started from the original state."""
         net, fabric = self.layout.net, self.layout.fabric(stripes)
 
+        contact = self.contact(fabric)
+
         def found(start: np.ndarray, free: np.ndarray) -> Configuration:
-            rules = SearchRules(free_stiffness(net.shape, free), FINE, convexified=False)
+            stiffness = free_stiffness(net.shape, free)
+            rules = SearchRules(stiffness, FINE, convexified=False, contact=contact)
             state = find_equilibrium(equations(net, fabric), Point(start), rules)
             assert state.converged
             return state.configuration
@@ -81,18 +87,38 @@ class Pulled:
         return relaxed, found(start, loading.free), fabric
 
     def measured_here(self) -> np.ndarray:
-        fabric = self.layout.fabric(self.stripes)
-        return np.asarray(jax.jit(self.measure)(self.relaxed, self.strained, fabric))
+        return self._measured(self.relaxed, self.strained, self.layout.fabric(self.stripes))
 
     def measured(self, stripes: StripePair) -> np.ndarray:
-        return np.asarray(jax.jit(self.measure)(*self.under(stripes)))
+        return self._measured(*self.under(stripes))
+
+    def _measured(
+        self, relaxed: Configuration, strained: Configuration, fabric: Fabric
+    ) -> np.ndarray:
+        unknowns = np.asarray(strained.flattened())
+        pushed, contact = np.zeros_like(unknowns), self.contact(fabric)
+        if contact is not None:
+            bare = Evaluation(Energy(*jnp.zeros(3)), pushed)
+            pushed = contact.added(bare, unknowns).gradient
+        return np.asarray(jax.jit(self.measure)(relaxed, strained, fabric, pushed))
+
+    def contact(self, fabric: Fabric) -> Barrier | None:
+        return barrier_of(fabric, self.layout.net.shape, self.thickness)
 
     def adjoint(self) -> Adjoint:
-        return Adjoint(self.layout, self.stripes, self.relaxed)
+        contact = self.contact(self.layout.fabric(self.stripes))
+        return Adjoint(self.layout, self.stripes, self.relaxed, contact)
 
     def sensitivities(self) -> np.ndarray:
         found = self.adjoint().of_strained(self.strain, self.strained, self.measure)
         return logarithmic(found, self.stripes)
+
+
+def barrier_of(fabric: Fabric, shape: MeshShape, thickness: float | None) -> Barrier | None:
+    if thickness is None:
+        return None
+    cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
+    return Barrier(shape, thickness, 1.0, cell)
 
 
 def pulled(
@@ -107,10 +133,16 @@ def pulled(
 
 
 def pulled_fabric(
-    layout: FabricLayout, stripes: StripePair, unit_cells: tuple[int, int], sheet: Sheet
+    layout: FabricLayout,
+    stripes: StripePair,
+    unit_cells: tuple[int, int],
+    sheet: Sheet,
+    strain: float = 0.05,
+    thickness: float | None = None,
 ) -> Pulled:
-    strain, fabric = 0.05, layout.fabric(stripes)
-    test = stretch(equations(layout.net, fabric), [0, strain], FINE)
+    fabric = layout.fabric(stripes)
+    contact = barrier_of(fabric, layout.net.shape, thickness)
+    test = stretch(equations(layout.net, fabric), [0, strain], FINE, contact=contact)
     relaxed, strained = test.states
     assert strained.converged
     assert not strained.snapped
@@ -118,9 +150,8 @@ def pulled_fabric(
     for state in test.states:
         heights = np.abs(state.configuration.positions[..., 2])
         assert np.abs(heights - sheet.z_max).min() > 1e-6
-    return Pulled(
-        layout, unit_cells, stripes, strain, relaxed.configuration, strained.configuration
-    )
+    shapes = relaxed.configuration, strained.configuration
+    return Pulled(layout, unit_cells, stripes, strain, *shapes, thickness)
 
 
 @pytest.fixture(scope="module")
@@ -195,6 +226,20 @@ def test_derivatives_of_graded_fabric_are_those_of_differences():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("strain", "pressed"), [(0.02, True), (0.1, False)])
+def test_derivatives_with_contact_are_those_of_differences(strain, pressed):
+    """Plies touch in the relaxed shape. The barrier's scale depends on the periods and θ0."""
+    layout = fabric_layout(checkerboard(2), WALLS_FAR, PERIODIC)
+    stripes = StripePair.of([stripe("rib", 4)], [stripe("garter", 8)])
+    touching = pulled_fabric(layout, stripes, (1, 1), WALLS_FAR, strain, thickness=0.25)
+    contact = touching.contact(layout.fabric(stripes))
+    for shape, within_reach in ((touching.relaxed, True), (touching.strained, pressed)):
+        unknowns = np.asarray(shape.flattened())
+        assert (contact.hessian(unknowns, np.arange(len(unknowns))) is not None) == within_reach
+    assert_agree(touching.sensitivities(), by_differences(touching))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["periodic", "clamped"])
 def test_derivatives_scale_as_the_model_does(name, request):
     """Exact if no wall is touched.
@@ -234,8 +279,8 @@ def test_any_scalar_of_the_states_has_a_gradient(periodic):
 
     strains = measured_by(periodic.layout.net.shape, periodic.cells, NAMES[1:3])
 
-    def loss(relaxed, strained, fabric):
-        return jnp.sum(strains(relaxed, strained, fabric) ** 2)
+    def loss(*of):
+        return jnp.sum(strains(*of) ** 2)
 
     gradient = periodic.adjoint().of_strained(periodic.strain, periodic.strained, loss)
     expected = 2 * periodic.measured_here()[1:3] @ periodic.sensitivities()[1:3]
@@ -268,8 +313,8 @@ def test_results_do_not_depend_on_the_pose_before_the_rigid_alignment(clamped):
     def turned(q):
         return Configuration(q.positions @ turn.T, q.lengths)
 
-    one = adjoint.of_relaxed(lambda q0, q, fabric: distances(q0))
-    other = adjoint.of_relaxed(lambda q0, q, fabric: distances(turned(q0)))
+    one = adjoint.of_relaxed(lambda q0, *of: distances(q0))
+    other = adjoint.of_relaxed(lambda q0, *of: distances(turned(q0)))
     np.testing.assert_allclose(
         logarithmic(one, clamped.stripes), logarithmic(other, clamped.stripes), rtol=1e-8
     )

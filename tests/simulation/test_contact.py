@@ -98,8 +98,6 @@ def test_contact_is_a_dimension_of_a_cube_and_its_energy_is_missing_without(tmp_
     ("settings", "problem"),
     [
         ({"method": "dynamics"}, "needs equilibria"),
-        ({"sensitivities": True}, "has no sensitivities"),
-        ({"boundary": "clamped", "drag": 1e-6}, "drag = 0"),
         ({"thickness": 0.2}, "too thick for the folds .* less than 0.177"),
         ({"thickness": -1}, "thickness"),
     ],
