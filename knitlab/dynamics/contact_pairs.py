@@ -74,7 +74,9 @@ class CloseCells:
     one: Cells
     other: Cells
 
-    def gaps(self, shape: MeshShape, low: Boxes, high: Boxes, lengths: Lengths) -> Boxes:
+    def gaps(
+        self, shape: MeshShape, low: Boxes, high: Boxes, lengths: Lengths
+    ) -> Float[np.ndarray, " pair"]:
         """Gaps between the boxes of pairs of cells, whose lowest and highest corners are given."""
         (one, turns), (other, others) = (
             _nodes_and_turns(shape, each) for each in (self.one, self.other)
@@ -432,7 +434,7 @@ def _cells(shape: MeshShape) -> Cells:
     return np.indices((shape.nodes_y, shape.nodes_x)).reshape(2, -1).T
 
 
-def _apart_on_grid(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner corner"]:
+def _apart_on_grid(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner other"]:
     """Rows or columns, whichever are more, between the corners of both parts of pairs."""
     steps = pairs[:, :split, None] - pairs[:, None, split:]
     return np.abs(steps).max(axis=-1)

@@ -28,6 +28,7 @@ FoldPhase = Literal["stripe_centre", "stripe_border"]
 GarterStart = Literal["mountain", "valley"]
 FoldAngle = Literal["whole_normals", "across_edge"]
 Boundary = Literal["clamped", "periodic"]
+Contact = Literal["none", "barrier"]
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class ModelOptions:
     length_scale: PositiveFloat = 1.0
     cells_per_period: Literal[4, 8, 16] = 4
     ridge_fraction: Fraction = 0.5
-    contact: Literal["none", "barrier"] = "none"
+    contact: Contact = "none"
     boundary: Boundary = "clamped"
 
 

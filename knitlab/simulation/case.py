@@ -257,11 +257,10 @@ class Case:
 
     @property
     def relaxes_by_dynamics(self) -> bool:
-        """Whether its relaxation is a motion in time, which takes no contact into account."""
+        """Whether its relaxation is a motion in time."""
         if self.solver is None:
             return True
-        whole = self.options.boundary == "clamped" and self.options.contact == "none"
-        return whole and self.solver.start == "dynamics"
+        return self.options.boundary == "clamped" and self.solver.start == "dynamics"
 
     def without_unused(self) -> "Case":
         """The case without the settings of the dynamics, if nothing of it moves in time."""

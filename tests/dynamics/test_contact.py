@@ -1,0 +1,165 @@
+"""Contact in the dynamics: against the IPC Toolkit, minimisation, conservation and equilibria."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq, minimize
+
+import knitlab as kl
+from knitlab.dynamics.closest_points import CLOSEST
+from knitlab.dynamics.closest_points import distance as distance_of
+from knitlab.dynamics.contact import PairList, _force_after
+from knitlab.dynamics.contact_pairs import PairFinder, Place, contact_of_batch
+from knitlab.dynamics.damped_test import relax_by_dynamics
+from knitlab.dynamics.settings import Dynamics
+from knitlab.fabric.barrier import Barrier
+from knitlab.fabric.contact_layers import contact_layers
+from knitlab.fabric.energy import Energy, Evaluation
+from knitlab.fabric.fabric import Configuration
+from knitlab.fabric.settings import ModelOptions
+from knitlab.measure.surfaces import self_intersections
+from tests.fabric.test_barrier import CELL, PRESSURE, THICKNESS, folded_periodic, two_plies
+from tests.fabrics import moving
+
+LAYERS = contact_layers(THICKNESS, PRESSURE, (CELL, CELL))
+POINTS = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).normal(size=(4, 3)))
+FOLDED = ModelOptions(cell_size="relaxed", boundary="clamped", garter_start="valley")
+
+
+def found(shape, unknowns):
+    """Energy and gradient of contact in the dynamics."""
+    at, finder = Configuration.of(unknowns, shape), PairFinder(shape, LAYERS)
+    place = Place(np.asarray(at.positions).reshape(-1, 3), np.asarray(at.lengths))
+    contact = contact_of_batch([finder], [finder.listed(place)])
+    alone = replace(contact, lists=jax.tree.map(lambda leaf: leaf[0], contact.lists))
+    nodes = tuple(jnp.asarray(at.positions[..., axis]) for axis in range(3))
+    by_nodes, by_lengths = alone.gradient(nodes, jnp.asarray(at.lengths))
+    gradient = np.concatenate([np.stack(by_nodes, axis=-1).ravel(), by_lengths])
+    return float(alone.energy(nodes, jnp.asarray(at.lengths))), gradient
+
+
+def by_toolkit(shape, unknowns):
+    bare = Evaluation(Energy(*jnp.zeros(3)), jnp.zeros(len(unknowns)))
+    evaluated = Barrier(shape, THICKNESS, PRESSURE, (CELL, CELL)).added(bare, unknowns)
+    return float(evaluated.energy.contact), np.asarray(evaluated.gradient)
+
+
+def examples():
+    noise = np.random.default_rng(0)
+    for shape, at in (two_plies(1.1 * THICKNESS), two_plies(1.2 * THICKNESS), folded_periodic()):
+        unknowns = np.asarray(at.flattened() if isinstance(at, Configuration) else at)
+        shaken = unknowns.copy()
+        shaken[: 3 * shape.nodes] += noise.normal(size=3 * shape.nodes, scale=0.01 * THICKNESS)
+        yield from ((shape, unknowns), (shape, shaken))
+
+
+def test_energy_and_forces_are_those_of_the_ipc_toolkit():
+    for shape, unknowns in examples():
+        energy, gradient = found(shape, unknowns)
+        expected, by_unknowns = by_toolkit(shape, unknowns)
+        assert expected > 0
+        assert energy == pytest.approx(expected, rel=1e-10)
+        np.testing.assert_allclose(gradient, by_unknowns, atol=1e-10 * abs(by_unknowns).max())
+
+
+@settings(max_examples=30)
+@given(POINTS, st.sampled_from(list(CLOSEST)))
+def test_no_points_of_two_parts_are_closer_than_the_closest(corners, kind):
+    first, second = np.split(corners, [1 if kind == "triangle" else 2])
+
+    def apart(parts):
+        # Barycentric coordinates of both points, from numbers between 0 and 1.
+        def point(part, numbers):
+            if len(part) == 1:
+                return part[0]
+            if len(part) == 2:
+                return part[0] + numbers[0] * (part[1] - part[0])
+            one, other = numbers[0], numbers[1] * (1 - numbers[0])
+            return part[0] + one * (part[1] - part[0]) + other * (part[2] - part[0])
+
+        split = max(len(first) - 1, 0)
+        return np.sum((point(first, parts[:split]) - point(second, parts[split:])) ** 2)
+
+    grid = np.linspace(0, 1, 5)
+    starts = [(a, b) for a in grid for b in grid]
+    best = min(
+        minimize(apart, start, bounds=[(0, 1)] * 2, options={"ftol": 1e-15, "gtol": 1e-12}).fun
+        for start in starts[::3]
+    )
+    nearest = float(distance_of(jnp.asarray(corners)[..., None], kind)[0])
+    assert nearest == pytest.approx(np.sqrt(best), abs=1e-5)
+
+
+@given(st.floats(-2, 1.2), st.floats(-3, 1))
+def test_the_force_of_a_pair_is_that_at_the_distance_to_which_it_leads(reached, softness):
+    layer, softness = LAYERS.far, 10**softness
+    reached *= layer.begins
+    one = jnp.ones(1)
+    pairs = PairList(
+        jnp.zeros((4, 1), int),
+        jnp.zeros((2, 4, 1), int),
+        one * layer.least**2,
+        one * layer.range_squared,
+        one * layer.strength,
+        one,
+    )
+    force = float(_force_after(pairs, one * reached, one * softness)[0])
+
+    def law(at):
+        excess = (at**2 - layer.least**2) / layer.range_squared
+        slope = (1 - excess) * ((1 - excess) / excess - 2 * np.log(excess))
+        return 2 * at * layer.strength * layer.range_squared * slope
+
+    if reached >= layer.begins:
+        assert force == 0
+        return
+    low, high = layer.least * (1 + 1e-13), layer.begins
+    exact = brentq(lambda at: at - reached - softness * law(at), low, high, xtol=1e-15)
+    assert layer.least < reached + softness * force <= layer.begins * (1 + 1e-12)
+    assert force == pytest.approx((exact - reached) / softness, rel=0.7)
+    if exact > layer.least + 0.1 * layer.reach:
+        assert force == pytest.approx(law(exact), rel=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("design", [(4, 1), (8, 1)])
+def test_samples_come_to_rest_where_equilibria_are(design):
+    """From a fold that develops slowly, by dynamics and then by the minimiser."""
+    n_stripe, _ = design
+    sample = kl.Design(n_stripe, 4 * n_stripe, unit_cells=(1, 1), boundary="clamped")
+    dynamics = kl.Dynamics(ending="rest", damping_ratio=0.2, release=0.5, longest_time=2000.0)
+    tests = [
+        kl.simulate(sample, [0.0, 0.05], protocol=kl.Protocol(method=method), dynamics=dynamics)
+        for method in ("dynamics", "equilibrium")
+    ]
+    for test in tests:
+        assert (test["residual_force"] < 1e-5).all()
+        assert not test["self_intersections"].any()
+    one, other = (
+        sum(t[f"energy_{part}"] for part in ("stretch", "fold", "wall", "contact")) for t in tests
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_nothing_passes_through_itself_and_no_energy_is_gained():
+    """A sample released at once, the most violent motion, and one whose folds develop."""
+    for release in (0.0, 0.5):
+        fabrics = moving(
+            [(4, 1)], FOLDED, Dynamics(ending="steps", relax_steps=1500, release=release)
+        )
+        finders = [PairFinder(fabrics.shape, contact_layers(0.14, 0.1, (0.94, 1.08)))]
+        (relaxed,) = relax_by_dynamics(replace(fabrics, finders=finders))
+        history = relaxed.history
+        at = Configuration.stacked([relaxed.configuration])
+        assert self_intersections(fabrics.shape, at) == [0]
+        assert relaxed.outcome.name == "converged"
+        assert (np.diff(history.dissipated) > -1e-6).all()
+        if not release:
+            total = history.kinetic + history.potential + history.dissipated
+            np.testing.assert_allclose(total, total[0], rtol=0.02)
