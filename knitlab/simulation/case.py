@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from typing import Any, Literal, TypeVar
 
@@ -34,7 +34,6 @@ Given = TypeVar("Given")
 
 OF_NO_TEST = ("design", "capacitor")  # fields that change only what is measured in tests
 OF_CONTACT = ("thickness", "contact_pressure")
-OF_CLOTH = ("cloth_stitch_width", "cloth_stitch_height")
 OF_STEPS = ("relax_steps", "step_strain")
 OF_FRICTION = ("fold_slide", "fold_hardening")
 OF_TIME = ("relax_time", "strain_rate")
@@ -108,8 +107,6 @@ class Case:
             yield "options", "ridge_fraction"
         if self.options.contact == "none":
             yield from (("sheet", name) for name in OF_CONTACT)
-        # Their effect is the ratio of lengths.
-        yield from (("sheet", name) for name in OF_CLOTH)
         if not self.friction.fold_friction:
             yield from (("friction", name) for name in OF_FRICTION)
         if self.capacitor is not None and self.capacitor.ground == "none":
@@ -263,8 +260,13 @@ class Case:
         return self.options.boundary == "clamped" and self.solver.start == "dynamics"
 
     def without_unused(self) -> "Case":
-        """The case without the settings of the dynamics, if nothing of it moves in time."""
-        return self if self.relaxes_by_dynamics else replace(self, dynamics=None)
+        """The case without settings that it does not use: of dynamics, or of contact."""
+        case = self if self.relaxes_by_dynamics else replace(self, dynamics=None)
+        if case.options.contact == "none":
+            walls = {field.name: getattr(self.sheet, field.name) for field in fields(Sheet)}
+            kept = {name: value for name, value in walls.items() if name not in OF_CONTACT}
+            case = replace(case, sheet=Sheet(**kept))
+        return case
 
     @property
     def spring_kinds(self) -> tuple[SpringKind, ...]:

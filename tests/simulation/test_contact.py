@@ -97,7 +97,7 @@ def test_contact_is_a_dimension_of_a_cube_and_its_energy_is_missing_without(tmp_
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        ({"method": "dynamics"}, "needs equilibria"),
+        ({"method": "dynamics", "integrator": "tsit5"}, "leapfrog"),
         ({"thickness": 0.2}, "too thick for the folds .* less than 0.177"),
         ({"thickness": -1}, "thickness"),
     ],
