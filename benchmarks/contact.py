@@ -6,6 +6,7 @@ the machine hardly change. Nothing of it is a test: figures depend on the machin
 """
 
 import time
+from dataclasses import replace
 from typing import Literal
 
 import click
@@ -20,8 +21,10 @@ CONTACT: tuple[Literal["none", "barrier"], ...] = ("none", "barrier")
 @click.option("--designs", default="paper", show_default=True, help="Set of params/designs.toml.")
 @click.option("--strain-max", default=0.2, show_default=True, help="Last applied strain.")
 @click.option("--steps", default=5, show_default=True, help="Strain steps.")
-def main(designs: str, strain_max: float, steps: int) -> None:
+@click.option("--thickness", default=0.25, show_default=True, help="Distance of plies [mm].")
+def main(designs: str, strain_max: float, steps: int, thickness: float) -> None:
     """Time every design without contact and with it."""
+    sheet = replace(kl.defaults().sheet, thickness=thickness)
     strain = np.linspace(0.0, strain_max, steps + 1)
     click.echo("design    nodes     none  barrier  ratio  iterations  self-intersections")
     for n_stripe, n_subunit in kl.defaults().designs.root[designs].pairs:
@@ -30,7 +33,8 @@ def main(designs: str, strain_max: float, steps: int) -> None:
         seconds, tests = [], []
         for contact in CONTACT:
             began = time.process_time()
-            tests.append(kl.simulate(design, strain, model=kl.Model(contact=contact)))
+            model = kl.Model(contact=contact)
+            tests.append(kl.simulate(design, strain, model=model, sheet=sheet))
             seconds.append(time.process_time() - began)
         nodes = tests[0].sizes["node_y"] * tests[0].sizes["node_x"]
         counts = [

@@ -7,8 +7,8 @@ with respect to the held unknowns is pulled back through the loading to the rela
 second solve completes it. One factorisation is used for all quantities of a state, and that of the
 relaxed shape for all states.
 
-Contact adds its exact Hessian to K. By the parameters it depends only in proportion to the mean area
-of a grid cell, the scale of the barrier.
+Contact adds its exact Hessian to K. Of the parameters its energy depends on the mean area of a grid
+cell alone, to which it is proportional.
 
 There is no derivative at the end of a branch of equilibria, where the fabric snaps and K is
 singular. At parameters at which a node begins to touch a wall only one-sided derivatives exist; the

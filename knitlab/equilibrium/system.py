@@ -191,9 +191,8 @@ class TouchingFactors:
         """Non-zeros of the stiffness with those of contact added [N/mm]."""
         every = np.zeros(len(self._every))
         every[self._of_grid] = entries
-        np.add.at(
-            every, np.searchsorted(self._every, self._keys(self._free, contact)), contact.data
-        )
+        places = np.searchsorted(self._every, self._keys(self._free, contact))
+        every[places] += contact.data
         return every
 
 

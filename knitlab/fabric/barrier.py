@@ -9,8 +9,9 @@ Pairs are searched along the whole of a step, so that they also serve for the st
 and with a margin, so that they serve for later steps until vertices may have moved further.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import ipctk
@@ -33,6 +34,7 @@ LEAST_FREE = 1e-12  # distance over the least allowed, less 1, below which fabri
 
 Unknowns = Float[np.ndarray, " unknown"]
 Vertices = Float[np.ndarray, "vertex 3"]
+Meshes = Sequence[tuple[ContactMesh, ipctk.CollisionMesh]]
 Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Vertices]
 """Pairs within reach of the barrier, their collision mesh, and the positions of its vertices."""
 
@@ -41,10 +43,27 @@ Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Vertices]
 class Pairs:
     """All pairs of parts that come within a distance on the way between two configurations."""
 
+    meshes: Meshes  # the whole mesh, and that of the images
     start: Vertices
     end: Vertices
     within: float  # [mm]
-    candidates: tuple[ipctk.Candidates, ...]  # of each collision mesh of a search
+
+    @cached_property
+    def all(self) -> ipctk.Candidates:
+        """All pairs."""
+        return self._searched(0)
+
+    @cached_property
+    def of_images(self) -> ipctk.Candidates:
+        """Those of two images, which are not part of the fabric."""
+        return self._searched(1)
+
+    def _searched(self, number: int) -> ipctk.Candidates:
+        mesh, parts = self.meshes[number]
+        found = ipctk.Candidates()
+        ends = mesh.chosen(self.start), mesh.chosen(self.end)
+        found.build(parts, *ends, self.within / 2)
+        return found
 
     def complete_within(self, *way: Vertices) -> float:
         """Distance up to which they are complete on another straight way, or NaN [mm]."""
@@ -58,47 +77,43 @@ class Pairs:
 class PairSearch:
     """Search of the pairs of parts that are near each other on the grid, or of those that are not.
 
-    Pairs are those of ``meshes``: of the whole, and, to be subtracted, those of two images.
+    Pairs are those of the whole mesh and, to be subtracted, of two images.
     """
 
     def __init__(self, mesh: ContactMesh, near: bool, layer: ContactLayer, cell: float) -> None:
         self.mesh, self.layer = mesh, layer
-        self.meshes = [(each, each.parts(near)) for each in (mesh, mesh.images) if each is not None]
+        meshes = (mesh, mesh.images)
+        self._meshes = [(each, each.parts(near)) for each in meshes if each is not None]
         self._margin = 2 * MARGIN * cell
         nowhere = np.full((len(mesh.grid), 3), np.nan)
-        self._pairs = Pairs(nowhere, nowhere, 0.0, ())
+        self._pairs = Pairs(self._meshes, nowhere, nowhere, 0.0)
 
     def close(self, *way: Vertices) -> Pairs:
         """Pairs among which all are that are within reach on a straight way."""
         if not self._pairs.complete_within(*way) > self.layer.begins:
-            self._pairs = self._search(*way)
+            within = self.layer.begins + self._margin
+            self._pairs = Pairs(self._meshes, way[0], way[-1], within)
         return self._pairs
 
     def free_fraction(self, before: Unknowns, after: Unknowns) -> float:
         """Fraction of a straight step that brings no parts as near as they may be."""
         way = self.mesh.vertices(before), self.mesh.vertices(after)
-        candidates, (_, parts) = self.close(*way).candidates[0], self.meshes[0]
+        candidates, (_, parts) = self.close(*way).all, self._meshes[0]
         return candidates.compute_collision_free_stepsize(
             parts, *way, self.layer.least, ipctk.AdditiveCCD()
         )
 
     def touching(self, unknowns: Unknowns) -> Iterator[tuple[int, ContactMesh, Touching]]:
-        """What is within reach of the barrier, by mesh, and whether it is added or subtracted."""
+        """What is within reach of the barrier: 1 and the whole mesh, then −1 and the images."""
         vertices = self.mesh.vertices(unknowns)
-        found = zip((1, -1), self.meshes, self.close(vertices).candidates, strict=False)
-        for sign, (mesh, parts), candidates in found:
+        pairs = self.close(vertices)
+        for sign, (mesh, parts) in zip((1, -1), self._meshes, strict=False):
+            candidates = pairs.all if sign > 0 else pairs.of_images
             collisions, positions = ipctk.NormalCollisions(), mesh.chosen(vertices)
             collisions.build(candidates, parts, positions, self.layer.reach, self.layer.least)
-            if len(collisions):
-                yield sign, mesh, (collisions, parts, positions)
-
-    def _search(self, *way: Vertices) -> Pairs:
-        within, found = self.layer.begins + self._margin, []
-        for mesh, parts in self.meshes:
-            candidates = ipctk.Candidates()
-            candidates.build(parts, *(mesh.chosen(each) for each in way), within / 2)
-            found.append(candidates)
-        return Pairs(way[0], way[-1], within, tuple(found))
+            if not len(collisions):
+                break
+            yield sign, mesh, (collisions, parts, positions)
 
 
 def shortened(distance: float, before: Vertices, after: Vertices) -> float:

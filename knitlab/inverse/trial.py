@@ -113,7 +113,7 @@ class Trial:
         if of_design:
             measure = measure_of(case.mesh_shape, case.cell_grid, of_design)
             rows = state_slopes(case, adjoint, 0.0, shapes[0], measure)
-            still = np.zeros(case.mesh_shape.unknowns)
+            still = jnp.zeros(case.mesh_shape.unknowns)
             relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1], still))
             for name, row, reference in zip(of_design, rows, relaxed, strict=True):
                 value = self.values(name)[0]

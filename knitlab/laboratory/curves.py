@@ -131,7 +131,8 @@ class SimulatedTest:
         """The curves of the test."""
         _, fabric = self.case.assemble()
         relaxed, *strained = (jax.tree.map(jnp.asarray, each) for each in self.configurations)
-        return np.array([self._measure(relaxed, state, fabric) for state in strained]).T
+        untouched = jnp.zeros(self.case.mesh_shape.unknowns)
+        return np.array([self._measure(relaxed, each, fabric, untouched) for each in strained]).T
 
     def slopes(self) -> Float[np.ndarray, "quantity strain parameter"]:
         """Derivatives by logarithms of stripe parameters; NoDerivative if a state is unstable."""

@@ -79,6 +79,24 @@ def test_thin_fabric_that_touches_nothing_is_that_without_contact():
 
 
 @pytest.mark.slow
+def test_sensitivities_with_contact_predict_a_test_of_changed_stripes():
+    """By the change of the reaction force with k_t; a pull of plies that press on each other."""
+    strains, sheet = [0.0, 0.02], kl.Sheet(z_max=6.0, k_wall=100.0, thickness=0.25)
+    rib = kl.defaults().stripes.stripe("rib", 4)
+
+    def pulled(factor):
+        design = replace(PERIODIC, rib=replace(rib, k_t=factor * rib.k_t))
+        protocol = kl.Protocol(sensitivities=True)
+        return kl.simulate(design, strains, protocol=protocol, model=TOUCHING, sheet=sheet)
+
+    low, middle, high = (pulled(factor) for factor in (0.998, 1.0, 1.002))
+    assert (middle["energy_contact"] > 0).all()
+    found = middle["reaction_force_sensitivity"].sel(stripe_parameter="rib_k_t")[1].item()
+    change = (high["reaction_force"] - low["reaction_force"])[1].item()
+    assert found == pytest.approx(change / 0.004, rel=1e-3)
+
+
+@pytest.mark.slow
 def test_contact_is_a_dimension_of_a_cube_and_its_energy_is_missing_without(tmp_path):
     cube = kl.run(
         "periodic",
