@@ -319,7 +319,8 @@ def is_case(dataset: xr.Dataset) -> bool:
 def as_cube(case: xr.Dataset) -> xr.Dataset:
     """A single case as a cube of one design, without the variables that only case files have."""
     dims = [str(name) for name, each in case.coords.items() if not each.dims]
-    names = [name for name in case.data_vars if VARIABLES[str(name)].in_cube]
+    known = [name for name in case.data_vars if name in VARIABLES]
+    names = [name for name in known if VARIABLES[str(name)].in_cube]
     return case[names].expand_dims(dims)
 
 

@@ -28,7 +28,9 @@ NEWTON_STEPS = 4  # for the force of a pair
 DEEPEST, TOUCHING = 0.05, 1e-9
 
 OfNodes = list[Float[Array, " node"]]  # components along x, y and z
-Shares = tuple[Float[Array, "*batch node"], Float[Array, "*batch 2"]]  # of nodes, and of L_x and L_y
+Shares = tuple[
+    Float[Array, "*batch node"], Float[Array, "*batch 2"]
+]  # of nodes, and of L_x and L_y
 Totals = tuple[OfNodes, Float[Array, "2"]]  # of nodes, and of L_x and L_y
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.settings import CONTACT_RANGE
 
-NEAR = 0.5
+NEAR = 0.4
 """Distance that parts keep which are near on the grid, in thicknesses: it keeps them from passing
 through each other, and leaves the calibrated folds alone."""
 NEAR_CELLS = 2

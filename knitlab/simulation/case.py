@@ -34,6 +34,7 @@ Given = TypeVar("Given")
 
 OF_NO_TEST = ("design", "capacitor")  # fields that change only what is measured in tests
 OF_CONTACT = ("thickness", "contact_pressure")
+OF_CLOTH = ("cloth_stitch_width", "cloth_stitch_height")
 OF_STEPS = ("relax_steps", "step_strain")
 OF_FRICTION = ("fold_slide", "fold_hardening")
 OF_TIME = ("relax_time", "strain_rate")
@@ -107,6 +108,8 @@ class Case:
             yield "options", "ridge_fraction"
         if self.options.contact == "none":
             yield from (("sheet", name) for name in OF_CONTACT)
+        if not (self.sheet.cloth_stitch_width or self.sheet.cloth_stitch_height):
+            yield from (("sheet", name) for name in OF_CLOTH)
         if not self.friction.fold_friction:
             yield from (("friction", name) for name in OF_FRICTION)
         if self.capacitor is not None and self.capacitor.ground == "none":

@@ -28,7 +28,7 @@ def exported(folder):
 
 
 def found_designs(folder):
-    curve = {"name": "poisson_ratio", "applied_strain": STRAIN / 10, "value": -STRAIN / 10}
+    curve = {"name": "poisson_ratio", "applied_strain": 0.03 + STRAIN / 10, "value": -STRAIN / 10}
     result = kl.find(CUBE, targets=[curve, "reaction_force < 2 @ 0.2"], most=3)
     return [result, *result.reached, *(each.target for each in result.reached)], [
         "3 designs",

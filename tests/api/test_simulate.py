@@ -36,7 +36,9 @@ def cube(tmp_path_factory):
 def test_a_test_is_what_a_sweep_computes(small_test, cube):
     swept = cube.sel(n_stripe=4, n_subunit=8, k_t_factor=1.0)
     assert small_test["position"].dims[0] == "applied_strain"
-    for name in set(cube.data_vars) - {"case_id", "code", "status"}:
+    # Waves and doubts are derived when a cube is opened.
+    derived = {name for name in cube.data_vars if name.startswith(("waves_", "doubt_"))}
+    for name in set(cube.data_vars) - {"case_id", "code", "status"} - derived:
         np.testing.assert_allclose(
             small_test[name].values, swept[name].values, rtol=1e-6, atol=1e-9, err_msg=name
         )

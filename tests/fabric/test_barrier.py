@@ -172,7 +172,7 @@ def test_energy_does_not_depend_on_the_axes_that_describe_periodic_fabric():
 
 def test_near_parts_only_keep_from_passing_through_each_other():
     shape = MeshShape(1, 2, periodic=False)
-    for above, acts in ((1.1, False), (0.9, True)):
+    for above, acts in ((2.1, False), (1.8, True)):
         nodes = np.zeros((2, 3, 3))
         nodes[..., 0] = np.array([0, CELL, 0])
         nodes[..., 2] = np.array([0, 0, above * (1 + CONTACT_RANGE) * NEAR * THICKNESS])

@@ -130,7 +130,7 @@ def test_a_bad_gauge_is_refused(text):
 
 
 def test_an_unknown_key_of_the_gauge_is_refused():
-    with pytest.raises(BadInput, match="did you mean 'stitch_width' or 'stitch_height'"):
+    with pytest.raises(BadInput, match="did you mean 'stitch_width'"):
         make_plan("paper", ("gauge.stitch_depth=1",))
 
 
