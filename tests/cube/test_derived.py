@@ -182,7 +182,7 @@ def test_legends_stay_within_their_figure():
 def test_find_shows_which_designs_pass_through_themselves():
     asked = {"targets": "poisson_ratio_min < 0"}
     assert "intersections_at_min" not in kl.find(REFERENCE / "periodic", **asked).table
-    table = kl.find(REFERENCE / "preview", **asked).table
+    table = kl.find(REFERENCE / "paper", **asked).table
     assert (table["intersections_at_min"] > 0).any()
 
 
