@@ -311,8 +311,8 @@ def _line_search(search: Search, step: Vector, slope: float, length: float) -> f
         if lower and (trial_energy < energy - noise or trial_force <= force):
             search.move(trial, evaluation)
             return length
-        if search.rules.contact is not None:
-            # The barrier may rise only at the very end of a step, where no parabola describes it.
+        if evaluation.energy.contact:
+            # The barrier rises only at the very end of a step, which no parabola describes.
             length /= 2
             continue
         excess = trial_energy - energy - length * slope

@@ -90,11 +90,11 @@ def test_undefined_sensitivities_are_missing(cube, monkeypatch, tmp_path):
     at = LinearResponse.at
     between = 1.045 * float(cube["relaxed_cell_y"].squeeze())
 
-    def not_beyond(self, fabric, unknowns):
+    def not_beyond(self, fabric, unknowns, contact):
         length_y = Configuration.of(unknowns, self.free.shape).lengths[1]
         if len(self.free.dofs) < len(unknowns) and length_y > between:
             raise NoDerivative
-        return at(self, fabric, unknowns)
+        return at(self, fabric, unknowns, contact)
 
     monkeypatch.setattr(LinearResponse, "at", not_beyond)
     cube = run_plan(make_plan("periodic", (*SMALL, *ASKED)), tmp_path, RunOptions()).cube
