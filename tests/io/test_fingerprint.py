@@ -51,6 +51,7 @@ OLDER = {
     "paper_flat",
     "paper_mountain",
     "periodic",
+    "preview",
     "relaxation",
     "sensor",
     "sensor_contact",
@@ -62,7 +63,8 @@ OLDER = {
     "swatches_along",
 }
 """Kept cubes of earlier code, to be computed again with contact (issue 63). Those without contact
-have the numbers of this code: periodic designs to 3e-11, the relaxation to the bit."""
+have the numbers of this code: periodic designs to 3e-11, the relaxation to the bit. The preview
+does not use what has changed since, the search for equilibria."""
 
 
 def imported(name):
