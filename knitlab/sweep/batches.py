@@ -107,8 +107,9 @@ def seconds(cases: Iterable[Case]) -> float:
 
 def work(case: Case, states: float) -> float:
     """Work in the first states of a case and its siblings: steps of 1000 unknowns, or of a node."""
+    longer = CONTACT if case.options.contact == "barrier" else 1.0
     if case.method == "dynamics":
-        return _time_steps(case, case.motion, states) * case.mesh_shape.nodes
+        return longer * _time_steps(case, case.motion, states) * case.mesh_shape.nodes
     tests, states = divmod(states, len(case.applied_strain))
     steps_of_test = len(case.applied_strain) + RELAXATION_STEPS - 1
     begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
@@ -116,7 +117,7 @@ def work(case: Case, states: float) -> float:
     if case.unloading:
         steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
     steps += 2 * (case.cycle - 1) * len(case.applied_strain) * (1 if tests else min(states, 1.0))
-    steps *= CONTACT if case.options.contact == "barrier" else 1.0
+    steps *= longer
     return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
 
 
