@@ -133,12 +133,16 @@ def test_samples_come_to_rest_where_equilibria_are(design):
     n_stripe, _ = design
     sample = kl.Design(n_stripe, 4 * n_stripe, unit_cells=(1, 1), boundary="clamped")
     dynamics = kl.Dynamics(ending="rest", damping_ratio=0.2, release=0.5, longest_time=2000.0)
+    model = kl.Model(contact="barrier")
+    sheet = kl.Sheet(z_max=2.0, k_wall=100.0, thickness=0.14, contact_pressure=0.1)
+    given = {"model": model, "sheet": sheet, "dynamics": dynamics}
     tests = [
-        kl.simulate(sample, [0.0, 0.05], protocol=kl.Protocol(method=method), dynamics=dynamics)
+        kl.simulate(sample, [0.0, 0.05], protocol=kl.Protocol(method=method), **given)
         for method in ("dynamics", "equilibrium")
     ]
     for test in tests:
-        assert (test["residual_force"] < 1e-5).all()
+        # A sample at rest is turned for the clamps, which changes forces by 1e-5 N.
+        assert (test["residual_force"] < 5e-5).all()
         assert not test["self_intersections"].any()
     one, other = (
         sum(t[f"energy_{part}"] for part in ("stretch", "fold", "wall", "contact")) for t in tests
