@@ -18,13 +18,12 @@ from scipy.spatial import cKDTree
 
 from knitlab.dynamics.closest_points import Kind, distance
 from knitlab.dynamics.contact import CHUNK, Contact, PairList
-from knitlab.fabric.contact_layers import ContactLayers
+from knitlab.fabric.contact_layers import TRIANGLES, ContactLayers
 from knitlab.fabric.network import MeshShape
 
 NODE = np.array([[[0, 0]]])
 EDGES = np.array([[[0, 0], [0, 1]], [[0, 0], [1, 0]], [[0, 0], [1, 1]]])
-TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
-"""Node, edges and triangles that a cell owns, by the steps (y, x) to their corners."""
+"""Node and edges that a cell owns, by the steps (y, x) to their corners."""
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
 NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 """Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
@@ -34,6 +33,7 @@ MARGINS = 0.1, 0.5  # least and greatest margin of a list, over the shortest sid
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
 CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
+FRESH = 0.4  # part of their margin up to which close cells serve for a new list
 PARALLEL = 1e-3  # squared sine between edges of unit length, below which they count as parallel
 
 Cells = Int[np.ndarray, "cell 2"]  # row and column of lower left nodes, images included
@@ -127,7 +127,7 @@ class PairFinder:
         least, margin = (fraction * self.layers.cell for fraction in MARGINS)
         least = min(max(least, wanted), margin)
         within = self.layers.far.begins + margin
-        if last is None or not self._spent(last.cells, place) < 0.4:
+        if last is None or not self._spent(last.cells, place) < FRESH:
             cells = self._close_cells(place, within + CLOSE * self.layers.cell)
         else:
             cells = last.cells

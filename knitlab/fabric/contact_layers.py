@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.settings import CONTACT_RANGE
 
@@ -11,6 +13,9 @@ through each other, and leaves the calibrated folds alone."""
 NEAR_CELLS = 2
 """Nodes within this many of the paper's cells of each other, along both axes, are near. A fold at
 its rest angle brings them nearer than a thickness, without any force but that of its hinge."""
+
+TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
+"""Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.surfaces`."""
 
 
 @dataclass(frozen=True)

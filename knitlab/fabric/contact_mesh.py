@@ -16,13 +16,10 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from knitlab.fabric.contact_layers import NEAR_CELLS
+from knitlab.fabric.contact_layers import NEAR_CELLS, TRIANGLES
 from knitlab.fabric.fabric import Configuration
 from knitlab.fabric.network import LENGTHS, UPRIGHT, MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
-
-TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
-"""Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.surfaces`."""
 
 
 @dataclass(frozen=True, eq=False)
