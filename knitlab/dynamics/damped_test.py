@@ -87,18 +87,15 @@ def relax_by_dynamics(
     moving = Moving.from_rest(fabrics.bodies(clamped=False), starts, finders)
     first_force = np.asarray(moving.seen.force)
     to_rest = settings.ending == "rest"
-    stable = largest_step(moving)
-    longest = {
-        "rest": np.full(len(flat), settings.longest_time),
-        "time": np.full(len(flat), settings.relax_time),
-        "steps": settings.relax_steps * stable,
-    }[settings.ending]
-    rate = np.full(len(flat), settings.strain_rate)
     if settings.ending == "steps":
-        rate = settings.step_strain / stable
+        stable = largest_step(moving)
+        longest, rate = settings.relax_steps * stable, settings.step_strain / stable
+    else:
+        duration = settings.longest_time if to_rest else settings.relax_time
+        longest, rate = (np.full(len(flat), each) for each in (duration, settings.strain_rate))
     if settings.release:
-        duration = np.full(len(flat), settings.relax_time) if to_rest else longest
-        moving = developing(moving, settings.release * duration)
+        whole = np.full(len(flat), settings.relax_time) if to_rest else longest
+        moving = developing(moving, settings.release * whole)
     # The first record after the beginning is at 0.01 ms. The last is the end, even if it is the
     # only one or if all is over before the first.
     count = settings.snapshots or 40

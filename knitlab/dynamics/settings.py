@@ -45,11 +45,11 @@ class Dynamics:
     ending: Ending = "rest"
     damping_ratio: NonNegativeFloat = 0.035
     surface_density: Annotated[PositiveFloat, Unit("g/mm^2")] = 1.1e-4
-    release: Position = 0.0
+    release: Position = 0.5
     relax_time: Annotated[PositiveFloat, Unit("ms")] = 40.0
     strain_rate: Annotated[PositiveFloat, Unit("1/ms")] = 0.012
-    relax_steps: PositiveInt = 10_000
-    step_strain: PositiveFloat = 6e-5
+    relax_steps: PositiveInt = 4000
+    step_strain: PositiveFloat = 1.5e-4
     rest_force: Annotated[PositiveFloat, Unit("N")] = 1e-6
     longest_time: Annotated[PositiveFloat, Unit("ms")] = 400.0
     step_safety: Fraction = 0.8

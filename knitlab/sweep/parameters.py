@@ -12,7 +12,7 @@ from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.settings import Solver
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.fold_friction import Friction
-from knitlab.fabric.settings import CellSize, GarterStart, ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.settings import CellSize, Contact, GarterStart, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
@@ -359,3 +359,4 @@ class Model(ModelOptions):
     # Others than those in code, which identifiers of cases fix.
     cell_size: CellSize = "relaxed"
     garter_start: GarterStart = "valley"
+    contact: Contact = "barrier"
