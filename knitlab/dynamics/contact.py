@@ -21,11 +21,16 @@ from knitlab.dynamics.closest_points import CLOSEST, Corners, Kind, Weights, cro
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.vectors import Component, Vector, dot, kept, scale
 
-CHUNK = 1024  # pairs that are evaluated together
 NEWTON_STEPS = 4  # for the force of a pair
 # Excess over its range below which the force that a step begins with does not grow, and below which
 # energies and their derivatives do not: in motion, parts may for a moment be nearer than the least.
 DEEPEST, TOUCHING = 0.05, 1e-9
+
+
+def chunk() -> int:
+    """Number of pairs that are evaluated together: few on a processor, where few act."""
+    return 128 if jax.default_backend() == "cpu" else 1 << 14
+
 
 OfNodes = list[Float[Array, " node"]]  # components along x, y and z
 Shares = tuple[
@@ -195,7 +200,7 @@ class Contact(eqx.Module):
         The function also tells whether any of the pairs of a chunk act; with what it told before,
         the other chunks are left out.
         """
-        told = {}
+        told, size = {}, chunk()
         for kind in self.lists:
 
             def visited(number: Any, found: Any, kind: Kind = kind) -> Any:
@@ -204,7 +209,7 @@ class Contact(eqx.Module):
                 def now() -> Any:
                     pairs = jax.tree.map(
                         lambda each: jax.lax.dynamic_slice_in_dim(
-                            each, number * CHUNK, CHUNK, axis=-1
+                            each, number * size, size, axis=-1
                         ),
                         self.lists[kind],
                     )
@@ -218,7 +223,7 @@ class Contact(eqx.Module):
                     result, _ = jax.lax.cond(acts, now, lambda: (result, acts))
                 return result, act.at[number].set(acts)
 
-            none = jnp.zeros(self.lists[kind].strength.shape[-1] // CHUNK, bool)
+            none = jnp.zeros(self.lists[kind].strength.shape[-1] // size, bool)
             begin, told[kind] = jax.lax.fori_loop(0, self.chunks[kind], visited, (begin, none))
         return begin, told
 

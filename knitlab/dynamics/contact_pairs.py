@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from knitlab.dynamics.closest_points import Kind, distance
-from knitlab.dynamics.contact import CHUNK, Contact, PairList
+from knitlab.dynamics.contact import Contact, PairList, chunk
 from knitlab.fabric.contact_layers import TRIANGLES, ContactLayers
 from knitlab.fabric.network import MeshShape
 
@@ -30,9 +30,11 @@ NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 SPLIT: dict[Kind, int] = {"triangle": 1, "edges": 2}
 """Number of the first corner of the second part of a pair."""
 MARGINS = 0.1, 0.5  # least and greatest margin of a list, over the shortest side of a cell
+LEAST_PLACES = 1 << 14  # of a list
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
 CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
+MOST_BLOCKS = 256  # into which a grid is divided, about
 FRESH = 0.4  # part of their margin up to which close cells serve for a new list
 PARALLEL = 1e-3  # squared sine between edges of unit length, below which they count as parallel
 
@@ -71,6 +73,7 @@ class CloseCells:
 
     place: Place
     within: float  # [mm]
+    between: Float[np.ndarray, "block block"]  # least distance of others, by their blocks [mm]
     one: Cells
     other: Cells
 
@@ -153,7 +156,8 @@ class PairFinder:
     def _spent(self, cells: CloseCells, place: Place) -> float:
         """Part of their margin by which cells that are not close may have approached.
 
-        They approach by the stretch of the fabric along x and y, and by all other motion.
+        They approach by the stretch of the fabric along x and y, and by the other motion of the
+        blocks that they are in.
         """
         before = cells.place
         if self.shape.periodic:
@@ -162,10 +166,13 @@ class PairFinder:
             spans = (np.ptp(each.positions[:, :2], axis=0) for each in (place, before))
             plane = np.divide(*spans)
         motion = place.positions - before.positions * [*plane, 1.0]
-        motion -= (motion.min(axis=0) + motion.max(axis=0)) / 2
-        nearer = 2 * float(np.sqrt(np.einsum("nc,nc->n", motion, motion).max()))
-        left = cells.within * min(float(plane.min()), 1.0) - nearer
-        return (cells.within - left) / (CLOSE * self.layers.cell)
+        low, high = blocks(self.shape, motion)
+        nearer = np.zeros_like(cells.between)
+        for axis in range(3):
+            spread = high[:, None, axis] - low[None, :, axis]
+            nearer += np.maximum(spread, spread.T) ** 2
+        left = cells.between * min(float(plane.min()), 1.0) - np.sqrt(nearer)
+        return float((cells.within - left).max()) / (CLOSE * self.layers.cell)
 
     def _watched(self, one: Cells, other: Cells, slack: Float[np.ndarray, " pair"]) -> Watched:
         spare = 2 ** int(np.ceil(np.log2(max(len(one), 1024)))) - len(one)
@@ -259,7 +266,17 @@ class PairFinder:
         one, other = one[which], other[which]
         gap = np.maximum(np.maximum(low[one] - high[other], low[other] - high[one]), 0.0)
         close = np.einsum("pc,pc->p", gap, gap) <= within**2
-        return CloseCells(place, within, cells[one[close]], cells[other[close]])
+        return CloseCells(
+            place, within, self._between(place, within), cells[one[close]], cells[other[close]]
+        )
+
+    def _between(self, place: Place, within: float) -> Float[np.ndarray, "block block"]:
+        """Least distances of cells of two blocks that are not within a distance [mm]."""
+        low, high = blocks(self.shape, place.positions)
+        if self.shape.periodic:
+            return np.full((len(low), len(low)), within)  # their images may be nearer
+        gaps = np.maximum(low[:, None] - high, (low[:, None] - high).transpose(1, 0, 2))
+        return np.maximum(np.linalg.norm(gaps.clip(0.0), axis=-1), within)
 
     def _neighbours(self, place: Place) -> tuple[Cells, Cells, Bool[np.ndarray, " pair"]]:
         """Pairs of neighbouring cells, and whether they are folded by more than a right angle.
@@ -380,9 +397,11 @@ def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) ->
     chunks: dict[Kind, Int[Array, ""]] = {}
     for kind in SPLIT:
         longest = max(len(each.parts[kind].gap) for each in listed)
-        filled = -(-longest // CHUNK)
-        # Lengths are powers of four, so that few programs are compiled.
-        places = CHUNK * 4 ** max(int(np.ceil(np.log2(max(filled, 1)) / 2)), 2)
+        filled = -(-longest // chunk())
+        # Few lengths, so that few programs are compiled.
+        places = LEAST_PLACES * 4 ** max(
+            int(np.ceil(np.log2(max(longest, 1) / LEAST_PLACES) / 2)), 0
+        )
         chunks[kind] = jnp.asarray(filled)
         each = [
             _pair_list(shape, finder.layers, pairs, kind, places)
@@ -418,6 +437,23 @@ def _pair_list(
         np.pad(parallel, (0, spare), constant_values=1.0),
     )
     return PairList(*map(jnp.asarray, columns))
+
+
+def blocks(
+    shape: MeshShape, of_nodes: Float[np.ndarray, "node 3"]
+) -> tuple[Float[np.ndarray, "block 3"], Float[np.ndarray, "block 3"]]:
+    """Least and greatest vectors of the corners of cells in each block of the grid."""
+    side = int(np.ceil(np.sqrt(shape.nodes / MOST_BLOCKS)))
+    rows, columns = (np.arange(0, count, side) for count in (shape.nodes_y, shape.nodes_x))
+    grid = of_nodes.reshape(shape.nodes_y, shape.nodes_x, 3)
+    grid = np.pad(grid, ((0, 1), (0, 1), (0, 0)), "wrap" if shape.periodic else "edge")
+
+    def reduced(function: np.ufunc) -> Float[np.ndarray, "block 3"]:
+        along = function.reduceat(function(grid[:-1], grid[1:]), rows, axis=0)
+        both = function.reduceat(function(along[:, :-1], along[:, 1:]), columns, axis=1)
+        return both.reshape(-1, 3)
+
+    return reduced(np.minimum), reduced(np.maximum)
 
 
 def _nodes_and_turns(

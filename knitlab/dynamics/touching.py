@@ -25,16 +25,17 @@ class Touching:
     finders: Sequence[PairFinder]
     listed: Sequence[Listed]
     contact: Contact
+    now: OfCases  # part that each fabric has used of the margins of its list
 
     @classmethod
     def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
         """List the pairs of all fabrics."""
         places = zip(finders, _places(shape), strict=True)
         listed = [finder.listed(place) for finder, place in places]
-        return cls(finders, listed, contact_of_batch(finders, listed))
+        return cls(finders, listed, contact_of_batch(finders, listed), np.zeros(len(listed)))
 
     def used(self, shape: Shape) -> OfCases:
-        """Part that each fabric has used of the margins of its list; above 1 it is incomplete."""
+        """Part of the margins of its list that each fabric uses; above 1 the list is incomplete."""
         fabrics = zip(self.finders, self.listed, _places(shape), strict=True)
         return np.array([finder.used(listed, place) for finder, listed, place in fabrics])
 
@@ -48,13 +49,13 @@ class Touching:
             return at + duration.reshape(-1, *[1] * (at.ndim - 1)) * rate
 
         ahead: Shape = jax.tree.map(moved, shape, velocity)
-        lists, now, then = self, self.used(shape), self.used(ahead)
-        short = (then > COVERED) & (now > OLD)
+        lists, then = self, self.used(ahead)
+        short = (then > COVERED) & (self.now > OLD)
         if short.any():
             fastest = np.max([np.abs(each).max(axis=(1, 2)) for each in velocity.positions], axis=0)
             lists = self._renewed(shape, short, 2 * STEPS * step * fastest)
-            now, then = lists.used(shape), lists.used(ahead)
-        part = np.clip((COVERED - now) / np.maximum(then - now, 1e-300), 0.0, 1.0)
+            then = lists.used(ahead)
+        part = np.clip((COVERED - lists.now) / np.maximum(then - lists.now, 1e-300), 0.0, 1.0)
         return lists, np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
 
     def _renewed(
@@ -66,7 +67,8 @@ class Touching:
             finder.listed(place, old, margin) if new else old
             for finder, old, new, place, margin in fabrics
         ]
-        return Touching(self.finders, listed, contact_of_batch(self.finders, listed))
+        contact = contact_of_batch(self.finders, listed)
+        return Touching(self.finders, listed, contact, np.where(which, 0.0, self.now))
 
 
 def _places(shape: Shape) -> list[Place]:

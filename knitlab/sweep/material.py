@@ -233,6 +233,14 @@ def with_material(parameters: Parameters, material: Material) -> Parameters:
     for name, number in (scaled | material.numbers).items():
         table = SCALED.get(name, "dynamics")
         tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
+    # Walls and thickness are lengths of the material's cloth, as they are of the paper's.
+    for axis in ("width", "height"):
+        before, after = (
+            getattr(gauge, f"stitch_{axis}") for gauge in (parameters.gauge, tables["gauge"])
+        )
+        of_cloth = f"cloth_stitch_{axis}"
+        stitch = getattr(parameters.sheet, of_cloth) * after / before
+        tables["sheet"] = replace(tables["sheet"], **{of_cloth: stitch})
     return replace(parameters, material=material.name, scaled=scaled, **tables)
 
 

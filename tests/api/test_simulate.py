@@ -17,13 +17,11 @@ from knitlab.sweep.workflow import Protocol
 STRAINS = [0.0, 0.03, 0.06]
 SMALL = kl.Design(4, 8, boundary="periodic")
 DEFAULTS = kl.defaults()
-FLAT = {"model": kl.Model(cell_size="flat"), "sheet": replace(DEFAULTS.sheet, z_max=1.9)}
-"""The model options of the workflow of periodic fabric."""
 
 
 @pytest.fixture(scope="module")
 def small_test():
-    return kl.simulate(SMALL, STRAINS, **FLAT)
+    return kl.simulate(SMALL, STRAINS)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +51,7 @@ def test_own_stripes_and_factors_of_a_sweep_are_two_ways_to_one_fabric(cube):
             ("garter", stripes.stripe("garter", 8)),
         )
     }
-    test = kl.simulate(replace(SMALL, **stiffer), STRAINS, **FLAT)
+    test = kl.simulate(replace(SMALL, **stiffer), STRAINS)
     swept = cube.sel(n_stripe=4, n_subunit=8, k_t_factor=1.2)
     np.testing.assert_allclose(test["poisson_ratio"], swept["poisson_ratio"], rtol=1e-6)
 
@@ -62,7 +60,10 @@ def test_own_stripes_and_factors_of_a_sweep_are_two_ways_to_one_fabric(cube):
     ("given", "settings"),
     [
         ({}, {}),
-        (FLAT, {"cell_size": "flat", "z_max": 1.9}),
+        (
+            {"model": kl.Model(contact="none"), "sheet": replace(DEFAULTS.sheet, z_max=1.9)},
+            {"contact": "none", "z_max": 1.9},
+        ),
         ({"sheet": replace(DEFAULTS.sheet, z_max=2)}, {"z_max": 2.0}),
         ({"solver": kl.Solver(tolerance=1e-9)}, {"tolerance": 1e-9}),
         ({"dynamics": kl.Dynamics(ending="time")}, {"ending": "time"}),

@@ -48,7 +48,7 @@ def test_samples_have_their_sizes():
 
 def test_a_swept_setting_has_all_its_values():
     plan = make_plan("sensor_contact", ("n_stripe=4", "n_subunit=16"))
-    assert plan.common["sheet"]["thickness"] == 0.1
+    assert plan.common["sheet"]["thickness"] == 0.4
     swept = {"contact": ["none", "barrier"], "thickness": [0.1, 0.2]}
     cube = made_up_cube().assign_coords(swept)
     assert model_line(cube) == "no contact and contact at 0.1, 0.2 mm"
@@ -97,4 +97,4 @@ def test_commands_print_the_line_beside_their_output(folder, words, monkeypatch)
 def test_the_line_of_a_run_is_that_of_its_workflow(tmp_path):
     stand_in.run_here(tmp_path, 0)
     line = kl.open_cube(tmp_path).knitlab.model
-    assert line == "flat lengths, no contact, periodic fabric, equilibrium"
+    assert line == "relaxed lengths, contact at 0.4 mm, periodic fabric, equilibrium"

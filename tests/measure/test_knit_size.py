@@ -1,9 +1,11 @@
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import knitlab as kl
 from knitlab.measure.knit_size import (
     ALONG_X,
     ALONG_Y,
@@ -14,7 +16,7 @@ from knitlab.measure.knit_size import (
 )
 from knitlab.sweep.plan import make_plan
 
-PAPER = Gauge(200 / 360, 100 / 360)
+CLOTH = Gauge(1.35, 0.8)
 FLAT = {
     "relaxed_cell_x": 3.0,
     "relaxed_cell_y": 4.0,
@@ -36,16 +38,19 @@ def stitches(n_subunit, unit_cells=(1, 1)):
     return Stitches(courses, wales, courses * unit_cells[0], wales * unit_cells[1])
 
 
-def test_the_shipped_gauge_is_that_of_the_papers_samples():
-    gauge = make_plan("periodic").gauge
-    assert gauge == PAPER
-    assert gauge.stitch_width * 360 == pytest.approx(200)
+def test_samples_on_360_needles_fold_to_the_width_of_the_papers():
+    """About 200 mm (paper, Sec. "Kinematics under tension"), if a stripe folds to its rest angle."""
+    gauge, stripes = make_plan("periodic").gauge, kl.defaults().stripes
+    assert gauge == CLOTH
+    for n_stripe in (2, 4, 6, 8):
+        folded = 360 * gauge.stitch_width * np.sin(stripes.stripe("rib", n_stripe).theta_0 / 2)
+        assert 175 < folded < 210
 
 
 def test_without_contraction_a_cell_is_stitches_times_stitch_size():
-    sizes = knit_sizes(FLAT, stitches(16, (22, 11)), False, PAPER)
-    assert sizes["knit_cell_x"] == 32 * PAPER.stitch_width
-    assert sizes["knit_cell_y"] == 64 * PAPER.stitch_height
+    sizes = knit_sizes(FLAT, stitches(16, (22, 11)), False, CLOTH)
+    assert sizes["knit_cell_x"] == 32 * CLOTH.stitch_width
+    assert sizes["knit_cell_y"] == 64 * CLOTH.stitch_height
     assert sizes["knit_cell_x"] == pytest.approx(17.8, abs=0.05)
     assert sizes["knit_width"] == pytest.approx(195.6, abs=0.05)
     assert sizes["knit_wavelength_x"] == pytest.approx(sizes["knit_cell_x"] / 2)
@@ -56,8 +61,8 @@ def test_without_contraction_a_cell_is_stitches_times_stitch_size():
 def test_the_papers_samples_are_knit_within_200_mm_of_needles(case):
     n_subunit = case.design["n_subunit"]
     assert case.stitches == stitches(n_subunit, case.unit_cells)
-    width = knit_sizes(FLAT, case.stitches, False, PAPER)["knit_width"]
-    cell = 2 * n_subunit * PAPER.stitch_width
+    width = knit_sizes(FLAT, case.stitches, False, CLOTH)["knit_width"]
+    cell = 2 * n_subunit * CLOTH.stitch_width
     assert 200 - cell < width <= 200 + 1e-9
 
 
@@ -90,14 +95,14 @@ def test_sizes_at_another_gauge_are_those_computed_by_it(fabric, design, gauge, 
 
 
 def test_periodic_fabric_has_cells_but_no_size():
-    sizes = knit_sizes(FLAT, stitches(16), True, PAPER)
+    sizes = knit_sizes(FLAT, stitches(16), True, CLOTH)
     assert math.isnan(sizes["knit_width"])
     assert math.isnan(sizes["knit_length"])
-    assert sizes["knit_cell_x"] == 32 * PAPER.stitch_width
+    assert sizes["knit_cell_x"] == 32 * CLOTH.stitch_width
 
 
 def test_missing_sizes_of_the_network_are_missing_in_cloth():
     unknown = dict.fromkeys(FLAT, math.nan) | {"flat_cell_x": 3.0, "flat_cell_y": 4.0}
-    assert all(map(math.isnan, knit_sizes(unknown, stitches(16, (2, 1)), False, PAPER).values()))
-    no_wave = knit_sizes(FLAT | {"wavelength_x": math.nan}, stitches(16, (2, 1)), False, PAPER)
+    assert all(map(math.isnan, knit_sizes(unknown, stitches(16, (2, 1)), False, CLOTH).values()))
+    no_wave = knit_sizes(FLAT | {"wavelength_x": math.nan}, stitches(16, (2, 1)), False, CLOTH)
     assert [name for name, size in no_wave.items() if math.isnan(size)] == ["knit_wavelength_x"]

@@ -36,8 +36,8 @@ def test_sizes_in_cloth_follow_contraction_and_stitches(tmp_path):
     cube = ran(tmp_path, "scale=0.3").cube.isel(n_stripe=0)
     for n_subunit, cells_y, cells_x in ((16, 6, 3), (24, 4, 2)):
         design = cube.sel(n_subunit=n_subunit)
-        cell_x = design["relaxed_cell_x"] / design["flat_cell_x"] * 2 * n_subunit * 200 / 360
-        cell_y = design["relaxed_cell_y"] / design["flat_cell_y"] * 4 * n_subunit * 100 / 360
+        cell_x = design["relaxed_cell_x"] / design["flat_cell_x"] * 2 * n_subunit * 1.35
+        cell_y = design["relaxed_cell_y"] / design["flat_cell_y"] * 4 * n_subunit * 0.8
         wave = design["wavelength_x"] / design["relaxed_cell_x"]
         np.testing.assert_allclose(design["knit_cell_x"], cell_x)
         np.testing.assert_allclose(design["knit_cell_y"], cell_y)
@@ -76,7 +76,7 @@ def test_a_cube_has_one_gauge_whenever_its_designs_were_run(tmp_path):
     xr.testing.assert_allclose(cube, once)
     for made in (cube, knitlab.open_cube(tmp_path / "turns")):
         assert made.attrs["gauge_stitch_height"] == 0.6
-        assert made.attrs["gauge_stitch_width"] == pytest.approx(200 / 360)
+        assert made.attrs["gauge_stitch_width"] == 1.35
 
 
 def test_a_plan_records_the_gauge_and_its_cases_do_not(tmp_path):
@@ -138,7 +138,7 @@ def test_a_bad_gauge_file_is_one_message_with_its_path_and_exit_code_2(tmp_path,
     folder = tmp_path / "params"
     shutil.copytree(shipped("params"), folder)
     path = folder / "gauge.toml"
-    path.write_text(path.read_text().replace("value = 0.5555555555555556", "value = 0.0"))
+    path.write_text(path.read_text().replace("value = 1.35", "value = 0.0"))
     monkeypatch.setattr("knitlab.sweep.plan.shipped", lambda _: folder)
     ran = CliRunner().invoke(main, ("plan", "paper", "--results", str(tmp_path)))
     assert ran.exit_code == 2

@@ -200,7 +200,7 @@ def test_the_same_case_with_other_numbers_is_refused(made, tmp_path, plan, in_cu
     [
         (
             (*SMALL, "z_max=4"),
-            r"was computed otherwise than .*/periodic \(sheet.z_max was 1.9, is 4.0",
+            r"was computed otherwise than .*/periodic \(sheet.z_max was 6.0, is 4.0",
         ),
         ((*SMALL, "k_t_factor=1,1.1"), "has the dimensions n_stripe, n_subunit, k_t_factor, but"),
         ((*SMALL, "max_iterations=77"), "has the design n_stripe 4  n_subunit 16 as 4-16-"),

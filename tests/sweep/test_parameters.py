@@ -58,12 +58,7 @@ def test_the_paper_has_twenty_designs():
         ("sheet.toml", "value = 6.0", "value = true", r"z_max\.value: "),
         ("model.toml", '"relaxed"', '"loose"', r"cell_size\.value: .*'flat' or 'relaxed'"),
         ("solver.toml", "value = 4000", "value = 0", r"max_iterations\.value: .*greater than 0"),
-        (
-            "gauge.toml",
-            "value = 0.5555555555555556",
-            "value = 0",
-            r"stitch_width\.value: .*greater",
-        ),
+        ("gauge.toml", "value = 1.35", "value = 0", r"stitch_width\.value: .*greater"),
         ("gauge.toml", 'unit = "mm"', 'unit = "cm"', r"stitch_width\.unit: .*'mm'"),
         ("gauge.toml", r"\[stitch_height\]", "[stitch_hight]", r"stitch_hight: is not a known"),
         ("designs.toml", r"\[16, 20", "[18, 20", r"paper: n_subunit = 18 is not a positive mult"),
