@@ -20,7 +20,7 @@ VARY = {
     "garter_k_s_factor": [0.5, 2.0],
     "theta_0_factor": [0.8, 1.2],
     "k_t_factor": [0.9, 1.1],
-    "stitch_width": [0.4, 0.7],
+    "stitch_width": [1.0, 1.75],
 }
 
 

@@ -92,7 +92,7 @@ def test_the_atlas_counts_every_start_and_bounds_barriers(tmp_path, monkeypatch)
 
 
 def test_a_flat_sheet_and_a_rough_one_relax_to_one_shape_of_a_small_design():
-    found = kl.shapes("periodic", n_stripe=4, n_subunit=8, starts=2)
+    found = kl.shapes("periodic", n_stripe=4, n_subunit=8, starts=2, contact="none")
     assert found["starts"].values.tolist() == [2]
 
 

@@ -12,7 +12,7 @@ of an Intel Xeon with AVX-512 [s]."""
 
 
 def only(n_stripe, n_subunit, *settings):
-    test = ("strain_max=0.2", "strain_step=0.04", "robustness=0")
+    test = ("strain_max=0.2", "strain_step=0.04", "robustness=0", "contact=none")
     design = (f"n_stripe={n_stripe}", f"n_subunit={n_subunit}")
     (case,) = make_plan("periodic", (*design, *test, *settings)).cases.values()
     return case

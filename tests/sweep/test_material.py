@@ -50,27 +50,32 @@ def test_own_lengths_are_kept_and_the_others_are_stated(tmp_path):
     settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
     plan = make_plan("periodic", settings)
     (case,) = plan.cases.values()
-    # The workflow has 1.9 of the paper's 6 mm, in the lengths of flat cells.
-    assert case.sheet.z_max == pytest.approx(38.0 * 1.9 / 6)
+    assert case.sheet.z_max == 38.0
+    assert case.sheet.cloth_stitch_width == pytest.approx(plan.gauge.stitch_width)
     (case,) = make_plan("periodic", settings | {"z_max": 20.0}).cases.values()
     assert case.sheet.z_max == 20.0
     assert plan.gauge.stitch_width == pytest.approx(7 * PAPER.gauge.stitch_width)
     assert plan.material == "acrylic"
     (sentence,) = plan.warnings
-    assert "stitch_height = 1.94 mm, stitch_width = 3.89 mm" in sentence
-    assert "z_max = 12 mm" in sentence
-    given_all = settings | {"stitch_width": 4.0, "stitch_height": 2.0, "z_max": 20.0}
+    assert "stitch_height = 5.6 mm, stitch_width = 9.45 mm" in sentence
+    assert "thickness = 2.8 mm" in sentence
+    given_all = settings | {
+        "stitch_width": 4.0,
+        "stitch_height": 2.0,
+        "z_max": 20.0,
+        "thickness": 2.0,
+    }
     assert make_plan("periodic", given_all).warnings == ()
 
 
 def test_a_length_that_is_not_given_is_stated_where_it_acts(tmp_path):
     path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0))
     settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
-    (plain,) = make_plan("periodic", settings).warnings
-    assert "z_max = 13.3 mm" in plain
+    (plain,) = make_plan("periodic", settings | {"contact": "none"}).warnings
+    assert "z_max = 42 mm" in plain
     assert "thickness" not in plain
-    (contact,) = make_plan("periodic", settings | {"contact": "barrier"}).warnings
-    assert "thickness = 0.7 mm" in contact
+    (contact,) = make_plan("periodic", settings).warnings
+    assert "thickness = 2.8 mm" in contact
     (sensor,) = make_plan("sensor", settings).warnings
     assert "clearance = 0.7 mm" in sensor
 

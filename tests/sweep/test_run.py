@@ -62,7 +62,7 @@ def test_every_variable_carries_units_and_a_long_name(sweep):
         name
         for name, each in VARIABLES.items()
         if each.in_cube
-        and each.of in ("all", "patches", "design", "stripes", "cloth", "robustness")
+        and each.of in ("all", "patches", "design", "stripes", "cloth", "robustness", "contact")
     }
     assert expected == set(run.cube.data_vars)
 
@@ -97,8 +97,8 @@ def test_provenance_states_how_to_repeat_the_run(sweep):
         assert {name: record[name] for name in shared} == shared
         with xr.open_dataset(case_path(results, case_id)) as dataset:
             assert json.loads(dataset.attrs["parameters"]) == record
-    assert shared["sheet"]["z_max"] == 1.9
-    assert run.cube.attrs["model_cell_size"] == "flat"
+    assert shared["sheet"]["z_max"] == 6.0
+    assert run.cube.attrs["model_cell_size"] == "relaxed"
 
 
 def never(results, cases, progress):
