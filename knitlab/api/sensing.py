@@ -195,11 +195,12 @@ def selectivity(
         ``bending_gauge`` [mm], each along ``direction``; ``selectivity``, the magnitude of the
         strain gauge factor along the sensor over that across [1]; ``lever`` [mm], the strain along
         the sensor that reads like a curvature of 1/mm; and ``sensing_status``: ok, or why
-        nothing is known: touching, folded_through, unresolved, unstable, not_converged.
+        nothing is known: touching (its electrodes), plies_touch (by contact), folded_through,
+        unresolved, unstable, not_converged.
 
     Raises:
-        BadInput: if no design that is left has a periodic shape with electrodes; of one with
-            contact, a ground plane or shear; if an argument is at fault.
+        BadInput: if no design that is left has a periodic shape with electrodes; of one with a
+            ground plane or shear; if an argument is at fault.
 
     Example:
         >>> found = kl.selectivity("results/reference/sensor", n_stripe=4, n_subunit=16)

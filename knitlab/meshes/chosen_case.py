@@ -125,6 +125,13 @@ def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
     return np.isfinite(positions).all(axis=(1, 2, 3))
 
 
+def plies_touch(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
+    """Whether contact pushes plies apart at every applied strain of a case."""
+    if "energy_contact" not in case_file:
+        return np.zeros(case_file.sizes[STRAIN], bool)
+    return case_file["energy_contact"].values > 0
+
+
 def chosen_strains(
     case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:

@@ -47,6 +47,7 @@ class PlateStatus(IntEnum):
     unstable = 3  # the unit cell is no stable equilibrium
     not_converged = 4
     no_shape = 5  # no periodic shape is kept, or the design is not selected
+    plies_touch = 6  # with a stiffness of contact, which plates leave out
 
 
 @dataclass(frozen=True)

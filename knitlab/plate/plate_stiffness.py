@@ -11,7 +11,7 @@ from knitlab.cube.cube_file import cube_name, is_case, is_measured, model_option
 from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import chosen_indices
 from knitlab.io.errors import fault
-from knitlab.meshes.chosen_case import has_shape, of_chosen_cases
+from knitlab.meshes.chosen_case import has_shape, of_chosen_cases, plies_touch
 from knitlab.plate.condensation import Plate, PlateSolver, PlateStatus
 from knitlab.sweep.recorded_case import recorded_case
 
@@ -44,26 +44,26 @@ SIDES = ("length_x", "length_y", "length_shear")
 def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
     """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
 
-    BadInput if it is a clamped sample, has contact, or was not tested at a strain.
+    Where its plies touch the plate is unknown. BadInput if it is a clamped sample, or was not
+    tested at a strain.
     """
     case = recorded_case(case_file)
     if case.options.boundary != "periodic":
         raise fault(case.label, OF_PERIODIC)
     if case.friction.acts:
         raise fault(case.label, "has friction, which plates leave out; take fold_friction = 0")
-    if case.options.contact != "none":
-        problem = "has contact, whose stiffness a plate leaves out"
-        raise fault(case.label, f"{problem}; simulate it with contact = none")
     along = {STRAIN: case_file[STRAIN].values}
     strains = chosen_indices(along, selections).get(STRAIN, range(len(along[STRAIN])))
     _, fabric = case.assemble()
     solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
-    reached = has_shape(case_file)
+    reached, touching = has_shape(case_file), plies_touch(case_file)
     factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
     plates = []
     for index in strains:
         plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(3, np.nan)
-        if reached[index]:
+        if touching[index]:
+            plate = Plate.unknown(PlateStatus.plies_touch)
+        elif reached[index]:
             state = network_configurations(case_file.isel({STRAIN: [index]}))[0]
             lengths = factor * np.asarray(state.lengths)
             plate, _ = solver.response(fabric, state)

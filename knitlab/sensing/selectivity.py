@@ -24,8 +24,8 @@ from knitlab.io.errors import fault
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.capacitance.panels import panels_on
 from knitlab.measure.capacitance.sensor import CapacitorStatus
-from knitlab.meshes.chosen_case import has_shape
-from knitlab.plate.condensation import PlateSolver, deformed
+from knitlab.meshes.chosen_case import has_shape, plies_touch
+from knitlab.plate.condensation import PlateSolver, PlateStatus, deformed
 from knitlab.sensing.electrode_set import ElectrodeSet, sensor_case
 from knitlab.sensing.maxwell import GAIN, LEVELS, Around, matrices_of, readings
 from knitlab.simulation.case import Case
@@ -54,25 +54,28 @@ def selectivity_of_case(
 ) -> xr.Dataset:
     """The selectivity of a periodic case with electrodes, relaxed or at selected strains.
 
-    Lengths are those of the case. BadInput if it is clamped, has no electrodes, contact, or a
-    grounded plane.
+    Lengths are those of the case. Where its plies touch nothing is known, as bending leaves contact
+    out. BadInput if it is clamped, has no electrodes, or a grounded plane.
     """
     case, capacitor = sensor_case(case_file)
     for wrong, problem, remedy in (
         (case.options.boundary != "periodic", "is a clamped sample", "boundary = periodic"),
-        (case.options.contact != "none", "has contact, which this leaves out", "contact = none"),
         (capacitor.ground != "none", "has a plane that does not bend with it", "ground = none"),
     ):
         if wrong:
             raise fault(case.label, f"{problem}; simulate it with {remedy}")
     chosen = chosen_indices({STRAIN: case_file[STRAIN].values}, selections).get(STRAIN, [0])
     solver, factor = _Solver(case, capacitor), float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
-    gauges, status, reached = [], list[str](), has_shape(case_file)
+    gauges, status = [], list[str]()
+    reached, touching = has_shape(case_file), plies_touch(case_file)
     measured = case_file["capacitance"].values[chosen]
     for index, whole in zip(chosen, measured, strict=True):
         gauges.append(np.full((2, 4), np.nan))
         if not reached[index]:
             status.append("not_converged")
+            continue
+        if touching[index]:
+            status.append(PlateStatus.plies_touch.name)
             continue
         status.append(CapacitorStatus(int(case_file["capacitor_status"][index])).name)
         if status[-1] == CapacitorStatus.measured.name:

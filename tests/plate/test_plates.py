@@ -185,6 +185,16 @@ def test_a_strain_that_was_not_reached_is_reported():
     assert status.tolist() == [PlateStatus.ok, PlateStatus.not_converged]
 
 
+def test_where_plies_touch_a_plate_is_unknown_and_elsewhere_it_balances_the_test():
+    held = kl.simulate(kl.Design(4, 16, boundary="periodic"), [0.0, 0.1])
+    assert (held["energy_contact"] > 0).values.tolist() == [True, False]
+    found = kl.plate_stiffness(held)
+    assert found["plate_status"].values[0] == PlateStatus.plies_touch
+    assert np.isnan(found["bending_stiffness"][0]).all()
+    pulled = (found["membrane_force"].sel(row="yy") * found["length_x"])[1]
+    np.testing.assert_allclose(pulled, held["reaction_force"][1], atol=1e-6)
+
+
 def test_designs_without_any_shape_are_one_sentence(tmp_path):
     shutil.copy(PREVIEW / "cube.nc", tmp_path)
     with pytest.raises(BadInput, match="none of these 10 designs has a shape; run one"):
