@@ -17,7 +17,10 @@ from knitlab.stability.continuation import Kind, equilibrium, follow, switched
 from knitlab.stability.equations import FabricEquations
 from tests.fabrics import FINE, PERIODIC, checkered, equations, relaxed, stretched
 
-FOLDED = {"n_stripe": 4, "n_subunit": 16, "cell_size": "relaxed", "z_max": 6.0, "robustness": 0}
+FOLDED = {
+    **{"n_stripe": 4, "n_subunit": 16, "robustness": 0, "contact": "none"},
+    **{"cloth_stitch_width": 0, "cloth_stitch_height": 0},  # walls at 6 mm of the network
+}
 """A design that leaves its relaxed branch at a branch point at 1.5 %."""
 
 
