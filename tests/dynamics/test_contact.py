@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
 import knitlab as kl
+from knitlab.dynamics import damped_test
 from knitlab.dynamics.closest_points import CLOSEST
 from knitlab.dynamics.closest_points import distance as distance_of
 from knitlab.dynamics.contact import PairList, _force_after
@@ -20,11 +21,11 @@ from knitlab.dynamics.settings import Dynamics
 from knitlab.fabric.barrier import Barrier
 from knitlab.fabric.contact_layers import contact_layers
 from knitlab.fabric.energy import Energy, Evaluation
-from knitlab.fabric.fabric import Configuration
+from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.settings import ModelOptions
 from knitlab.measure.surfaces import self_intersections
 from tests.fabric.test_barrier import CELL, PRESSURE, THICKNESS, folded_periodic, two_plies
-from tests.fabrics import moving
+from tests.fabrics import moving, shaken
 
 LAYERS = contact_layers(THICKNESS, PRESSURE, (CELL, CELL))
 POINTS = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).normal(size=(4, 3)))
@@ -167,3 +168,25 @@ def test_nothing_passes_through_itself_and_no_energy_is_gained():
         if not release:
             total = history.kinetic + history.potential + history.dissipated
             np.testing.assert_allclose(total, total[0], rtol=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("disturbance", "moves"), [(1e-9, 1e-8), (1e-3, 1e-4)])  # [mm], and of ν
+def test_a_disturbed_start_moves_the_test_little(disturbance, moves, monkeypatch):
+    """Collisions could set motions apart; with folds that develop they stay near each other."""
+    sample = kl.Design(4, 16, unit_cells=(3, 2), boundary="clamped")
+    protocol = kl.Protocol(method="dynamics")
+    dynamics = kl.Dynamics(ending="steps")
+
+    def ratio():
+        test = kl.simulate(sample, [0.0, 0.06, 0.12], protocol=protocol, dynamics=dynamics)
+        return test["poisson_ratio"].values[1:]
+
+    usual = ratio()
+
+    def disturbed(*of):
+        return shaken(flat_sheet(*of), disturbance)
+
+    monkeypatch.setattr(damped_test, "flat_sheet", disturbed)
+    change = abs(ratio() - usual)
+    assert 0 < change.max() < moves
