@@ -100,6 +100,35 @@ def rises_and_falls(
     return _each(cube, about, measure, of)
 
 
+def fall_confined(
+    cube: xr.Dataset,
+    about: Checkerboards,
+    of: str,
+    end: Literal["begins", "ends"],
+    at: PositiveFloat,
+    part: Fraction,
+    slack: PositiveFloat,
+) -> CheckResult:
+    """The fall of a curve begins, or ends, at an applied strain: but for a ``part`` of the fall.
+
+    It falls from its highest value to its lowest value after that.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        curve = sample[of].dropna("applied_strain")
+        fall = curve[int(curve.values.argmax()) :] if curve.size else curve
+        fall = fall[: int(fall.values.argmin()) + 1] if fall.size else fall
+        if fall.size < FEWEST_POINTS:
+            return None, ""
+        first, last = fall.values[[0, -1]].tolist()
+        done = np.maximum.accumulate((first - fall.values) / (first - last))
+        wanted = part if end == "begins" else 1 - part
+        strain = float(np.interp(wanted, done, fall["applied_strain"].values))
+        return within(strain, at - slack, at + slack), f"{strain:.3g}"
+
+    return _each(cube, about, measure, of)
+
+
 def follows(
     cube: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat
 ) -> CheckResult:

@@ -49,12 +49,26 @@ def bad_checkerboards():
 
 
 CUBES = {"good": good_checkerboards(), "bad": bad_checkerboards()}
-OF_EACH = ("value_within", "less_than", "rises_and_falls", "follows", "largest_at_centre")
+OF_EACH = (
+    "value_within",
+    "less_than",
+    "rises_and_falls",
+    "fall_confined",
+    "follows",
+    "largest_at_centre",
+)
 EACH = [
     name
     for name, claim in CLAIMS.items()
     if claim.test
-    in ("value_within", "less_than", "rises_and_falls", "follows", "largest_at_centre")
+    in (
+        "value_within",
+        "less_than",
+        "rises_and_falls",
+        "fall_confined",
+        "follows",
+        "largest_at_centre",
+    )
     and isinstance(claim.arguments["about"], Checkerboards)
 ]
 
