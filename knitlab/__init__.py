@@ -6,8 +6,8 @@ datasets, which ``cube.knitlab.query`` and ``knitlab.plot`` turn into tables and
 Example:
     >>> import knitlab as kl
     >>> cube = kl.open_cube("results/reference/periodic")
-    >>> len(cube.knitlab.query("poisson_ratio_min < -0.6"))
-    4
+    >>> len(cube.knitlab.query("poisson_ratio_min < -0.8"))
+    5
 """
 
 from knitlab.io.interruption import is_command  # first: Ctrl-C may come during the others

@@ -81,7 +81,7 @@ def find(
     """Find the designs that come closest to targets; nothing is simulated.
 
     A target is a variable, a relation and a number: ``"knit_cell_x < 20"``. A variable along the
-    applied strain needs a strain or a window: ``"poisson_ratio = -0.3 @ 0.05:0.25"`` applies to
+    applied strain needs a strain or a window: ``"poisson_ratio = -0.7 @ 0.05:0.25"`` applies to
     every strain of the window, ``"mean(poisson_ratio) = -0.3 @ 0.05:0.25"`` to the mean over it;
     ``min``, ``max``, ``slope``, ``linearity`` and ``spread`` (largest minus smallest) likewise.
     ``± 0.02`` is the tolerance, the unit of distance; by default the scatter among the designs.
@@ -106,9 +106,9 @@ def find(
         BadInput: with every target that cannot be read or is not of a variable of the cubes.
 
     Example:
-        >>> wanted = ["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
+        >>> wanted = ["poisson_ratio = -0.7 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
         >>> cube = "results/reference/periodic"
-        >>> nearest = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 20")
+        >>> nearest = kl.find(cube, targets=wanted, subject_to="knit_cell_x < 50")
         >>> nearest.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [4, 16]
     """

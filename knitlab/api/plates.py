@@ -48,10 +48,10 @@ def plate_stiffness(
             selection or the suffix is at fault, or a card asks for a state that is not ok.
 
     Example:
-        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": [0, 0.15]}
+        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": [0.06, 0.15]}
         >>> plates = kl.plate_stiffness("results/reference/periodic", selections=one)
         >>> plates["poisson_ratio_y"].values.round(2).ravel().tolist()
-        [-0.38, -0.29]
+        [-0.8, -0.71]
     """
     selections = {**selections, **named}
     if output is not None:

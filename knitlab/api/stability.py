@@ -67,7 +67,7 @@ def branches(
         BadInput: if the settings give no single design in equilibrium, or are at fault.
 
     Example:
-        >>> path = kl.branches("periodic", n_stripe=4, n_subunit=16, strain_max=0.03)
+        >>> path = kl.branches("periodic", n_stripe=4, n_subunit=8, contact="none", strain_max=0.03)
         >>> bool((path["lowest_eigenvalue"] > 0).all())
         True
     """
@@ -184,7 +184,7 @@ def shapes(
         BadInput: if the settings give no single design in equilibrium, or are at fault.
 
     Example:
-        >>> atlas = kl.shapes("periodic", starts=3, n_stripe=4, n_subunit=8)
+        >>> atlas = kl.shapes("periodic", starts=3, n_stripe=4, n_subunit=8, contact="none")
         >>> int(atlas["starts"].sum()) + atlas.attrs["not_converged"]
         3
     """

@@ -98,9 +98,9 @@ class KnitlabAccessor:
         Example:
             >>> import knitlab as kl
             >>> cube = kl.open_cube("results/reference/periodic")
-            >>> table = cube.knitlab.query("poisson_ratio < -0.6", applied_strain=0.15)
+            >>> table = cube.knitlab.query("poisson_ratio < -0.8", applied_strain=0.15)
             >>> table[["n_stripe", "n_subunit"]].values.tolist()
-            [[8, 48], [8, 64]]
+            [[6, 36]]
         """
         return query_cubes([self._cube], selections, where, sort, columns)
 
