@@ -9,9 +9,9 @@ from knitlab.simulation.siblings import branches, sibling, spread
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 
-SMALL = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
-MULTISTABLE = ("cell_size=relaxed", "z_max=6")
-"""Model options with which (8, 32) has several relaxed shapes."""
+SMALL = ("strain_max=0.09", "n_stripe=6", "n_subunit=24")
+MULTISTABLE = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
+"""A design that has several relaxed shapes."""
 
 
 def cube_of(tmp_path, *settings, workflow="periodic"):
@@ -23,12 +23,12 @@ def case_of(*settings):
 
 
 @pytest.mark.slow
-def test_the_default_has_one_branch_and_little_spread(tmp_path):
+def test_a_fabric_with_one_branch_has_little_spread(tmp_path):
     cube = cube_of(tmp_path, *SMALL, "robustness=3").squeeze()
     assert float(cube["relaxed_branches"]) == 1
     assert (cube["siblings"] == 3).all()
     spread = (cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max()
-    assert 0.005 < float(spread) < 0.06
+    assert 0.005 < float(spread) < 0.1
     for name in ("poisson_ratio", "reaction_force"):
         own = cube[name].dropna("applied_strain")
         assert (cube[f"{name}_low"] <= own).all()
@@ -39,7 +39,7 @@ def test_the_default_has_one_branch_and_little_spread(tmp_path):
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_multistable_fabric_has_several_branches_and_a_large_spread(tmp_path):
-    cube = cube_of(tmp_path, *SMALL, *MULTISTABLE, "robustness=3").squeeze()
+    cube = cube_of(tmp_path, *MULTISTABLE, "robustness=3").squeeze()
     assert float(cube["relaxed_branches"]) > 1
     assert float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max()) > 0.1
 
