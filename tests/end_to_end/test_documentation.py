@@ -31,7 +31,7 @@ PAGES = [
 ]
 READING_COMMANDS = ("query", "find", "knit", "claims", "export", "plate", "sensing")
 """Commands that only read a cube, whose output can be compared without a simulation."""
-JUDGED = ("paper", "stripes", "relaxation", "sensor_stripes", "sensor")
+JUDGED = ("small_samples", "stripes", "relaxation", "sensor_stripes", "sensor")
 """Kept cubes that the page of claims judges."""
 LEFT_OUT = "…"
 FILES = ("page ", "figure ", "mesh ", "knitout ", "chart ", "sheet ", "card ")
