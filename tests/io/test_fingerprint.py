@@ -36,9 +36,7 @@ COMPUTES_NOTHING = {
 OLDER = {
     "acrylic",
     "even_auxetic",
-    "fineness",
     "fineness_stripes",
-    "graded",
     "laboratory",
     "lengths",
     "motion",
@@ -50,21 +48,14 @@ OLDER = {
     "paper",
     "paper_flat",
     "paper_mountain",
-    "periodic",
-    "preview",
     "relaxation",
     "sensor",
-    "sensor_contact",
-    "sensor_layouts",
-    "sensor_stripes",
-    "small_samples",
-    "stripes",
     "swatches_across",
     "swatches_along",
 }
-"""Kept cubes of earlier code, to be computed again with contact (issue 63). Those without contact
-have the numbers of this code: periodic designs to 3e-11, the relaxation to the bit. The preview
-does not use what has changed since, the search for equilibria."""
+"""Kept cubes of earlier code (issue 63). The capacitors do not use what has changed since, the lists
+of the dynamics. The others have no contact, and the numbers of this code without it: periodic
+designs to 3e-11, the relaxation to the bit."""
 
 
 def imported(name):
