@@ -36,7 +36,9 @@ COMPUTES_NOTHING = {
 OLDER = {
     "acrylic",
     "even_auxetic",
+    "fineness",
     "fineness_stripes",
+    "graded",
     "laboratory",
     "lengths",
     "motion",
