@@ -86,7 +86,7 @@ def test_a_thickness_gives_a_solid_to_print(tmp_path):
         ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, "strains 0, 0.3 for one mesh"),
         ("a.stl", ONE, {"thickness": 0.0}, "thickness 0: is not above 0 mm"),
         ("a.stl", ONE, {"thickness": float("nan")}, "thickness nan: is not above 0 mm"),
-        ("a.stl", ONE, {"thickness": 3.0}, r"thickness 3: is too large .* at most 0.54 mm"),
+        ("a.stl", ONE, {"thickness": 3.0}, r"thickness 3: is too large .* at most 1.3 mm"),
         ("a.stl", ONE, {"repeats": (0, 1)}, "repeats 0 1: is not 1 or more"),
     ],
 )
@@ -174,7 +174,7 @@ def test_the_command_says_what_it_wrote(tmp_path):
     assert said.exit_code == 0, said.output
     first, last = said.output.splitlines()
     assert first.startswith("applied_strain 0: 1617 nodes, 3072 triangles, ")
-    assert first.endswith(" mm, 12 pairs of cells pass through each other")
+    assert first.endswith(" mm")
     assert last == f"mesh    {output}"
 
 

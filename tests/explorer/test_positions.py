@@ -52,8 +52,8 @@ def test_a_step_is_a_4095th_of_the_extent(positions):
     np.testing.assert_allclose(pack_positions(positions)["step"], wanted)
 
 
-def test_a_simulated_test_is_packed_in_less_than_two_thirds_of_a_byte_a_number():
+def test_a_simulated_test_is_packed_in_less_than_a_byte_a_number():
     for path in (PREVIEW / "cases").glob("*.nc"):
         with xr.open_dataset(path) as case:
             positions = case["position"].values
-        assert len(pack_positions(positions)["positions"]) < positions.size * 2 / 3
+        assert len(pack_positions(positions)["positions"]) < positions.size

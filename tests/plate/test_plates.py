@@ -25,7 +25,7 @@ TEXT = ["plate", str(PREVIEW), *(f"--select={name}={value}" for name, value in O
 @pytest.fixture(scope="module")
 def plates() -> xr.Dataset:
     """Both designs whose shapes are kept, at three strains."""
-    return kl.plate_stiffness(PREVIEW, applied_strain=[0, 0.15, 0.45])
+    return kl.plate_stiffness(PREVIEW, applied_strain=[0.12, 0.15, 0.45])
 
 
 @pytest.fixture(scope="module")
@@ -113,14 +113,14 @@ def test_a_card_of_abaqus_has_the_upper_triangle_by_columns(state, tmp_path):
 
 
 def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
-    kl.plate_stiffness(PREVIEW, tmp_path / "card.json", applied_strain=[0, 0.15])
+    kl.plate_stiffness(PREVIEW, tmp_path / "card.json", applied_strain=[0.12, 0.15])
     card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
     assert len(card["states"]) == 4
     for each in card["states"]:
         labels = {name: each[name] for name in ONE}
         wanted = stiffness_of(plates.sel(labels))
         np.testing.assert_allclose(each["ABD"], wanted, atol=1e-8)
-    kl.plate_stiffness(PREVIEW, tmp_path / "table.csv", applied_strain=[0, 0.15, 0.45])
+    kl.plate_stiffness(PREVIEW, tmp_path / "table.csv", applied_strain=[0.12, 0.15, 0.45])
     table = pd.read_csv(tmp_path / "table.csv")
     assert table["status"].tolist() == ["ok"] * 5 + ["negative"]
     row = table[(table["n_stripe"] == 4) & (table["applied_strain"] == 0.15)].iloc[0]
@@ -139,7 +139,10 @@ def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
         ({"n_subunit": 24}, "has no case file in"),
         ({"where": "n_stripe > 9"}, "leaves no design; choose others"),
         ({"output": "card.txt"}, "has no suffix of a card or table; give one of .csv, .json, .inp"),
-        ({"output": "card.inp", "applied_strain": [0, 0.15]}, "is a card of one state, and 2 are"),
+        (
+            {"output": "card.inp", "applied_strain": [0.12, 0.15]},
+            "is a card of one state, and 2 are",
+        ),
     ],
 )
 def test_what_is_at_fault_is_a_sentence(change, message, tmp_path, monkeypatch):
@@ -202,10 +205,10 @@ def test_designs_without_any_shape_are_one_sentence(tmp_path):
 
 
 def test_the_figure_shows_moduli_along_every_direction(plates):
-    figure = kl.plot.polar(PREVIEW, n_stripe=4, n_subunit=16, applied_strain=[0, 0.15])
+    figure = kl.plot.polar(PREVIEW, n_stripe=4, n_subunit=16, applied_strain=[0.12, 0.15])
     modulus, ratio = figure.axes
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [
-        *("relaxed", "pulled 15%"),
+        *("pulled 12%", "pulled 15%"),
     ]
     state = plates.sel(ONE)
     quarter = 90
