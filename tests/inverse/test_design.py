@@ -1,7 +1,6 @@
 """Designs from targets to a workflow: hidden fabrics, unreachable targets, kills, budgets."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -22,12 +21,15 @@ from tests.file_events import kill_command
 PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"
 SMALL = {"n_stripe": [4], "n_subunit": [8]}
 FLAT = {
-    "model": kl.Model(cell_size="flat"),
-    "sheet": replace(kl.defaults().sheet, z_max=1.9),
+    "model": kl.Model(cell_size="flat", contact="none"),
+    "sheet": kl.Sheet(z_max=1.9, k_wall=100.0),
 }
-"""The model options of the workflow of periodic fabric."""
+"""A fabric without contact, whose tests take a second."""
+SETTINGS = {"cell_size": "flat", "contact": "none", "z_max": 1.9}
+SETTINGS |= {"cloth_stitch_width": 0, "cloth_stitch_height": 0}
+IN_A_FILE = "".join(f"{name} = {value!r}\n" for name, value in SETTINGS.items())
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
-STEPS = {"strain_step": 0.05, "strain_max": 0.15}
+STEPS = {"strain_step": 0.05, "strain_max": 0.15, **SETTINGS}
 FACTORS = {
     f"{knit}_{name}_factor": [0.7, 1.3] for knit in ("rib", "garter") for name in ("k_t", "theta_0")
 }
@@ -121,7 +123,7 @@ def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_pat
     path.write_text(
         'targets = ["poisson_ratio = -0.9 ± 0.02 @ 0.1"]\nrobustness = 0\n'
         "[vary]\nn_stripe = [4]\nn_subunit = [8]\nrib_theta_0_factor = [0.95, 1.05]\n"
-        "[settings]\nstrain_step = 0.05\n"
+        f"[settings]\nstrain_step = 0.05\n{IN_A_FILE}"
     )
     ran = CliRunner().invoke(main, ["design", str(path), "--results", str(tmp_path)])
     assert ran.exit_code == 1, ran.output
@@ -258,6 +260,7 @@ garter_theta_0_factor = [0.8, 1.25]
 [settings]
 strain_step = 0.05
 """
+REQUEST += IN_A_FILE
 
 
 @pytest.mark.slow
@@ -293,7 +296,7 @@ def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
     (tmp_path / "sleeve.toml").write_text(
         'targets = ["poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15"]\nrobustness = 0\n'
         f'cubes = ["{PREVIEW}"]\n[vary]\nn_stripe = [4]\nn_subunit = [16, 40]\n'
-        "[settings]\nstrain_step = 0.05\nstrain_max = 0.15\n"
+        f"[settings]\nstrain_step = 0.05\nstrain_max = 0.15\n{IN_A_FILE}"
     )
     words = ["design", str(tmp_path / "sleeve.toml"), "--budget", "1", "--results", str(tmp_path)]
     ran = CliRunner().invoke(main, words)

@@ -62,7 +62,7 @@ OLDER = {
     "swatches_across",
     "swatches_along",
 }
-"""Kept cubes of earlier code (issue 63). Those with contact do not depend on what has changed since,
+"""Kept cubes of earlier code (issue 63). Those with contact do not depend on what has changed:
 round-off in the test whether a step is stable and, of capacitors, the lists of the dynamics. The
 others have no contact, and the numbers of this code without it: periodic designs to 3e-11, the
 relaxation to the bit."""
