@@ -132,7 +132,9 @@ def test_ratios_that_cannot_be_selected_are_refused(selections):
 def test_without_force_across_a_biaxial_test_is_a_pull_along_the_warp():
     def strained(**load):
         design = kl.Design(4, 16, boundary="periodic")
-        return kl.simulate(design, protocol=kl.Protocol(strain_max=0.06, **load))
+        model, sheet = kl.Model(contact="none"), kl.Sheet(z_max=6.0, k_wall=100.0)
+        protocol = kl.Protocol(strain_max=0.06, **load)
+        return kl.simulate(design, protocol=protocol, model=model, sheet=sheet)
 
     tests = [strained(load="biaxial", load_ratio=ratio) for ratio in RATIOS]
     cube = with_derived(xr.concat(tests, xr.Variable("load_ratio", RATIOS)))

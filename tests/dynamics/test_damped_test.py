@@ -31,7 +31,7 @@ from tests.fabrics import (
     stretched,
 )
 
-SETTINGS = Dynamics(damping_ratio=0.1)
+SETTINGS = Dynamics(damping_ratio=0.1, release=0.0)
 """With more damping than usual, which shortens the way to rest."""
 AT_REST = replace(SETTINGS, rest_force=1e-9, longest_time=4000.0)
 ENDLESS = ModelOptions(boundary="periodic")

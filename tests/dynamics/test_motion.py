@@ -20,7 +20,7 @@ from knitlab.fabric.network import MeshShape, network
 from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
-SETTINGS = Dynamics(damping_ratio=0.015)
+SETTINGS = Dynamics(damping_ratio=0.015, release=0.0)
 PRECISE = replace(SETTINGS, integrator="tsit5", relative_tolerance=1e-10, absolute_tolerance=1e-13)
 RATE = 0.05  # of the applied strain [1/ms]
 STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
