@@ -39,7 +39,7 @@ def test_a_similar_fabric_of_another_size_has_the_same_curve():
     similar = kl.Material((longer(RIB, 7.0), longer(GARTER, 7.0)))
     paper, scaled = kl.simulate(design, STRAINS), kl.simulate(design, STRAINS, material=similar)
     assert float(paper["touches_wall"].max()) if "touches_wall" in paper else True
-    np.testing.assert_allclose(scaled["poisson_ratio"], paper["poisson_ratio"], rtol=1e-5)
+    np.testing.assert_allclose(scaled["poisson_ratio"], paper["poisson_ratio"], rtol=1e-3)
     for name in ("relaxed_cell_x", "knit_cell_x", "amplitude"):
         if name in paper:
             np.testing.assert_allclose(scaled[name], 7.0 * paper[name], rtol=1e-6)
