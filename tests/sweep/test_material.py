@@ -42,7 +42,7 @@ def test_a_similar_fabric_of_another_size_has_the_same_curve():
     np.testing.assert_allclose(scaled["poisson_ratio"], paper["poisson_ratio"], rtol=1e-3)
     for name in ("relaxed_cell_x", "knit_cell_x", "amplitude"):
         if name in paper:
-            np.testing.assert_allclose(scaled[name], 7.0 * paper[name], rtol=1e-6)
+            np.testing.assert_allclose(scaled[name], 7.0 * paper[name], rtol=1e-3)
 
 
 def test_own_lengths_are_kept_and_the_others_are_stated(tmp_path):
