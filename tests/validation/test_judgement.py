@@ -60,16 +60,7 @@ OF_EACH = (
 EACH = [
     name
     for name, claim in CLAIMS.items()
-    if claim.test
-    in (
-        "value_within",
-        "less_than",
-        "rises_and_falls",
-        "fall_confined",
-        "follows",
-        "largest_at_centre",
-    )
-    and isinstance(claim.arguments["about"], Checkerboards)
+    if claim.test in OF_EACH and isinstance(claim.arguments["about"], Checkerboards)
 ]
 
 
