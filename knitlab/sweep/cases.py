@@ -19,6 +19,7 @@ from knitlab.fabric.stripe import (
     STRIPE_QUANTITIES,
     Knit,
     Stripe,
+    cell_length,
     changed_stripe,
     changed_table,
     lengths_ratio,
@@ -345,10 +346,11 @@ def _check_thickness(case: Case, source: Source) -> None:
     """Refuse a fabric so thick that contact would press open its folds at rest."""
     if case.options.contact == "none":
         return
-    pair, (_, fabric) = case.stripe_pair, case.assemble()
+    pair = case.stripe_pair.weft, case.stripe_pair.warp
     refinement = case.options.cells_per_period // CELLS_PER_PERIOD
-    sharpest = float(min(pair.weft.theta_0.min(), pair.warp.theta_0.min()))
-    largest = largest_thickness(refinement * float(fabric.cell_sides.min()), sharpest)
+    cell = refinement * min(float(cell_length(each, case.options).min()) for each in pair)
+    sharpest = min(float(each.theta_0.min()) for each in pair)
+    largest = largest_thickness(cell, sharpest)
     thickness = case.sheet.thickness
     largest /= case.lengths_ratio
     if thickness >= largest:
