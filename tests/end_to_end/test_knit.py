@@ -28,7 +28,9 @@ def test_a_design_of_a_cube_gives_all_files(tmp_path):
     outputs = [word for name in names for word in ("-o", tmp_path / name)]
     result = run(PREVIEW, *DESIGN, *outputs, "--sheet", tmp_path / "sheet.pdf")
     assert result.exit_code == 0, result.output
-    assert "size relaxed  13 × 13 mm (width × length)" in result.output
+    sample = kl.open_cube(PREVIEW).sel(n_stripe=4, n_subunit=16)
+    width, length = (f"{sample[name].item():.0f}" for name in ("knit_cell_x", "knit_cell_y"))
+    assert f"size relaxed  {width} × {length} mm (width × length)" in result.output
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*names, "sheet.pdf"])
     assert (tmp_path / "sample.k").read_bytes().startswith(b";!knitout-2\n;;Machine: SWG061N2\n")
     assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Count 1") == 1

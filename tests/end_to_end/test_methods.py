@@ -21,7 +21,7 @@ def knitlab(*words):
 
 @pytest.mark.slow
 def test_a_relaxation_is_drawn():
-    settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "snapshots=12")
+    settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "snapshots=12", "release=0")
     words = [word for setting in settings for word in ("--set", setting)]
     ran = knitlab("run", "relaxation", *words, "--workers", "0")
     assert ran.exit_code == 0, ran.output
