@@ -157,7 +157,8 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
 
     The margin is the distance from the threshold of a claim, below 0 if it fails; from -0.25 to 0
     it is a near miss. If several cubes measure a claim, the one with the paper's samples decides
-    it: clamped before periodic, then with more of the designs, then with more unit cells.
+    it: clamped before periodic, then with more of the designs, then with more unit cells. Claims
+    about relaxed fabric are decided by fabric at rest, if there is any.
     """
     from knitlab.figures.claims_page import check_suffix, write_page
     from knitlab.validation.claims import read_claims

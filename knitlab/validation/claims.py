@@ -19,6 +19,7 @@ Topic = Literal[
     "stripes", "relaxed shape", "wavelengths", "tension", "Poisson's ratio", "capacitors"
 ]
 TOPICS: tuple[Topic, ...] = get_args(Topic)
+OF_RELAXED_FABRIC: tuple[Topic, ...] = ("relaxed shape", "wavelengths")
 
 
 CHECKS: dict[str, Callable[..., CheckResult]] = {
@@ -61,6 +62,11 @@ class Claim(StrictModel):
     def threshold_of(self) -> Literal["paper", "knitlab"]:
         """Whether the threshold is the paper's, or was chosen for knitlab."""
         return "knitlab" if self.knitlab else "paper"
+
+    @property
+    def of_relaxed_fabric(self) -> bool:
+        """Whether it is about fabric in equilibrium, before it is pulled."""
+        return self.topic in OF_RELAXED_FABRIC
 
     @property
     def compares_cubes(self) -> bool:

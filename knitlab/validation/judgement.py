@@ -13,7 +13,7 @@ from knitlab.cube.selection import choices, refuse_others, selected, selections_
 from knitlab.io.errors import fault
 from knitlab.validation.claims import Claim
 from knitlab.validation.margin import CheckResult, Grade, signed
-from knitlab.validation.samples import JudgedSamples, preference
+from knitlab.validation.samples import JudgedSamples, is_at_rest, preference
 
 QUARTER = (0.75, 1.25)  # factors on thresholds chosen for knitlab, to test how they matter
 WOULD = {Grade.holds: "hold", Grade.fails: "fail", Grade.not_measured: "not be measured"}
@@ -55,7 +55,8 @@ def judged(
     """Judge claims by cubes, or by results folders that hold one.
 
     If several cubes measure a claim, the one whose samples are nearest the paper's decides, or the
-    first of equal ones. BadInput if selections leave several values of a swept setting.
+    first of equal ones; claims about relaxed fabric are decided by fabric at rest, if there is any.
+    BadInput if selections leave several values of a swept setting.
     """
     opened = [(path, open_cube(path)) for path in cubes]
     all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})
@@ -79,7 +80,12 @@ def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judg
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     checked = [(path, cube, claim.check([cube])) for path, cube in slices]
     ranks = [
-        (result.margin is None, result.wanted == 0, *preference(cube, result.at))
+        (
+            result.margin is None,
+            result.wanted == 0,
+            claim.of_relaxed_fabric and not is_at_rest(cube),
+            *preference(cube, result.at),
+        )
         for _, cube, result in checked
     ]
     path, cube, result = checked[ranks.index(min(ranks))]

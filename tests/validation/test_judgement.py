@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from knitlab.cube.cube_file import write_cube
 from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
+from knitlab.io.shipped import PACKAGE
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import contrary, judged, judged_slices, listed, summary
 from knitlab.validation.margin import Grade
@@ -224,6 +225,16 @@ def test_of_equally_near_samples_the_first_decides(written, tmp_path):
     paths = [tmp_path / "same.nc", written / "smaller.nc"]
     for order in (paths, paths[::-1]):
         assert judged([CLAIMS[OF_ALL]], order)[0].cubes == (order[0],)
+
+
+def test_fabric_at_rest_decides_what_is_said_of_relaxed_fabric():
+    moving, resting = (
+        PACKAGE.parent / "results" / "reference" / name for name in ("small_samples", "sensor")
+    )
+    for order in ([moving, resting], [resting, moving]):
+        names = "slopes_along_weft_are_common", "three_samples_are_auxetic"
+        relaxed, pulled = judged([CLAIMS[name] for name in names], order)
+        assert (relaxed.cubes, pulled.cubes) == ((resting,), (moving,))
 
 
 def test_stated_sample_sizes_are_preferred_to_those_of_the_strains():
