@@ -178,6 +178,18 @@ def test_the_command_says_what_it_wrote(tmp_path):
     assert last == f"mesh    {output}"
 
 
+@pytest.mark.slow
+def test_the_command_says_how_often_a_fabric_passes_through_itself(tmp_path):
+    folded = {"contact": "none", "strain_max": 0.03, "robustness": 0}
+    cube = kl.run("periodic", **ONE, **folded, results=tmp_path)
+    crossing = int(cube["self_intersections"].squeeze().sel(applied_strain=0).item())
+    assert crossing > 0
+    arguments = [str(tmp_path / "periodic"), *DESIGN, "-o", str(tmp_path / "shape.glb")]
+    said = CliRunner().invoke(main, ["export", *arguments])
+    assert said.exit_code == 0, said.output
+    assert f"{crossing} pairs" in said.output.splitlines()[0]
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
