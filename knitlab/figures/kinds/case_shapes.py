@@ -170,16 +170,19 @@ def relaxation_figure(case: xr.Dataset) -> Figure:
     chosen = [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
     figure = Figure(figsize=(TWO_COLUMNS, 4.2))
     axes = figure.add_axes((0.085, 0.52, 0.9, 0.42))
-    time, kinetic = case["time"].values, case["kinetic_energy"].values
+    time, kinetic = case["time"].values[1:], case["kinetic_energy"].values[1:]
     stored = case["potential_energy"].values
-    excess = (stored - stored[-1])[1:-1]
-    axes.loglog(time[1:], kinetic[1:], color=CATEGORY_COLOURS[0], label="kinetic energy $T$")
-    label = "elastic energy above the relaxed state"
-    axes.loglog(time[1:-1], excess, "--", color="0.45", label=label)
+    at_once = stored[0] > stored[-1]  # the folds have all their rest angles at the beginning
+    elastic, label = stored[1:], "elastic energy, while the folds develop"
+    if at_once:
+        elastic, label = elastic - elastic[-1], "elastic energy above the relaxed state"
+    axes.plot(time, kinetic, color=CATEGORY_COLOURS[0], label="kinetic energy $T$")
+    axes.plot(time, np.where(elastic > 0, elastic, np.nan), "--", color="0.45", label=label)
     axes.set(xlabel="time since the flat sheet was released [ms]", ylabel="energy [N mm]")
-    axes.set_xlim(0.7 * time[1], 1.1 * time[-1])
-    axes.set_ylim(max(kinetic[-1], 1e-14), 5 * stored[0])
-    axes.legend(loc="lower left")
+    axes.set(xscale="log" if at_once else "linear", yscale="log")
+    axes.set_xlim(0.7 * time[0] if at_once else 0, (1.1 if at_once else 1.03) * time[-1])
+    axes.set_ylim(max(kinetic[-1], 1e-14), 5 * max(stored))
+    axes.legend(loc="lower left" if at_once else "lower center")
     width = 1 / len(chosen)
     beside: Look = {"xytext": (2, -2), "textcoords": "offset points", "va": "top"}
     for column, (snapshot, letter) in enumerate(zip(chosen, "abcd", strict=True)):
