@@ -190,3 +190,18 @@ def test_a_disturbed_start_moves_the_test_little(disturbance, moves, monkeypatch
     monkeypatch.setattr(damped_test, "flat_sheet", disturbed)
     change = abs(ratio() - usual)
     assert 0 < change.max() < moves
+
+
+@pytest.mark.slow
+def test_tightly_folded_fabric_comes_to_rest_in_equilibrium():
+    """In long steps, contact would hold its sharpest folds closer than the cloth is thick."""
+    sample = kl.Design(4, 32, unit_cells=(1, 1), boundary="clamped")
+    dynamics = kl.Dynamics(ending="rest", relax_time=10.0, snapshots=40)
+    relaxed = kl.simulate(sample, [0.0], protocol=kl.Protocol(method="dynamics"), dynamics=dynamics)
+    assert relaxed["residual_force"].item() < 5e-6
+    # Once the folds have developed, energy is only dissipated.
+    late = relaxed["time"] > 5.0
+    assert late.sum() > 2
+    parts = ("kinetic_energy", "potential_energy", "dissipated_work")
+    total = sum(relaxed[part].values[late] for part in parts)
+    np.testing.assert_allclose(total, total[-1], rtol=5e-3)
