@@ -145,6 +145,7 @@ def test_an_edited_module_that_computes_nothing_leaves_them(name, package):
     assert fingerprint_of(package) == code_fingerprint()
 
 
+@pytest.mark.slow
 def test_a_kept_fingerprint_is_used_and_a_damaged_one_computed_again(tmp_path, monkeypatch):
     computed = code_fingerprint()
     monkeypatch.setattr(fingerprint, "user_cache_path", tmp_path.joinpath)

@@ -29,7 +29,7 @@ def compiled():
     jax.monitoring.unregister_event_duration_listener(listen)
 
 
-@pytest.mark.parametrize("boundary", ["periodic", "clamped"])
+@pytest.mark.parametrize("boundary", ["periodic", pytest.param("clamped", marks=pytest.mark.slow)])
 def test_a_design_of_another_size_needs_no_compilation(compiled, boundary):
     cells = 1 if boundary == "periodic" else 2
     # Dynamics are compiled for every mesh shape.

@@ -53,6 +53,7 @@ def changes_of(sampled, knit, n):
     )
 
 
+@pytest.mark.slow
 def test_samples_have_the_covariance_of_the_material_and_its_lengths(yarn, tmp_path):
     path = kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, samples=400)
     plan = kl.plan(path, n_subunit=16)
@@ -72,6 +73,7 @@ def test_samples_have_the_covariance_of_the_material_and_its_lengths(yarn, tmp_p
         assert (each.sheet, each.options, each.robustness) == (case.sheet, case.options, 0)
 
 
+@pytest.mark.slow
 def test_samples_for_sobol_indices_leave_out_correlations(yarn, tmp_path):
     path = kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, samples=64, sobol=True)
     plan = kl.plan(path, n_subunit=16)
