@@ -35,7 +35,6 @@ COMPUTES_NOTHING = {
 """Modules that the simulation imports and whose code changes no number, and why."""
 OLDER = {
     "acrylic",
-    "even_auxetic",
     "fineness",
     "fineness_stripes",
     "graded",
@@ -52,7 +51,6 @@ OLDER = {
     "paper_mountain",
     "periodic",
     "preview",
-    "relaxation",
     "sensor",
     "sensor_contact",
     "sensor_layouts",
@@ -63,9 +61,9 @@ OLDER = {
     "swatches_along",
 }
 """Kept cubes of earlier code (issue 63). Those with contact do not depend on what has changed:
-round-off in the test whether a step is stable and, of capacitors, the lists of the dynamics. The
-others have no contact, and the numbers of this code without it: periodic designs to 3e-11, the
-relaxation to the bit."""
+round-off in the test whether a step is stable, shorter steps near rest, and, of capacitors, the
+lists of the dynamics. The others have no contact, and the numbers of this code without it: periodic
+designs to 3e-11."""
 
 
 def imported(name):
