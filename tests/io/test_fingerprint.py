@@ -35,7 +35,6 @@ COMPUTES_NOTHING = {
 """Modules that the simulation imports and whose code changes no number, and why."""
 OLDER = {
     "acrylic",
-    "fineness",
     "fineness_stripes",
     "graded",
     "laboratory",
