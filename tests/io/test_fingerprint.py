@@ -36,7 +36,6 @@ COMPUTES_NOTHING = {
 OLDER = {
     "acrylic",
     "fineness_stripes",
-    "graded",
     "laboratory",
     "lengths",
     "motion",
