@@ -73,7 +73,7 @@ def capacitance_matrix(
         >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}
         >>> found = kl.capacitance_matrix("results/reference/sensor", ["w1", "w2"], one)
         >>> found["capacitance"].sel(electrode="w1", to="w2").values.round(3).tolist()
-        [-2.21]
+        [-2.018]
     """
     check_figure_suffix(output)
     case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
@@ -203,9 +203,10 @@ def selectivity(
             ground plane or shear; if an argument is at fault.
 
     Example:
-        >>> found = kl.selectivity("results/reference/sensor", n_stripe=4, n_subunit=16)
+        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}
+        >>> found = kl.selectivity("results/reference/sensor", **one)
         >>> found["strain_gauge"].sel(sides="held").values.round(2).ravel().tolist()
-        [-2.43, 0.63]
+        [-1.7, 0.22]
     """
     selections = {**selections, **named}
     check_figure_suffix(output)
