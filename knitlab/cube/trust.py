@@ -126,11 +126,10 @@ def legend(marks: Iterable[str]) -> list[str]:
     return [str(mark) for mark in MARKS.values() if mark.sign in shown]
 
 
-def _moving(cube: xr.Dataset) -> xr.DataArray | None:
-    """Where a test that is pulled without pause has not settled; None if that is not known.
+def pulled_without_pause(cube: xr.Dataset) -> xr.DataArray:
+    """Whether tests are motions that were stopped after a number of steps or a time, not at rest.
 
-    Either the relaxation had not ended when the pull began, or the pull has not yet reached the
-    central cells.
+    Method or ending may be dimensions of the cube.
     """
     dynamics = parameters_of(cube).get("dynamics") or {}
     settings = {"method": cube.attrs.get("method", ""), "ending": dynamics.get("ending", "")}
@@ -138,7 +137,16 @@ def _moving(cube: xr.Dataset) -> xr.DataArray | None:
         cube[name] if name in cube.coords else xr.DataArray(value)
         for name, value in settings.items()
     )
-    pulled = (method == "dynamics") & (ending != "rest")
+    return (method == "dynamics") & (ending != "rest")
+
+
+def _moving(cube: xr.Dataset) -> xr.DataArray | None:
+    """Where a test that is pulled without pause has not settled; None if that is not known.
+
+    Either the relaxation had not ended when the pull began, or the pull has not yet reached the
+    central cells.
+    """
+    pulled = pulled_without_pause(cube)
     if STRAIN not in cube.dims or not pulled.any():
         return None
     strain, causes = cube[STRAIN], list[xr.DataArray]()

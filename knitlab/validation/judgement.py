@@ -10,10 +10,11 @@ import xarray as xr
 
 from knitlab.cube.cube_file import open_cube, swept_dims
 from knitlab.cube.selection import choices, refuse_others, selected, selections_along
+from knitlab.cube.trust import pulled_without_pause
 from knitlab.io.errors import fault
 from knitlab.validation.claims import Claim
 from knitlab.validation.margin import CheckResult, Grade, signed
-from knitlab.validation.samples import JudgedSamples, is_at_rest, preference
+from knitlab.validation.samples import JudgedSamples, preference
 
 QUARTER = (0.75, 1.25)  # factors on thresholds chosen for knitlab, to test how they matter
 WOULD = {Grade.holds: "hold", Grade.fails: "fail", Grade.not_measured: "not be measured"}
@@ -83,7 +84,7 @@ def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
         (
             result.margin is None,
             result.wanted == 0,
-            claim.of_relaxed_fabric and not is_at_rest(cube),
+            claim.of_relaxed_fabric and bool(pulled_without_pause(cube).any()),
             *preference(cube, result.at),
         )
         for _, cube, result in checked

@@ -161,16 +161,6 @@ def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float
     return another, -len(at), -float(np.mean(sizes)) if sizes else 0.0
 
 
-def is_at_rest(cube: xr.Dataset) -> bool:
-    """Whether the fabrics of a cube have come to rest: measured, in equilibrium, or moved until so.
-
-    Others were stopped after a number of steps or a time.
-    """
-    parameters = parameters_of(cube)
-    ending = (parameters.get("dynamics") or {}).get("ending", "rest")
-    return is_measured(cube) or parameters.get("method") != "dynamics" or ending == "rest"
-
-
 def _boundary_of(cube: xr.Dataset, labels: Labels) -> str:
     """The boundary of one sample; an experiment's is clamped. Empty if the cube has none."""
     if is_measured(cube):

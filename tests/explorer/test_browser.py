@@ -255,7 +255,7 @@ def test_a_window_keeps_the_designs_within_it(preview):
     drag = ActionChains(preview.driver).move_to_element_with_offset(brush, -100, 0)
     drag.click_and_hold().move_by_offset(120, 0).release().perform()
     low = preview.one('[data-variable="poisson_ratio"] input[aria-label^="from"]')
-    assert np.nanmin(ratios) < float(low.get_property("value")) < np.nanmax(ratios)
+    assert np.nanmin(ratios) < float(low.get_property("value")) < -0.4
     preview.until(lambda: len(preview.all("#designs tbody tr")) < kept)
     assert preview.is_quiet()
 

@@ -9,7 +9,6 @@ from knitlab.simulation.siblings import branches, sibling, spread
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 
-SMALL = ("strain_max=0.09", "n_stripe=6", "n_subunit=24")
 MULTISTABLE = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
 """A design that has several relaxed shapes."""
 
