@@ -25,6 +25,7 @@ NEWTON_STEPS = 4  # for the force of a pair
 # Excess over its range below which the force that a step begins with does not grow, and below which
 # energies and their derivatives do not: in motion, parts may for a moment be nearer than the least.
 DEEPEST, TOUCHING = 0.05, 1e-9
+CALM = 0.25  # part of the range left to a pair that it may move by in a step, and count as at rest
 
 
 def chunk() -> int:
@@ -33,9 +34,6 @@ def chunk() -> int:
 
 
 OfNodes = list[Float[Array, " node"]]  # components along x, y and z
-Shares = tuple[
-    Float[Array, "*batch node"], Float[Array, "*batch 2"]
-]  # of nodes, and of L_x and L_y
 Totals = tuple[OfNodes, Float[Array, "2"]]  # of nodes, and of L_x and L_y
 
 
@@ -107,24 +105,23 @@ class Contact(eqx.Module):
         velocity: Shape,
         push: Shape,
         time: Float[Array, ""],
-        last: Shares,
-    ) -> tuple[Shape, Shares]:
+    ) -> Shape:
         """Forces of the barrier over a time, partly implicit [N].
 
         Every pair finds its own force, at the distance to which the motion leads. The mass of a
         node is shared among the pairs that act on it, so that many stiff pairs are stable together
         (mass splitting: Tonge, Benevolenski and Voroshilov, ACM Trans. Graph. 31, 2012). First come
-        forces at the present distances, as far as they are stable; at rest nothing is added.
+        the forces at the present distances: whole where they balance the others, so that at rest
+        nothing is added, and in collisions only as far as they are stable.
 
         Args:
             shape: positions of nodes, L_x and L_y [mm].
             velocity: their mean rates over the time by all other forces [mm/ms].
             push: change of these by a unit force [mm/ms/N].
             time: for which the forces act [ms].
-            last: how many pairs shared each mass before.
 
         Returns:
-            The forces on nodes, L_x and L_y, and how many pairs shared each mass.
+            The forces on nodes, L_x and L_y.
         """
         grid, lengths = shape.positions[0].shape, shape.lengths
         place, free = _flat(shape.positions), (_flat(velocity.positions), velocity.lengths)
@@ -132,9 +129,45 @@ class Contact(eqx.Module):
         side_push = push.lengths
         pushed_most = jnp.maximum(jnp.maximum(pushed[0], pushed[1]), pushed[2])
 
-        def softness(pairs: PairList, pair: Approach, shares: Shares) -> Component:
+        def led(totals: Totals) -> Totals:
+            """Mean rates over the time with forces."""
+            nodes = [v + p * force for v, p, force in zip(free[0], pushed, totals[0], strict=True)]
+            return nodes, velocity.lengths + side_push * totals[1]
+
+        def present(pairs: PairList, pair: Approach) -> Component:
+            """Force at the present distance [N]."""
+            force = _force(pairs, pair, jnp.maximum(pair.excess, DEEPEST))
+            return jnp.where(pairs.range_squared > 0, force, 0.0)
+
+        def shared(pairs: PairList, pair: Approach, found: Any) -> Any:
+            """Add present forces, and the pairs that share the mass of each node."""
+            ahead = pair.distance + time * self._speed(pairs, pair, free)
+            acting = (pairs.range_squared > 0) & (
+                (pair.excess < 1) | (ahead**2 < pairs.least_squared + pairs.range_squared)
+            )
+
+            def acted() -> Any:
+                totals, (share, side_share) = found
+                totals = self._add(pairs, pair, present(pairs, pair) * pair.factor, totals)
+                weights = acting * jnp.abs(jnp.stack(pair.weights))
+                share = share.at[pairs.nodes].add(weights, mode="promise_in_bounds")
+                if self.periodic:
+                    side_share = side_share + jnp.abs(_turns(pairs, pair)) @ acting
+                return totals, (share, side_share)
+
+            any_acts = acting.any()
+            return jax.lax.cond(any_acts, acted, lambda: found), any_acts
+
+        nothing = _nothing(place)
+        none = jnp.zeros_like(place[0]), jnp.zeros(2)
+        (totals, (share, side_share)), acting = self._over_pairs(
+            place, lengths, shared, (nothing, none)
+        )
+        balanced = led(totals)
+        of_nodes, of_sides = time * pushed_most * share, time * side_push * side_share
+
+        def softness(pairs: PairList, pair: Approach) -> Component:
             """Distance that a pair gains by a unit force on its shares of masses [mm/N]."""
-            of_nodes, of_sides = time * pushed_most * shares[0], time * side_push * shares[1]
             soft = sum(
                 jnp.abs(weight) * of_nodes.at[pairs.nodes[corner]].get(mode="promise_in_bounds")
                 for corner, weight in enumerate(pair.weights)
@@ -143,49 +176,31 @@ class Contact(eqx.Module):
                 soft = soft + of_sides @ jnp.abs(_turns(pairs, pair))
             return jnp.asarray(soft * pair.factor)
 
-        def present(pairs: PairList, pair: Approach) -> Component:
-            """Force at the present distance, as far as it is stable [N]."""
-            force = _force(pairs, pair, jnp.maximum(pair.excess, DEEPEST))
+        def first(pairs: PairList, pair: Approach) -> Component:
+            """The present force, as far as it is stable if the pair is not at rest with it [N]."""
             begins = jnp.sqrt(jnp.abs(pairs.least_squared + pairs.range_squared))
-            limit = jnp.maximum(begins - pair.distance, 0.0)
-            return jnp.minimum(force, limit / jnp.maximum(softness(pairs, pair, last), 1e-30))
+            left = jnp.maximum(begins - pair.distance, 0.0)
+            calm = jnp.abs(time * self._speed(pairs, pair, balanced)) < CALM * left
+            stable = left / jnp.maximum(softness(pairs, pair), 1e-30)
+            force = present(pairs, pair)
+            return jnp.where(calm, force, jnp.minimum(force, stable))
 
-        def begun(pairs: PairList, pair: Approach, found: Any) -> Any:
-            totals, (share, side_share) = found
-            ahead = pair.distance + time * self._speed(pairs, pair, free)
-            acting = (pairs.range_squared > 0) & (
-                (pair.excess < 1) | (ahead**2 < pairs.least_squared + pairs.range_squared)
-            )
+        def begun(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
+            totals = self._add(pairs, pair, first(pairs, pair) * pair.factor, totals)
+            stored = _stored(pairs, jnp.maximum(pair.excess, DEEPEST))
+            return self._add_twist(pairs, pair, -stored, totals), True
 
-            def acted() -> Any:
-                pushed = self._add(pairs, pair, present(pairs, pair) * pair.factor, totals)
-                stored = _stored(pairs, jnp.maximum(pair.excess, DEEPEST))
-                pushed = self._add_twist(pairs, pair, -stored, pushed)
-                weights = acting * jnp.abs(jnp.stack(pair.weights))
-                shared = share.at[pairs.nodes].add(weights, mode="promise_in_bounds")
-                sides = side_share
-                if self.periodic:
-                    sides = sides + jnp.abs(_turns(pairs, pair)) @ acting
-                return pushed, (shared, sides)
-
-            any_acts = acting.any()
-            return jax.lax.cond(any_acts, acted, lambda: (totals, (share, side_share))), any_acts
-
-        none = jnp.zeros_like(place[0]), jnp.zeros(2)
-        (totals, shares), acting = self._over_pairs(place, lengths, begun, (_nothing(place), none))
-        ahead = (
-            [v + p * force for v, p, force in zip(free[0], pushed, totals[0], strict=True)],
-            velocity.lengths + side_push * totals[1],
-        )
+        totals, _ = self._over_pairs(place, lengths, begun, nothing, acting)
+        ahead = led(totals)
 
         def corrected(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
-            soft, first = softness(pairs, pair, shares), present(pairs, pair)
-            reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * first
+            soft, begin = softness(pairs, pair), first(pairs, pair)
+            reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * begin
             force = _force_after(pairs, reached, soft)
-            return self._add(pairs, pair, (force - first) * pair.factor, totals), True
+            return self._add(pairs, pair, (force - begin) * pair.factor, totals), True
 
         ((x, y, z), sides), _ = self._over_pairs(place, lengths, corrected, totals, acting)
-        return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides), shares
+        return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides)
 
     def _over_pairs(
         self,

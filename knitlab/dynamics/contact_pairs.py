@@ -109,9 +109,15 @@ class Listed:
     """The pairs that can come within reach before parts have approached by more than a margin."""
 
     place: Place  # where they were found
+    margin: float  # [mm]
     parts: dict[Kind, Parts]
     cells: CloseCells
     watched: "Watched"
+
+    def within(self, used: float) -> dict[Kind, int]:
+        """How many of the first pairs can be within reach, by the used part of the margin."""
+        reach = used * self.margin
+        return {kind: int((each.gap <= reach).sum()) for kind, each in self.parts.items()}
 
 
 @dataclass(frozen=True)
@@ -141,9 +147,8 @@ class PairFinder:
             margin = max(least, float(np.partition(gaps, few)[few]))
         one, other, slack = watched
         watch = self._watched(one, other, np.maximum(slack, margin))
-        return Listed(
-            place, {kind: each.within(margin) for kind, each in parts.items()}, cells, watch
-        )
+        listed: dict[Kind, Parts] = {kind: each.within(margin) for kind, each in parts.items()}
+        return Listed(place, margin, listed, cells, watch)
 
     def used(self, listed: Listed, place: Place) -> float:
         """Part of its margins that a motion has used of a list; above 1 it may be incomplete."""

@@ -17,7 +17,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from knitlab.dynamics.contact import Contact, Shares
+from knitlab.dynamics.contact import Contact
 from knitlab.dynamics.contact_pairs import PairFinder
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import Dynamics
@@ -28,7 +28,6 @@ FIRST_ITERATIONS = 40  # iterations for the highest frequency of a fabric, the f
 HALVINGS = 12
 """Times that an unstable step is halved before the motion counts as diverged. Where a cell is
 crushed to a line its hinges are stiff for a moment, which a step of 1/300 was seen to pass."""
-SHORTEST = 1 / 64  # time step near rest with contact, over the usual one
 ROUND_OFF = 1e-15  # energy that a flat sheet at rest may seem to gain [N mm]
 
 OfCases = Float[np.ndarray, " case"]
@@ -75,15 +74,12 @@ class Motion(eqx.Module):
     dissipated: Float[Array, "*batch"]  # work done against the drag and in collisions [N mm]
     supplied: Float[Array, "*batch"]  # work done on what is held [N mm]
     contact_work: Float[Array, "*batch"]  # work done by contact [N mm]
-    shares: Shares  # number of pairs in contact that last acted on each node and length
 
     @classmethod
     def at_rest(cls, shape: Shape) -> "Motion":
         """The beginning of a motion without velocity."""
         still, none = jax.tree.map(jnp.zeros_like, shape), jnp.zeros(())
-        # So many that forces of a first contact are wholly implicit.
-        shares = jnp.full(shape.positions[0].size, 1e3), jnp.full(2, 1e3)
-        return cls(shape, still, none, none, none, shares)
+        return cls(shape, still, none, none, none)
 
 
 class Observed(eqx.Module):
@@ -204,11 +200,11 @@ def leapfrog(
 
     contact = body.contact
 
-    def touching(contact: Contact, motion: Motion, force: Shape) -> tuple[Shape, Shares]:
+    def touching(contact: Contact, motion: Motion, force: Shape) -> Shape:
         """Forces of contact in the next step."""
         push = jax.tree.map(lambda inverse: step * inverse, body.inverse)
         free = jax.tree.map(lambda v, by, f: v - by * f, motion.velocity, push, force)
-        return contact.forces(motion.shape, free, push, step, motion.shares)
+        return contact.forces(motion.shape, free, push, step)
 
     def kicked(
         motion: Motion, force: Shape, held: Shape, before: Array, after: Array
@@ -256,8 +252,7 @@ def leapfrog(
         force = body.fabric.gradient(drifted.shape, walls=False)
         moved = drifted
         if contact is not None:
-            held, shares = touching(contact, drifted, force)
-            moved = replace(drifted, shares=shares)
+            held = touching(contact, drifted, force)
         moved, power = kicked(moved, force, held, jnp.ones(()), jnp.where(last, 0.0, 1.0))
         moved = replace(moved, supplied=moved.supplied + taken / 2 * power)
         return (
@@ -268,8 +263,7 @@ def leapfrog(
 
     force, held = body.fabric.gradient(motion.shape, walls=False), motion.velocity
     if contact is not None:
-        held, shares = touching(contact, motion, force)
-        motion = replace(motion, shares=shares)
+        held = touching(contact, motion, force)
     begin, power = kicked(motion, force, held, jnp.zeros(()), jnp.ones(()))
     moved, _, _ = jax.lax.fori_loop(0, longest, once, (begin, power, held))
     return moved
@@ -288,8 +282,7 @@ def runge_kutta(
             *(body.inverse, force, body.damping_rate, velocity),
         )
         power = loss(body, velocity), driving_power(body, force, velocity)
-        unused = jnp.zeros_like(motion.contact_work), jax.tree.map(jnp.zeros_like, motion.shares)
-        return Motion(velocity, acceleration, *power, *unused)
+        return Motion(velocity, acceleration, *power, jnp.zeros_like(motion.contact_work))
 
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(derivative),
@@ -388,18 +381,12 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
     """Move a batch until given times [ms], or until each is at rest by ``rest_force``."""
     rest = settings.rest_force if to_rest else -1.0
     moving = replace(moving, resting=np.zeros_like(moving.diverged))
-    safety, most = np.full(len(until), settings.step_safety), np.full(len(until), 32)
-    fraction = safety
+    fraction, most = np.full(len(until), settings.step_safety), np.full(len(until), 32)
     while True:
-        slow = np.asarray(moving.seen.drag) <= rest
+        still = np.maximum(np.asarray(moving.seen.force), np.asarray(moving.seen.drag)) <= rest
         if moving.development is not None:
-            slow &= moving.time >= moving.development.until
-        still = slow & (np.asarray(moving.seen.force) <= rest)
+            still &= moving.time >= moving.development.until
         moving = replace(moving, resting=moving.resting | still)
-        if moving.touching is not None:
-            # Contact holds a fabric still out of equilibrium if steps are too long for its forces.
-            stuck = slow & ~still & (moving.time > 0) & (safety > SHORTEST * settings.step_safety)
-            safety = np.where(stuck, safety / 2, safety)
         going = (moving.time < until) & ~moving.resting & ~moving.diverged
         if not going.any():
             return moving
@@ -408,7 +395,9 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
         if settings.integrator == "tsit5":
             moving = _by_runge_kutta(moving, left, settings)
         else:
-            moving, fraction, most = _by_leapfrog(moving, left, fraction, safety, most)
+            moving, fraction, most = _by_leapfrog(
+                moving, left, fraction, settings.step_safety, most
+            )
         moving = replace(
             moving,
             kinetic_peak=np.maximum(moving.kinetic_peak, np.asarray(moving.seen.kinetic)),
@@ -477,11 +466,7 @@ def largest_step(moving: Moving) -> OfCases:
 
 
 def _by_leapfrog(
-    moving: Moving,
-    left: OfCases,
-    fraction: OfCases,
-    safety: OfCases,
-    most: Int[np.ndarray, " case"],
+    moving: Moving, left: OfCases, fraction: OfCases, safety: float, most: Int[np.ndarray, " case"]
 ) -> tuple[Moving, OfCases, Int[np.ndarray, " case"]]:
     """Equal steps at a ``fraction`` of the stability limit; unstable ones are undone.
 
@@ -515,9 +500,9 @@ def _by_leapfrog(
         stored = np.asarray(seen.energy.contact) - np.asarray(moving.seen.energy.contact)
         lost = -(stored + np.asarray(motion.contact_work - moving.motion.contact_work))
         motion = replace(motion, dissipated=motion.dissipated + lost)
-        # A pair that was not listed may have touched.
+        # A pair that was not listed, or not evaluated, may have touched.
         used = moving.touching.used(motion.shape)
-        done = stable & (used <= 1.0)
+        done = stable & (used <= moving.touching.most)
         touching = replace(moving.touching, now=np.where(done, used, moving.touching.now))
         moving = replace(moving, touching=touching)
         stable = done | (stable & (count > 1))

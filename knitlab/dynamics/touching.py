@@ -1,17 +1,19 @@
 """What may touch in a batch of fabrics, listed again when a motion may have used up its margins."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from knitlab.dynamics.contact import Contact
+from knitlab.dynamics.contact import Contact, chunk
 from knitlab.dynamics.contact_pairs import Listed, PairFinder, Place, contact_of_batch
 from knitlab.dynamics.grid import Shape
 
 COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
+SPARE = 0.05  # part of margins up to which pairs are evaluated beyond what a motion may use
 OLD = 0.1  # part used of a list that is worth a new one
 STEPS = 20  # for which a list has margins at least
 
@@ -26,13 +28,15 @@ class Touching:
     listed: Sequence[Listed]
     contact: Contact
     now: OfCases  # part that each fabric has used of the margins of its list
+    most: OfCases  # part up to which pairs are evaluated that come within reach
 
     @classmethod
     def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
         """List the pairs of all fabrics."""
         places = zip(finders, _places(shape), strict=True)
         listed = [finder.listed(place) for finder, place in places]
-        return cls(finders, listed, contact_of_batch(finders, listed), np.zeros(len(listed)))
+        none = np.zeros(len(listed))
+        return cls(finders, listed, contact_of_batch(finders, listed), none, none + 1.0)
 
     def used(self, shape: Shape) -> OfCases:
         """Part of the margins of its list that each fabric uses; above 1 the list is incomplete."""
@@ -56,7 +60,18 @@ class Touching:
             lists = self._renewed(shape, short, 2 * STEPS * step * fastest)
             then = lists.used(ahead)
         part = np.clip((COVERED - lists.now) / np.maximum(then - lists.now, 1e-300), 0.0, 1.0)
-        return lists, np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
+        covered = np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
+        expected = lists.now + np.maximum(then - lists.now, 0.0) * covered / np.maximum(count, 1)
+        return lists._up_to(np.minimum(expected / COVERED + SPARE, 1.0)), covered
+
+    def _up_to(self, most: OfCases) -> "Touching":
+        """The same, with as many pairs as can be within reach up to a used part of margins."""
+        first = [each.within(part) for each, part in zip(self.listed, most, strict=True)]
+        chunks = {
+            kind: jnp.asarray(-(-max(each[kind] for each in first) // chunk()))
+            for kind in self.contact.chunks
+        }
+        return replace(self, contact=replace(self.contact, chunks=chunks), most=most)
 
     def _renewed(
         self, shape: Shape, which: Bool[np.ndarray, " case"], margins: OfCases
@@ -68,7 +83,8 @@ class Touching:
             for finder, old, new, place, margin in fabrics
         ]
         contact = contact_of_batch(self.finders, listed)
-        return Touching(self.finders, listed, contact, np.where(which, 0.0, self.now))
+        now = np.where(which, 0.0, self.now)
+        return replace(self, listed=listed, contact=contact, now=now)
 
 
 def _places(shape: Shape) -> list[Place]:

@@ -12,7 +12,12 @@ from knitlab.io.shipped import PACKAGE
 
 @pytest.mark.slow
 def test_it_counts_simulations_and_compares_their_forces():
-    small = ("unit_cells=1,1", "relax_steps=300", "step_strain=1e-3", "strain_max=0.03")
+    # With contact, the variants of a batch end their steps together to list pairs anew, and their
+    # steps are then of another length than those of a case by itself.
+    small = (
+        *("unit_cells=1,1", "contact=none"),
+        *("relax_steps=300", "step_strain=1e-3", "strain_max=0.03"),
+    )
     done = subprocess.run(
         [
             *(sys.executable, "-m", "benchmarks.accelerator", "--designs=1", "--variants=3"),

@@ -34,14 +34,19 @@ FOLDED = ModelOptions(cell_size="relaxed", boundary="clamped", garter_start="val
 
 def found(shape, unknowns):
     """Energy and gradient of contact in the dynamics."""
-    at, finder = Configuration.of(unknowns, shape), PairFinder(shape, LAYERS)
-    place = Place(np.asarray(at.positions).reshape(-1, 3), np.asarray(at.lengths))
+    finder, place = PairFinder(shape, LAYERS), place_of(unknowns, shape)
+    at = Configuration.of(unknowns, shape)
     contact = contact_of_batch([finder], [finder.listed(place)])
     alone = replace(contact, lists=jax.tree.map(lambda leaf: leaf[0], contact.lists))
     nodes = tuple(jnp.asarray(at.positions[..., axis]) for axis in range(3))
     by_nodes, by_lengths = alone.gradient(nodes, jnp.asarray(at.lengths))
     gradient = np.concatenate([np.stack(by_nodes, axis=-1).ravel(), by_lengths])
     return float(alone.energy(nodes, jnp.asarray(at.lengths))), gradient
+
+
+def place_of(unknowns, shape):
+    at = unknowns if isinstance(unknowns, Configuration) else Configuration.of(unknowns, shape)
+    return Place(np.asarray(at.positions).reshape(-1, 3), np.asarray(at.lengths))
 
 
 def by_toolkit(shape, unknowns):
@@ -192,13 +197,34 @@ def test_a_disturbed_start_moves_the_test_little(disturbance, moves, monkeypatch
     assert 0 < change.max() < moves
 
 
+def test_pairs_that_come_within_reach_are_those_that_the_used_margin_says():
+    """Whatever touches after a motion is among the first pairs of the list from before it."""
+    noise = np.random.default_rng(1)
+    checked = 0
+    for shape, at in (two_plies(1.3 * THICKNESS), two_plies(1.4 * THICKNESS), folded_periodic()):
+        finder, before = PairFinder(shape, LAYERS), place_of(at, shape)
+        listed = finder.listed(before)
+        for amplitude in np.geomspace(1e-3, 0.1, 12) * THICKNESS:
+            moved = noise.normal(size=before.positions.shape, scale=amplitude)
+            after = Place(before.positions + moved, before.lengths)
+            if (used := finder.used(listed, after)) > 1:
+                continue
+            first = listed.within(used)
+            for kind, now in finder.listed(after).parts.items():
+                those = listed.parts[kind].corners[: first[kind]]
+                touching = set(map(bytes, now.corners[now.gap <= 0]))
+                assert touching <= set(map(bytes, those))
+                checked += 0 < len(touching) < len(listed.parts[kind].gap)
+    assert checked > 3
+
+
 @pytest.mark.slow
 def test_tightly_folded_fabric_comes_to_rest_in_equilibrium():
     """In long steps, contact would hold its sharpest folds closer than the cloth is thick."""
     sample = kl.Design(4, 32, unit_cells=(1, 1), boundary="clamped")
     dynamics = kl.Dynamics(ending="rest", relax_time=10.0, snapshots=40)
     relaxed = kl.simulate(sample, [0.0], protocol=kl.Protocol(method="dynamics"), dynamics=dynamics)
-    assert relaxed["residual_force"].item() < 5e-6
+    assert relaxed["residual_force"].item() < 1e-5
     # Once the folds have developed, energy is only dissipated.
     late = relaxed["time"] > 5.0
     assert late.sum() > 2
