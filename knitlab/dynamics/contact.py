@@ -9,6 +9,7 @@ In time, :meth:`Contact.forces`, the barrier is too stiff for explicit steps, so
 pair takes the force at the distance to which the step leads.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.vectors import Component, Vector, dot, kept, scale
 
 NEWTON_STEPS = 4  # for the force of a pair
+SWEEPS = 2  # in which pairs take account of each other's forces
 # Excess over its range below which the force that a step begins with does not grow, and below which
 # energies and their derivatives do not: in motion, parts may for a moment be nearer than the least.
 DEEPEST, TOUCHING = 0.05, 1e-9
@@ -112,7 +114,9 @@ class Contact(eqx.Module):
         node is shared among the pairs that act on it, so that many stiff pairs are stable together
         (mass splitting: Tonge, Benevolenski and Voroshilov, ACM Trans. Graph. 31, 2012). First come
         the forces at the present distances: whole where they balance the others, so that at rest
-        nothing is added, and in collisions only as far as they are stable.
+        nothing is added, and in collisions only as far as they are stable. In each sweep every pair
+        then finds its force given those of the others. With one sweep, forces do not pass on from
+        pair to pair, and pressed folds close.
 
         Args:
             shape: positions of nodes, L_x and L_y [mm].
@@ -185,21 +189,24 @@ class Contact(eqx.Module):
             force = present(pairs, pair)
             return jnp.where(calm, force, jnp.minimum(force, stable))
 
-        def begun(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
-            totals = self._add(pairs, pair, first(pairs, pair) * pair.factor, totals)
-            stored = _stored(pairs, jnp.maximum(pair.excess, DEEPEST))
-            return self._add_twist(pairs, pair, -stored, totals), True
+        def acting_with(rates: Sequence[Totals]) -> Totals:
+            """The forces after as many sweeps as there are rates with those of the sweep before."""
 
-        totals, _ = self._over_pairs(place, lengths, begun, nothing, acting)
-        ahead = led(totals)
+            def added(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
+                soft, force = softness(pairs, pair), first(pairs, pair)
+                for ahead in rates:
+                    reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * force
+                    force = _force_after(pairs, reached, soft)
+                stored = _stored(pairs, jnp.maximum(pair.excess, DEEPEST))
+                totals = self._add_twist(pairs, pair, -stored, totals)
+                return self._add(pairs, pair, force * pair.factor, totals), True
 
-        def corrected(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
-            soft, begin = softness(pairs, pair), first(pairs, pair)
-            reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * begin
-            force = _force_after(pairs, reached, soft)
-            return self._add(pairs, pair, (force - begin) * pair.factor, totals), True
+            return self._over_pairs(place, lengths, added, nothing, acting)[0]
 
-        ((x, y, z), sides), _ = self._over_pairs(place, lengths, corrected, totals, acting)
+        rates: list[Totals] = []
+        for _ in range(SWEEPS):
+            rates.append(led(acting_with(rates)))
+        (x, y, z), sides = acting_with(rates)
         return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides)
 
     def _over_pairs(
