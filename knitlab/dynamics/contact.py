@@ -9,7 +9,6 @@ In time, :meth:`Contact.forces`, the barrier is too stiff for explicit steps, so
 pair takes the force at the distance to which the step leads.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -23,7 +22,9 @@ from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.vectors import Component, Vector, dot, kept, scale
 
 NEWTON_STEPS = 4  # for the force of a pair
-SWEEPS = 2  # in which pairs take account of each other's forces
+# At most so many sweeps in which pairs take account of each other's forces, until these move them
+# by this part of the distance at which their barriers begin.
+SWEEPS, SETTLED = 24, 1e-3
 # Excess over its range below which the force that a step begins with does not grow, and below which
 # energies and their derivatives do not: in motion, parts may for a moment be nearer than the least.
 DEEPEST, TOUCHING = 0.05, 1e-9
@@ -37,6 +38,8 @@ def chunk() -> int:
 
 OfNodes = list[Float[Array, " node"]]  # components along x, y and z
 Totals = tuple[OfNodes, Float[Array, "2"]]  # of nodes, and of L_x and L_y
+Forces = dict[Kind, Float[Array, " pair"]]  # of every pair of a list [N]
+Acting = dict[Kind, Bool[Array, " chunk"]]  # whether any pair of a chunk acts
 
 
 class PairList(NamedTuple):
@@ -67,6 +70,14 @@ class Approach(NamedTuple):
     excess: Component  # of the squared distance over that of the least, by its range
     factor: Component  # by which nearly parallel edges count
     twist: Corners | None  # derivatives of this factor by the corners [1/mm]
+
+
+class Sweep(NamedTuple):
+    """Forces of pairs, the chunks in which they are not settled, and what is summed over pairs."""
+
+    forces: Forces
+    acting: Acting
+    totals: Any
 
 
 class Contact(eqx.Module):
@@ -115,8 +126,8 @@ class Contact(eqx.Module):
         (mass splitting: Tonge, Benevolenski and Voroshilov, ACM Trans. Graph. 31, 2012). First come
         the forces at the present distances: whole where they balance the others, so that at rest
         nothing is added, and in collisions only as far as they are stable. In each sweep every pair
-        then finds its force given those of the others. With one sweep, forces do not pass on from
-        pair to pair, and pressed folds close.
+        then finds its force given those of the others, until no force changes. With one sweep,
+        forces do not pass on from pair to pair, and pressed folds close.
 
         Args:
             shape: positions of nodes, L_x and L_y [mm].
@@ -143,30 +154,34 @@ class Contact(eqx.Module):
             force = _force(pairs, pair, jnp.maximum(pair.excess, DEEPEST))
             return jnp.where(pairs.range_squared > 0, force, 0.0)
 
-        def shared(pairs: PairList, pair: Approach, found: Any) -> Any:
-            """Add present forces, and the pairs that share the mass of each node."""
+        def acts(pairs: PairList, pair: Approach) -> Component:
             ahead = pair.distance + time * self._speed(pairs, pair, free)
-            acting = (pairs.range_squared > 0) & (
-                (pair.excess < 1) | (ahead**2 < pairs.least_squared + pairs.range_squared)
-            )
+            near = ahead**2 < pairs.least_squared + pairs.range_squared
+            return (pairs.range_squared > 0) & ((pair.excess < 1) | near)
 
-            def acted() -> Any:
-                totals, (share, side_share) = found
-                totals = self._add(pairs, pair, present(pairs, pair) * pair.factor, totals)
-                weights = acting * jnp.abs(jnp.stack(pair.weights))
-                share = share.at[pairs.nodes].add(weights, mode="promise_in_bounds")
-                if self.periodic:
-                    side_share = side_share + jnp.abs(_turns(pairs, pair)) @ acting
-                return totals, (share, side_share)
+        def told(pairs: PairList, pair: Approach, unused: None) -> tuple[None, Bool[Array, ""]]:
+            return unused, acts(pairs, pair).any()
 
-            any_acts = acting.any()
-            return jax.lax.cond(any_acts, acted, lambda: found), any_acts
+        _, acting = self._over_pairs(place, lengths, told, None)
+
+        def shared(
+            pairs: PairList, pair: Approach, force: Component, found: Any
+        ) -> tuple[Component, bool, Any]:
+            """Add present forces, and the pairs that share the mass of each node."""
+            totals, share, side_share = found
+            force, share_of = present(pairs, pair), acts(pairs, pair)
+            totals = self._add(pairs, pair, force * pair.factor, totals)
+            weights = share_of * jnp.abs(jnp.stack(pair.weights))
+            share = share.at[pairs.nodes].add(weights, mode="promise_in_bounds")
+            if self.periodic:
+                side_share = side_share + jnp.abs(_turns(pairs, pair)) @ share_of
+            return force, True, (totals, share, side_share)
 
         nothing = _nothing(place)
-        none = jnp.zeros_like(place[0]), jnp.zeros(2)
-        (totals, (share, side_share)), acting = self._over_pairs(
-            place, lengths, shared, (nothing, none)
-        )
+        unknown = {kind: jnp.zeros_like(each.strength) for kind, each in self.lists.items()}
+        none = nothing, jnp.zeros_like(place[0]), jnp.zeros(2)
+        begin = self._over_acting(place, lengths, shared, Sweep(unknown, acting, none))
+        totals, share, side_share = begin.totals
         balanced = led(totals)
         of_nodes, of_sides = time * pushed_most * share, time * side_push * side_share
 
@@ -182,72 +197,90 @@ class Contact(eqx.Module):
 
         def first(pairs: PairList, pair: Approach) -> Component:
             """The present force, as far as it is stable if the pair is not at rest with it [N]."""
-            begins = jnp.sqrt(jnp.abs(pairs.least_squared + pairs.range_squared))
-            left = jnp.maximum(begins - pair.distance, 0.0)
+            left = jnp.maximum(_begins(pairs) - pair.distance, 0.0)
             calm = jnp.abs(time * self._speed(pairs, pair, balanced)) < CALM * left
             stable = left / jnp.maximum(softness(pairs, pair), 1e-30)
             force = present(pairs, pair)
             return jnp.where(calm, force, jnp.minimum(force, stable))
 
-        def acting_with(rates: Sequence[Totals]) -> Totals:
-            """The forces after as many sweeps as there are rates with those of the sweep before."""
+        def begun(
+            pairs: PairList, pair: Approach, unused: Component, totals: Totals
+        ) -> tuple[Component, bool, Totals]:
+            force = first(pairs, pair)
+            stored = _stored(pairs, jnp.maximum(pair.excess, DEEPEST))
+            totals = self._add_twist(pairs, pair, -stored, totals)
+            return force, True, self._add(pairs, pair, force * pair.factor, totals)
 
-            def added(pairs: PairList, pair: Approach, totals: Totals) -> tuple[Totals, bool]:
-                soft, force = softness(pairs, pair), first(pairs, pair)
-                for ahead in rates:
-                    reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * force
-                    force = _force_after(pairs, reached, soft)
-                stored = _stored(pairs, jnp.maximum(pair.excess, DEEPEST))
-                totals = self._add_twist(pairs, pair, -stored, totals)
-                return self._add(pairs, pair, force * pair.factor, totals), True
+        begin = self._over_acting(place, lengths, begun, Sweep(begin.forces, acting, nothing))
 
-            return self._over_pairs(place, lengths, added, nothing, acting)[0]
+        def swept(_: Any, found: Sweep) -> Sweep:
+            ahead = led(found.totals)
 
-        rates: list[Totals] = []
-        for _ in range(SWEEPS):
-            rates.append(led(acting_with(rates)))
-        (x, y, z), sides = acting_with(rates)
+            def corrected(
+                pairs: PairList, pair: Approach, before: Component, totals: Totals
+            ) -> tuple[Component, Bool[Array, ""], Totals]:
+                soft = softness(pairs, pair)
+                reached = pair.distance + time * self._speed(pairs, pair, ahead) - soft * before
+                force = _force_after(pairs, reached, soft)
+                moves = (soft * jnp.abs(force - before) > SETTLED * _begins(pairs)).any()
+                return force, moves, self._add(pairs, pair, (force - before) * pair.factor, totals)
+
+            return self._over_acting(place, lengths, corrected, found)
+
+        (x, y, z), sides = jax.lax.fori_loop(0, SWEEPS, swept, begin).totals
         return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides)
 
     def _over_pairs(
-        self,
-        place: OfNodes,
-        lengths: Float[Array, "2"],
-        visit: Any,
-        begin: Any,
-        acting: dict[Kind, Bool[Array, " chunk"]] | None = None,
-    ) -> tuple[Any, dict[Kind, Bool[Array, " chunk"]]]:
+        self, place: OfNodes, lengths: Float[Array, "2"], visit: Any, begin: Any
+    ) -> tuple[Any, Acting]:
         """What a function of pairs, of how they lie and of its last result returns at the end.
 
-        The function also tells whether any of the pairs of a chunk act; with what it told before,
-        the other chunks are left out.
+        The function also tells whether any of the pairs of a chunk act.
         """
-        told, size = {}, chunk()
+        told: Acting = {}
         for kind in self.lists:
 
             def visited(number: Any, found: Any, kind: Kind = kind) -> Any:
                 result, act = found
-
-                def now() -> Any:
-                    pairs = jax.tree.map(
-                        lambda each: jax.lax.dynamic_slice_in_dim(
-                            each, number * size, size, axis=-1
-                        ),
-                        self.lists[kind],
-                    )
-                    corners = self._corners(pairs, place, lengths)
-                    return visit(pairs, APPROACHES[kind](pairs, corners), result)
-
-                if acting is None:
-                    result, acts = now()
-                else:
-                    acts = acting[kind][number]
-                    result, _ = jax.lax.cond(acts, now, lambda: (result, acts))
+                result, acts = visit(*self._chunk(kind, number, place, lengths), result)
                 return result, act.at[number].set(acts)
 
-            none = jnp.zeros(self.lists[kind].strength.shape[-1] // size, bool)
+            none = jnp.zeros(self.lists[kind].strength.shape[-1] // chunk(), bool)
             begin, told[kind] = jax.lax.fori_loop(0, self.chunks[kind], visited, (begin, none))
         return begin, told
+
+    def _over_acting(
+        self, place: OfNodes, lengths: Float[Array, "2"], visit: Any, begin: Sweep
+    ) -> Sweep:
+        """Forces of pairs in the chunks that act, whether they act again, and the totals."""
+        forces, acting, totals = dict(begin.forces), dict(begin.acting), begin.totals
+        for kind in self.lists:
+            order = jnp.argsort(~acting[kind])
+
+            def visited(number: Any, found: Any, kind: Kind = kind, order: Any = order) -> Any:
+                forces, acting, totals = found
+                start = order[number] * chunk()
+                own = jax.lax.dynamic_slice_in_dim(forces, start, chunk())
+                pairs, pair = self._chunk(kind, order[number], place, lengths)
+                own, again, totals = visit(pairs, pair, own, totals)
+                forces = jax.lax.dynamic_update_slice_in_dim(forces, own, start, 0)
+                return forces, acting.at[order[number]].set(again), totals
+
+            begun = forces[kind], acting[kind], totals
+            forces[kind], acting[kind], totals = jax.lax.fori_loop(
+                0, acting[kind].sum(), visited, begun
+            )
+        return Sweep(forces, acting, totals)
+
+    def _chunk(
+        self, kind: Kind, number: Any, place: OfNodes, lengths: Float[Array, "2"]
+    ) -> tuple[PairList, Approach]:
+        """Some pairs of a list, and how they lie."""
+        pairs = jax.tree.map(
+            lambda each: jax.lax.dynamic_slice_in_dim(each, number * chunk(), chunk(), axis=-1),
+            self.lists[kind],
+        )
+        return pairs, APPROACHES[kind](pairs, self._corners(pairs, place, lengths))
 
     def _corners(self, pairs: PairList, of_nodes: OfNodes, sides: Float[Array, "2"]) -> Corners:
         """Vectors at the corners of pairs, from those of the nodes and of a period."""
@@ -332,6 +365,11 @@ def _approach(pairs: PairList, corners: Corners, kind: Kind) -> Approach:
 
 
 APPROACHES = {kind: kept(partial(_approach, kind=kind)) for kind in CLOSEST}
+
+
+def _begins(pairs: PairList) -> Component:
+    """Distance at which the barrier of pairs begins [mm]."""
+    return jnp.sqrt(jnp.abs(pairs.least_squared + pairs.range_squared))
 
 
 def _stored(pairs: PairList, excess: Component) -> Component:
