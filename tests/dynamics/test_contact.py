@@ -231,3 +231,15 @@ def test_tightly_folded_fabric_comes_to_rest_in_equilibrium():
     parts = ("kinetic_energy", "potential_energy", "dissipated_work")
     total = sum(relaxed[part].values[late] for part in parts)
     np.testing.assert_allclose(total, total[-1], rtol=5e-3)
+
+
+@pytest.mark.slow
+def test_pressed_folds_keep_their_distance():
+    """Forces pass on from pair to pair: nothing is nearer than the barrier lets it be."""
+    sample = kl.Design(4, 32, unit_cells=(2, 1), boundary="clamped")
+    dynamics = kl.Dynamics(ending="steps", relax_steps=4000)
+    relaxed = kl.simulate(sample, [0.0], protocol=kl.Protocol(method="dynamics"), dynamics=dynamics)
+    # The force of a pair below its least distance would be 1e8 times those of the flat sheet.
+    assert relaxed["relaxation_force_left"].item() < 0.1
+    assert 0 < relaxed["energy_contact"].item() < 1e-3 * relaxed["energy_fold"].item()
+    assert relaxed["self_intersections"].item() == 0
