@@ -154,7 +154,7 @@ class Contact(eqx.Module):
             force = _force(pairs, pair, jnp.maximum(pair.excess, DEEPEST))
             return jnp.where(pairs.range_squared > 0, force, 0.0)
 
-        def acts(pairs: PairList, pair: Approach) -> Component:
+        def acts(pairs: PairList, pair: Approach) -> Bool[Array, " pair"]:
             ahead = pair.distance + time * self._speed(pairs, pair, free)
             near = ahead**2 < pairs.least_squared + pairs.range_squared
             return (pairs.range_squared > 0) & ((pair.excess < 1) | near)
