@@ -78,7 +78,8 @@ def test_threads_and_kernels_do_not_change_the_ratios_of_the_preview(usual, kern
 
 @pytest.mark.slow
 def test_a_case_has_the_same_ratios_alone_and_in_a_batch():
-    together = next(batch for batch in batches() if len(batch) > 2)
+    # The shortest one: batches begin with the longest.
+    together = next(batch for batch in reversed(batches()) if len(batch) > 2)
     in_batch = ratios(together)
     alone = {}
     for case in together:
