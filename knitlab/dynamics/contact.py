@@ -213,8 +213,14 @@ class Contact(eqx.Module):
 
         begin = self._over_acting(place, lengths, begun, Sweep(begin.forces, acting, nothing))
 
-        def swept(_: Any, found: Sweep) -> Sweep:
-            ahead = led(found.totals)
+        def unsettled(found: tuple[Int[Array, ""], Sweep]) -> Bool[Array, ""]:
+            number, sweep = found
+            acting = jnp.array([each.any() for each in sweep.acting.values()])
+            return (number < SWEEPS) & acting.any()
+
+        def swept(found: tuple[Int[Array, ""], Sweep]) -> tuple[Int[Array, ""], Sweep]:
+            number, last = found
+            ahead = led(last.totals)
 
             def corrected(
                 pairs: PairList, pair: Approach, before: Component, totals: Totals
@@ -225,9 +231,10 @@ class Contact(eqx.Module):
                 moves = (soft * jnp.abs(force - before) > SETTLED * _begins(pairs)).any()
                 return force, moves, self._add(pairs, pair, (force - before) * pair.factor, totals)
 
-            return self._over_acting(place, lengths, corrected, found)
+            return number + 1, self._over_acting(place, lengths, corrected, last)
 
-        (x, y, z), sides = jax.lax.fori_loop(0, SWEEPS, swept, begin).totals
+        _, settled = jax.lax.while_loop(unsettled, swept, (jnp.asarray(0), begin))
+        (x, y, z), sides = settled.totals
         return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides)
 
     def _over_pairs(
