@@ -38,6 +38,7 @@ OLDER = {
     "even_auxetic",
     "fineness",
     "fineness_stripes",
+    "graded",
     "laboratory",
     "lengths",
     "motion",
@@ -60,8 +61,9 @@ OLDER = {
     "swatches_along",
 }
 """Kept cubes of earlier code (issue 63). What has changed since is contact in time: it moves ν of
-samples by at most 0.008. Equilibria do not depend on it, and those without contact have the numbers
-of this code: periodic designs to 3e-11."""
+samples by at most 0.008. Of ``graded`` only a loop has changed, which now ends when nothing is left
+to do. Equilibria do not depend on contact in time, and those without contact have the numbers of
+this code: periodic designs to 3e-11."""
 
 
 def imported(name):
