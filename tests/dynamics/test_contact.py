@@ -220,11 +220,11 @@ def test_pairs_that_come_within_reach_are_those_that_the_used_margin_says():
 
 @pytest.mark.slow
 def test_tightly_folded_fabric_comes_to_rest_in_equilibrium():
-    """In long steps, contact would hold its sharpest folds closer than the cloth is thick."""
+    """Contact does not hold its sharpest folds out of equilibrium, in steps of full length."""
     sample = kl.Design(4, 32, unit_cells=(1, 1), boundary="clamped")
-    dynamics = kl.Dynamics(ending="rest", relax_time=10.0, snapshots=40)
+    dynamics = kl.Dynamics(ending="rest", relax_time=10.0, snapshots=40, rest_force=5e-7)
     relaxed = kl.simulate(sample, [0.0], protocol=kl.Protocol(method="dynamics"), dynamics=dynamics)
-    assert relaxed["residual_force"].item() < 1e-5
+    assert relaxed["residual_force"].item() < 5e-6
     # Once the folds have developed, energy is only dissipated.
     late = relaxed["time"] > 5.0
     assert late.sum() > 2
