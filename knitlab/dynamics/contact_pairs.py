@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from knitlab.dynamics.closest_points import Kind, distance
-from knitlab.dynamics.contact import Contact, PairList, chunk
+from knitlab.dynamics.contact import Contact, PairList, chunk_size
 from knitlab.fabric.contact_layers import TRIANGLES, ContactLayers
 from knitlab.fabric.network import MeshShape
 
@@ -30,7 +30,7 @@ NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 SPLIT: dict[Kind, int] = {"triangle": 1, "edges": 2}
 """Number of the first corner of the second part of a pair."""
 MARGINS = 0.1, 0.5  # least and greatest margin of a list, over the shortest side of a cell
-LEAST_PLACES = 1 << 14  # of a list
+LEAST_PLACES = 1 << 11  # of a list
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
 CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
@@ -399,21 +399,25 @@ def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) ->
     """The contact of a batch of fabrics of one mesh shape, in lists of one length."""
     shape = finders[0].shape
     lists: dict[Kind, PairList] = {}
-    chunks: dict[Kind, Int[Array, ""]] = {}
     for kind in SPLIT:
-        longest = max(len(each.parts[kind].gap) for each in listed)
-        filled = -(-longest // chunk())
         # Few lengths, so that few programs are compiled.
-        places = LEAST_PLACES * 4 ** max(
-            int(np.ceil(np.log2(max(longest, 1) / LEAST_PLACES) / 2)), 0
-        )
-        chunks[kind] = jnp.asarray(filled)
+        places = 2 ** int(np.ceil(np.log2(max(shape.nodes / 2, LEAST_PLACES, chunk_size()))))
+        while places < max(len(each.parts[kind].gap) for each in listed):
+            places *= 4
         each = [
             _pair_list(shape, finder.layers, pairs, kind, places)
             for finder, pairs in zip(finders, listed, strict=True)
         ]
         lists[kind] = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
+    chunks = chunks_of([each.within(1.0) for each in listed])
     return Contact(lists, chunks, shape.periodic)
+
+
+def chunks_of(pairs: Sequence[dict[Kind, int]]) -> dict[Kind, Int[Array, ""]]:
+    """Chunks that hold the first pairs of every fabric of a batch, by how many these are."""
+    return {
+        kind: jnp.asarray(-(-max(each[kind] for each in pairs) // chunk_size())) for kind in SPLIT
+    }
 
 
 def _pair_list(

@@ -19,6 +19,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitlab.dynamics.contact import Contact
 from knitlab.dynamics.contact_pairs import PairFinder
+from knitlab.dynamics.contact_step import contact_forces
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import Dynamics
 from knitlab.dynamics.touching import Touching
@@ -204,7 +205,7 @@ def leapfrog(
         """Forces of contact in the next step."""
         push = jax.tree.map(lambda inverse: step * inverse, body.inverse)
         free = jax.tree.map(lambda v, by, f: v - by * f, motion.velocity, push, force)
-        return contact.forces(motion.shape, free, push, step)
+        return contact_forces(contact, motion.shape, free, push, step)
 
     def kicked(
         motion: Motion, force: Shape, held: Shape, before: Array, after: Array

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from knitlab.dynamics.contact import Contact, chunk
-from knitlab.dynamics.contact_pairs import Listed, PairFinder, Place, contact_of_batch
+from knitlab.dynamics.contact import Contact
+from knitlab.dynamics.contact_pairs import Listed, PairFinder, Place, chunks_of, contact_of_batch
 from knitlab.dynamics.grid import Shape
 
 COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
@@ -67,11 +66,8 @@ class Touching:
     def _up_to(self, most: OfCases) -> "Touching":
         """The same, with as many pairs as can be within reach up to a used part of margins."""
         first = [each.within(part) for each, part in zip(self.listed, most, strict=True)]
-        chunks = {
-            kind: jnp.asarray(-(-max(each[kind] for each in first) // chunk()))
-            for kind in self.contact.chunks
-        }
-        return replace(self, contact=replace(self.contact, chunks=chunks), most=most)
+        contact = replace(self.contact, chunks=chunks_of(first))
+        return replace(self, contact=contact, most=most)
 
     def _renewed(
         self, shape: Shape, which: Bool[np.ndarray, " case"], margins: OfCases

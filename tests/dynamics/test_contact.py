@@ -14,8 +14,9 @@ import knitlab as kl
 from knitlab.dynamics import damped_test
 from knitlab.dynamics.closest_points import CLOSEST
 from knitlab.dynamics.closest_points import distance as distance_of
-from knitlab.dynamics.contact import PairList, _force_after
+from knitlab.dynamics.contact import PairList
 from knitlab.dynamics.contact_pairs import PairFinder, Place, contact_of_batch
+from knitlab.dynamics.contact_step import force_after
 from knitlab.dynamics.damped_test import relax_by_dynamics
 from knitlab.dynamics.settings import Dynamics
 from knitlab.fabric.barrier import Barrier
@@ -114,7 +115,7 @@ def test_the_force_of_a_pair_is_that_at_the_distance_to_which_it_leads(reached, 
         one * layer.strength,
         one,
     )
-    force = float(_force_after(pairs, one * reached, one * softness)[0])
+    force = float(force_after(pairs, one * reached, one * softness)[0])
 
     def law(at):
         excess = (at**2 - layer.least**2) / layer.range_squared
