@@ -405,7 +405,7 @@ def test_nothing_is_cut_off_on_a_telephone(browser, page):
 
 @pytest.mark.slow
 def test_cubes_of_every_kind_are_shown_on_one_page(browser, tmp_path):
-    names = ["sensor", "stripes", "options", "laboratory", "graded", "motion", "paper"]
+    names = ["sensor", "stripes", "options", "laboratory", "graded", "relaxation", "paper"]
     output = tmp_path / "many.html"
     write_explorer([open_cube(REFERENCE / name) for name in names], output)
     opened = Page(browser, output)
