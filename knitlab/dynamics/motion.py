@@ -196,25 +196,17 @@ def leapfrog(
     stiffest parts, do not limit the time step.
     ``longest`` is the largest number of steps in the batch; the fabric stands still after its own.
     """
-    stiffness, z_max = body.fabric.k_wall, body.fabric.z_max
+    contact, stiffness, z_max = body.contact, body.fabric.k_wall, body.fabric.z_max
     half = jax.tree.map(lambda rate: step * rate / 2, body.damping_rate)
+    whole = jax.tree.map(lambda inverse: step * inverse, body.inverse)
 
-    contact = body.contact
-
-    def touching(contact: Contact, motion: Motion, force: Shape) -> Shape:
-        """Forces of contact in the next step."""
-        push = jax.tree.map(lambda inverse: step * inverse, body.inverse)
-        free = jax.tree.map(lambda v, by, f: v - by * f, motion.velocity, push, force)
-        return contact_forces(contact, motion.shape, free, push, step)
-
-    def kicked(
-        motion: Motion, force: Shape, held: Shape, before: Array, after: Array
-    ) -> tuple[Motion, Array]:
+    def kicked(motion: Motion, before: Array, after: Array) -> tuple[Motion, Array]:
         """Motion after a kick, and the power of what is driven.
 
         The kick is of ``before`` half steps up to now, and ``after`` from now on, with the walls as
         they act after the drift that follows.
         """
+        force = body.fabric.gradient(motion.shape, walls=False)
         part, drift = (before + after) / 2, after * step
         kept = jax.tree.map(lambda h: (1 - after * h) / (1 + before * h), half)
         push = jax.tree.map(
@@ -224,7 +216,10 @@ def leapfrog(
             lambda kept, old, by, acting: kept * old - by * acting,
             *(kept, motion.velocity, push, force),
         )
+        work = motion.contact_work
         if contact is not None:
+            free = jax.tree.map(lambda v, by, f: v - by * f, motion.velocity, whole, force)
+            held = contact_forces(contact, motion.shape, free, whole, step)
             velocity = jax.tree.map(lambda v, by, f: v + by * f, velocity, push, held)
             force = jax.tree.map(jnp.subtract, force, held)
         (x, y, z), (_, _, by) = velocity.positions, push.positions
@@ -232,7 +227,6 @@ def leapfrog(
         beyond = ahead - jnp.clip(ahead, -z_max, z_max)
         z = z - by * stiffness / (1 + drift * by * stiffness) * beyond
         velocity = Shape((x, y, z), velocity.lengths)
-        work = motion.contact_work
         if contact is not None:
             doubled = jax.tree.map(jnp.add, motion.velocity, velocity)
             powers = jax.tree.map(lambda acting, rate: jnp.sum(acting * rate) / 2, held, doubled)
@@ -240,33 +234,22 @@ def leapfrog(
         moved = replace(motion, velocity=velocity, contact_work=work)
         return moved, driving_power(body, force, velocity)
 
-    def once(number: Any, moving: tuple[Motion, Array, Shape]) -> tuple[Motion, Array, Shape]:
-        motion, power, held = moving
-        active, last = number < count, number == count - 1
-        taken = jnp.where(active, step, 0.0)
+    def once(number: Any, moving: tuple[Motion, Array]) -> tuple[Motion, Array]:
+        """A drift and a kick, but at first half a kick alone, and half a kick at the end."""
+        motion, power = moving
+        first, active, last = number == 0, number <= count, number == count
+        taken = jnp.where(active & ~first, step, 0.0)
         drifted = replace(
             motion,
             shape=jax.tree.map(lambda at, v: at + taken * v, motion.shape, motion.velocity),
             dissipated=motion.dissipated + taken * loss(body, motion.velocity),
             supplied=motion.supplied + taken / 2 * power,
         )
-        force = body.fabric.gradient(drifted.shape, walls=False)
-        moved = drifted
-        if contact is not None:
-            held = touching(contact, drifted, force)
-        moved, power = kicked(moved, force, held, jnp.ones(()), jnp.where(last, 0.0, 1.0))
+        moved, power = kicked(drifted, jnp.where(first, 0.0, 1.0), jnp.where(last, 0.0, 1.0))
         moved = replace(moved, supplied=moved.supplied + taken / 2 * power)
-        return (
-            jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted),
-            power,
-            held,
-        )
+        return jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted), power
 
-    force, held = body.fabric.gradient(motion.shape, walls=False), motion.velocity
-    if contact is not None:
-        held = touching(contact, motion, force)
-    begin, power = kicked(motion, force, held, jnp.zeros(()), jnp.ones(()))
-    moved, _, _ = jax.lax.fori_loop(0, longest, once, (begin, power, held))
+    moved, _ = jax.lax.fori_loop(0, longest + 1, once, (motion, jnp.zeros(())))
     return moved
 
 
