@@ -30,7 +30,7 @@ NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 SPLIT: dict[Kind, int] = {"triangle": 1, "edges": 2}
 """Number of the first corner of the second part of a pair."""
 MARGINS = 0.1, 0.5  # least and greatest margin of a list, over the shortest side of a cell
-LEAST_PLACES = 1 << 11  # of a list
+PLACES = 4  # of a list at least, for each node
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
 CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
@@ -399,11 +399,11 @@ def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) ->
     """The contact of a batch of fabrics of one mesh shape, in lists of one length."""
     shape = finders[0].shape
     lists: dict[Kind, PairList] = {}
+    # Few lengths, so that few programs are compiled.
+    places = 2 ** int(np.ceil(np.log2(max(PLACES * shape.nodes, chunk_size()))))
+    while places < max(len(pairs.gap) for each in listed for pairs in each.parts.values()):
+        places *= 4
     for kind in SPLIT:
-        # Few lengths, so that few programs are compiled.
-        places = 2 ** int(np.ceil(np.log2(max(shape.nodes / 2, LEAST_PLACES, chunk_size()))))
-        while places < max(len(each.parts[kind].gap) for each in listed):
-            places *= 4
         each = [
             _pair_list(shape, finder.layers, pairs, kind, places)
             for finder, pairs in zip(finders, listed, strict=True)

@@ -8,7 +8,8 @@ collisions only as far as they are stable. In each sweep every pair then finds i
 of the others, until no force changes. With one sweep, forces do not pass on from pair to pair, and
 pressed folds close.
 
-How pairs lie is found once, and kept for the chunks in which some may touch.
+How pairs lie is found once in a step, and kept for the chunks in which some may touch. Steps hand
+on the memory for it, which is large and need not be cleared.
 """
 
 from collections.abc import Callable
@@ -54,13 +55,24 @@ class Near(NamedTuple):
     touch: Bool[Array, " pair"]  # whether a pair may
     approach: Approach
 
+
+class Workspace(NamedTuple):
+    """Memory for what a step finds of the pairs."""
+
+    near: dict[Kind, Near]
+    softness: OfPairs  # distance that a pair gains by a unit force [mm/N]
+    forces: OfPairs  # [N]
+
     @classmethod
-    def none(cls, pairs: PairList) -> "Near":
-        """No pairs, with places for those of a list."""
-        places = jnp.zeros_like(pairs.strength)
-        corner, axis = (places,) * 4, (places,) * 3
-        chunks = jnp.zeros(len(places) // chunk_size(), bool)
-        return cls(chunks, places > 0, Approach(corner, axis, places, places, places))
+    def of(cls, contact: Contact) -> "Workspace":
+        """With a place for each pair of the lists."""
+        near, none = dict[Kind, Near](), dict[Kind, Array]()
+        for kind, pairs in contact.lists.items():
+            places = none[kind] = jnp.zeros_like(pairs.strength)
+            chunks = jnp.zeros(len(places) // chunk_size(), bool)
+            approach = Approach((places,) * 4, (places,) * 3, places, places, places)
+            near[kind] = Near(chunks, places > 0, approach)
+        return cls(near, none, none)
 
 
 class Sweep(NamedTuple):
@@ -81,8 +93,8 @@ class ContactStep:
     push: Totals  # change of these by a unit force [mm/ms/N]
     time: Float[Array, ""]  # [ms]
 
-    def near(self) -> dict[Kind, Near]:
-        """The pairs that may touch within the step."""
+    def near(self, known: dict[Kind, Near]) -> dict[Kind, Near]:
+        """The pairs that may touch within the step, in the place of those of the last."""
 
         def seen(chunk: Chunk, found: dict[Kind, Near]) -> dict[Kind, Near]:
             pairs, approach, known = chunk.pairs, chunk.approach, found[chunk.kind]
@@ -96,14 +108,15 @@ class ContactStep:
             )
             return {**found, chunk.kind: known}
 
-        none = {kind: Near.none(pairs) for kind, pairs in self.contact.lists.items()}
+        none = {
+            kind: each._replace(chunks=jnp.zeros_like(each.chunks)) for kind, each in known.items()
+        }
         return self.contact.over_chunks(self.place, seen, none)
 
-    def forces(self) -> Totals:
+    def forces(self, workspace: Workspace) -> tuple[Totals, Workspace]:
         """Forces of the barrier on nodes, L_x and L_y [N]."""
-        near = self.near()
+        near = self.near(workspace.near)
         chunks = {kind: each.chunks for kind, each in near.items()}
-        none = {kind: jnp.zeros_like(each.strength) for kind, each in self.contact.lists.items()}
 
         def present(chunk: Chunk) -> Component:
             used, (_, _, distance, excess, _) = chunk.pairs.range_squared > 0, chunk.approach
@@ -137,11 +150,12 @@ class ContactStep:
             forces = {**forces, kind: chunk.put(forces[kind], force)}
             return forces, {**softness, kind: chunk.put(softness[kind], soft)}, totals
 
-        begun = none, none, nothing(self.place)
+        begun = workspace.forces, workspace.softness, nothing(self.place)
         forces, softness, totals = self._over(near, chunks, first, begun)
-        return self._settled(near, softness, Sweep(forces, totals, chunks))
+        settled = self._settled(near, softness, Sweep(forces, totals, chunks))
+        return settled.totals, Workspace(near, softness, settled.forces)
 
-    def _settled(self, near: dict[Kind, Near], softness: OfPairs, sweep: Sweep) -> Totals:
+    def _settled(self, near: dict[Kind, Near], softness: OfPairs, sweep: Sweep) -> Sweep:
         """Forces after sweeps over the chunks in which they change."""
 
         def unsettled(found: tuple[Int[Array, ""], Sweep]) -> Bool[Array, ""]:
@@ -157,8 +171,8 @@ class ContactStep:
                 (forces, totals, changing), kind = sweep, chunk.kind
                 before, soft = chunk.of(forces[kind]), chunk.of(softness[kind])
                 moved = self.time * self._speed(chunk, ahead) - soft * before
-                force = force_after(chunk.pairs, chunk.approach.distance + moved, soft)
-                change = force - before
+                reached = chunk.approach.distance + moved
+                force, change = _changed(chunk.pairs, reached, soft, before)
                 moves = (soft * jnp.abs(change) > SETTLED * chunk.pairs.begins).any()
                 return Sweep(
                     {**forces, kind: chunk.put(forces[kind], force)},
@@ -169,7 +183,7 @@ class ContactStep:
             return number + 1, self._over(near, last.changing, corrected, last)
 
         _, settled = jax.lax.while_loop(unsettled, swept, (jnp.asarray(0), sweep))
-        return settled.totals
+        return settled
 
     def _over(
         self,
@@ -228,8 +242,13 @@ class ContactStep:
 
 
 def contact_forces(
-    contact: Contact, shape: Shape, velocity: Shape, push: Shape, time: Float[Array, ""]
-) -> Shape:
+    contact: Contact,
+    shape: Shape,
+    velocity: Shape,
+    push: Shape,
+    time: Float[Array, ""],
+    workspace: Workspace,
+) -> tuple[Shape, Workspace]:
     """Forces of the barrier over a time, partly implicit [N].
 
     Args:
@@ -238,9 +257,10 @@ def contact_forces(
         velocity: their mean rates over the time by all other forces [mm/ms].
         push: change of these by a unit force [mm/ms/N].
         time: for which the forces act [ms].
+        workspace: memory, whatever it holds.
 
     Returns:
-        The forces on nodes, L_x and L_y.
+        The forces on nodes, L_x and L_y; and the memory.
     """
     grid = shape.positions[0].shape
     pushed = [jnp.broadcast_to(each, grid).ravel() for each in push.positions]
@@ -251,8 +271,8 @@ def contact_forces(
         (pushed, push.lengths),
         time,
     )
-    (x, y, z), sides = step.forces()
-    return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides)
+    ((x, y, z), sides), workspace = step.forces(workspace)
+    return Shape((x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides), workspace
 
 
 def _turns(chunk: Chunk) -> Float[Array, "2 pair"]:
@@ -285,3 +305,12 @@ def force_after(pairs: PairList, reached: Component, softness: Component) -> Com
         excess = jnp.clip(excess - error / rise, 1e-12, 1.0)
     distance = jnp.sqrt(least + span * excess)
     return jnp.where(touching, pairs.force(distance, excess), 0.0)
+
+
+@kept
+def _changed(
+    pairs: PairList, reached: Component, softness: Component, before: Component
+) -> tuple[Component, Component]:
+    """Force of pairs and its change; in one stage, as reading a place twice copies the whole."""
+    force = force_after(pairs, reached, softness)
+    return force, force - before

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitlab.dynamics.contact import Contact
 from knitlab.dynamics.contact_pairs import PairFinder
-from knitlab.dynamics.contact_step import contact_forces
+from knitlab.dynamics.contact_step import Workspace, contact_forces
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.settings import Dynamics
 from knitlab.dynamics.touching import Touching
@@ -200,8 +200,10 @@ def leapfrog(
     half = jax.tree.map(lambda rate: step * rate / 2, body.damping_rate)
     whole = jax.tree.map(lambda inverse: step * inverse, body.inverse)
 
-    def kicked(motion: Motion, before: Array, after: Array) -> tuple[Motion, Array]:
-        """Motion after a kick, and the power of what is driven.
+    def kicked(
+        motion: Motion, before: Array, after: Array, workspace: Workspace | None
+    ) -> tuple[Motion, Array, Workspace | None]:
+        """Motion after a kick, the power of what is driven, and memory for the next kick.
 
         The kick is of ``before`` half steps up to now, and ``after`` from now on, with the walls as
         they act after the drift that follows.
@@ -217,9 +219,9 @@ def leapfrog(
             *(kept, motion.velocity, push, force),
         )
         work = motion.contact_work
-        if contact is not None:
+        if contact is not None and workspace is not None:
             free = jax.tree.map(lambda v, by, f: v - by * f, motion.velocity, whole, force)
-            held = contact_forces(contact, motion.shape, free, whole, step)
+            held, workspace = contact_forces(contact, motion.shape, free, whole, step, workspace)
             velocity = jax.tree.map(lambda v, by, f: v + by * f, velocity, push, held)
             force = jax.tree.map(jnp.subtract, force, held)
         (x, y, z), (_, _, by) = velocity.positions, push.positions
@@ -232,11 +234,13 @@ def leapfrog(
             powers = jax.tree.map(lambda acting, rate: jnp.sum(acting * rate) / 2, held, doubled)
             work = work + step * part * sum(jax.tree.leaves(powers))
         moved = replace(motion, velocity=velocity, contact_work=work)
-        return moved, driving_power(body, force, velocity)
+        return moved, driving_power(body, force, velocity), workspace
 
-    def once(number: Any, moving: tuple[Motion, Array]) -> tuple[Motion, Array]:
+    def once(
+        number: Any, moving: tuple[Motion, Array, Workspace | None]
+    ) -> tuple[Motion, Array, Workspace | None]:
         """A drift and a kick, but at first half a kick alone, and half a kick at the end."""
-        motion, power = moving
+        motion, power, workspace = moving
         first, active, last = number == 0, number <= count, number == count
         taken = jnp.where(active & ~first, step, 0.0)
         drifted = replace(
@@ -245,11 +249,14 @@ def leapfrog(
             dissipated=motion.dissipated + taken * loss(body, motion.velocity),
             supplied=motion.supplied + taken / 2 * power,
         )
-        moved, power = kicked(drifted, jnp.where(first, 0.0, 1.0), jnp.where(last, 0.0, 1.0))
+        before, after = jnp.where(first, 0.0, 1.0), jnp.where(last, 0.0, 1.0)
+        moved, power, workspace = kicked(drifted, before, after, workspace)
         moved = replace(moved, supplied=moved.supplied + taken / 2 * power)
-        return jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted), power
+        moved = jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted)
+        return moved, power, workspace
 
-    moved, _ = jax.lax.fori_loop(0, longest + 1, once, (motion, jnp.zeros(())))
+    workspace = None if contact is None else Workspace.of(contact)
+    moved, _, _ = jax.lax.fori_loop(0, longest + 1, once, (motion, jnp.zeros(()), workspace))
     return moved
 
 
