@@ -1,5 +1,6 @@
 """The layout of a fabric: position and kind of every spring, hinge and fold, without parameters."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,8 @@ class FabricLayout:
     column_stripe: Int[np.ndarray, " grid_x"]  # number of the rib stripe
     plain: PlainKnit | None
     plain_cells: Bool[np.ndarray, "grid_y grid_x"]  # which are of plain knit
+    rib_cells: Bool[np.ndarray, "grid_y grid_x"]  # which are of rib
+    garter_cells: Bool[np.ndarray, "grid_y grid_x"]  # which are of garter
     patch_fold: Float[np.ndarray, " hinge"]  # > 0 in a mountain, < 0 in a valley, 0 if flat at rest
     # rest angle of the single fold that it is on, or NaN [rad]
     single_fold: Float[np.ndarray, " hinge"]
@@ -42,19 +45,8 @@ class FabricLayout:
         xp, net, options = array_library(stripes), self.net, self.options
         sides = stripes.weft, stripes.warp
 
-        def on_grid(weft: Any, warp: Any) -> tuple[Any, Any]:
-            """A parameter of the stripes for every column, and for every row, of grid cells."""
-            by_number = (xp.reshape(xp.asarray(values), -1) for values in (weft, warp))
-            numbers = self.column_stripe, self.row_stripe
-            return tuple(values[number] for values, number in zip(by_number, numbers, strict=True))
-
-        def in_cells(weft: Any, warp: Any) -> list[Any]:
-            """A parameter along the weft, and along the warp, in every grid cell."""
-            columns, rows = on_grid(weft, warp)
-            cells = len(rows), len(columns)
-            return [xp.broadcast_to(columns, cells), xp.broadcast_to(rows[:, None], cells)]
-
-        width, height = on_grid(*(cell_length(side, options) for side in sides))
+        in_cells = self._in_cells
+        width, height = self._on_grid(*(cell_length(side, options) for side in sides))
         k_s = in_cells(*(side.k_s for side in sides))
         k_t = in_cells(*(side.k_t for side in sides))
         rest_fold = in_cells(*(ridge_of(options).rest_fold(side.theta_0) for side in sides))
@@ -63,6 +55,8 @@ class FabricLayout:
         if options.hinge_stiffness == "per_length":
             # The length of an edge is that on the paper's grid.
             k_t = [k_t[0] * height[:, None] * refinement, k_t[1] * width * refinement]
+        k_s, k_t = self._of_rows(stripes, (width, height), k_s, k_t)
+        k_s = self._with_along(stripes, height[:, None] / width, k_s)
         if self.plain is not None:
             plain, shape = self.plain, height[:, None] / width
             k_s[0] = xp.where(self.plain_cells, plain.plain_stretch_weft * shape, k_s[0])
@@ -97,15 +91,74 @@ class FabricLayout:
             spring_law=self._spring_law(stripes, k_s[0] <= k_s[1], xp),
         )
 
+    def _on_grid(self, weft: Any, warp: Any) -> tuple[Any, Any]:
+        """A parameter of the stripes for every column, and for every row, of grid cells."""
+        xp = array_library(weft, warp)
+        by_number = (xp.reshape(xp.asarray(values), -1) for values in (weft, warp))
+        numbers = self.column_stripe, self.row_stripe
+        columns, rows = (each[number] for each, number in zip(by_number, numbers, strict=True))
+        return columns, rows
+
+    def _in_cells(self, weft: Any, warp: Any) -> list[Any]:
+        """A parameter along the weft, and along the warp, in every grid cell."""
+        columns, rows = self._on_grid(weft, warp)
+        xp, cells = array_library(columns, rows), (len(rows), len(columns))
+        return [xp.broadcast_to(columns, cells), xp.broadcast_to(rows[:, None], cells)]
+
+    def _of_rows(
+        self, stripes: StripePair, sides: tuple[Any, Any], k_s: list[Any], k_t: list[Any]
+    ) -> tuple[list[Any], list[Any]]:
+        """Stiffnesses across the ridges in rows as wide as the grid's, if those of a row are given.
+
+        A row of rib springs is as wide as its cells are high, one of garter springs as its cells
+        are wide.
+        """
+        both, xp, (width, height) = (stripes.weft, stripes.warp), array_library(stripes), sides
+        if not any(given for each in both for given in each.row_widths):
+            return k_s, k_t
+        refinement = self.options.cells_per_period // CELLS_PER_PERIOD
+        given = self._in_cells(*(_or_nan(each.row_widths) for each in both))
+        for axis, row in enumerate((height[:, None], width)):
+            known = ~np.isnan(given[axis])
+            # Safe to differentiate where no width is given.
+            own = np.where(known, given[axis], 1.0)
+            factor = xp.where(known, row * refinement / own, 1.0)
+            k_s[axis], k_t[axis] = k_s[axis] * factor, k_t[axis] * factor
+        return k_s, k_t
+
+    def _with_along(self, stripes: StripePair, shape: Any, k_s: list[Any]) -> list[Any]:
+        """Stiffnesses with those along the ridges: of rib along the warp, of garter along the weft.
+
+        ``shape`` is the height of grid cells over their width.
+        """
+        both, xp = (stripes.weft, stripes.warp), array_library(stripes)
+        if not any(stretch for each in both for stretch in each.stretches_along):
+            return k_s
+        of_rib, of_garter = self._in_cells(*(_or_nan(each.stretches_along) for each in both))
+        weft = xp.where(self.garter_cells & ~np.isnan(of_garter), of_garter * shape, k_s[0])
+        warp = xp.where(self.rib_cells & ~np.isnan(of_rib), of_rib / shape, k_s[1])
+        return [weft, warp]
+
     def _spring_law(self, stripes: StripePair, weft_is_softer: Any, xp: Any) -> SpringLaw:
         """The law of every spring: that of its stripe, linear within plain knit."""
-        strains = [*_stiffening_strains(stripes.weft), *_stiffening_strains(stripes.warp), None]
-        laws = spring_law(strains, [*stripes.weft.spring_curves, *stripes.warp.spring_curves, None])
+        sides = stripes.weft, stripes.warp
+        strains = [strain for side in sides for strain in _stiffening_strains(side)]
+        curves = [curve for side in sides for curve in side.spring_curves]
+        of_weft, count = len(stripes.weft.spring_curves), len(strains)
+        # Laws across the ridges, then along them, then linear.
+        strains += [None] * (count + 1)
+        laws = spring_law(
+            strains, [*curves, *(c for side in sides for c in side.curves_along), None]
+        )
         (row, column), (other_row, other_column) = self.net.spring_cells.transpose(1, 2, 0)
-        rib = self.column_stripe[column]
-        garter = len(stripes.weft.spring_curves) + self.row_stripe[row]
-        softer = xp.where(weft_is_softer[row, column], rib, garter)
-        number = xp.select([self.net.weft, self.net.warp], [rib, garter], softer)
+        rib, garter = self.column_stripe[column], of_weft + self.row_stripe[row]
+        own_rib, own_garter = (~np.isnan(_or_nan(side.stretches_along)) for side in sides)
+        along_rib = self.rib_cells[row, column] & own_rib[rib]
+        along_garter = self.garter_cells[row, column] & own_garter[garter - of_weft]
+        weft = np.where(along_garter, count + garter, rib)
+        warp = np.where(along_rib, count + rib, garter)
+        softer = xp.where(weft_is_softer[row, column], weft, warp)
+        number = xp.select([self.net.weft, self.net.warp], [weft, warp], softer)
         plain = self.plain_cells[row, column] & self.plain_cells[other_row, other_column]
         return laws.of(xp.where(plain, len(strains) - 1, number))
 
@@ -114,6 +167,11 @@ def _stiffening_strains(stripes: StripeNumbers) -> list[Float[Array | np.ndarray
     if stripes.stiffening_strain is None:
         return [None] * len(stripes.spring_curves)
     return list(stripes.stiffening_strain.reshape(-1))
+
+
+def _or_nan(numbers: Sequence[float | None]) -> Float[np.ndarray, " stripe"]:
+    """Numbers that stripes may have, NaN of those without."""
+    return np.array([np.nan if number is None else number for number in numbers])
 
 
 def _beside_hinges(net: Network) -> list[tuple[np.ndarray, ...]]:
@@ -169,6 +227,8 @@ def fabric_layout(
         column_stripe=pattern.column_stripe[pattern.patch_of_column],
         plain=plain,
         plain_cells=plain_cells,
+        rib_cells=pattern.cells_of("rib"),
+        garter_cells=pattern.cells_of("garter"),
         patch_fold=of_knits(*patch_senses(pattern, options)),
         single_fold=single,
         stiffness_factor=factor,

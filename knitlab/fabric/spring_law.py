@@ -162,17 +162,42 @@ class SpringLaw(eqx.Module):
 LINEAR = SpringLaw()
 
 
+class CurveLaw(eqx.Module):
+    """The force of springs of one curve; programs are not compiled anew for another curve."""
+
+    breaks: Float[Array, " knot"]  # strains [1]
+    coefficients: Float[Array, "power piece"]
+
+    @classmethod
+    def of(cls, curve: SpringCurve) -> "CurveLaw":
+        """The law of a curve."""
+        return cls(jnp.asarray(curve.spline.x), jnp.asarray(curve.spline.c))
+
+    def pull(self, length: Each, rest_length: Each) -> Each:
+        """Force over k_s: ℓ0 f [mm]."""
+        strain = length / rest_length - 1
+        return rest_length * _piecewise(self.breaks, self.coefficients, strain)
+
+
 def _on_curve(curve: SpringCurve, order: int, strain: Each) -> Each:
     """A derivative of a curve's force with respect to strain, or its integral from rest."""
     spline = curve.spline
     polynomials = spline.antiderivative() if order < 0 else spline.derivative(order)
-    piece = jnp.searchsorted(jnp.asarray(spline.x[1:-1]), strain, side="right")
-    along = strain - jnp.asarray(spline.x)[piece]
-    highest, *lower = jnp.asarray(polynomials.c)
-    value = highest[piece]
-    for coefficients in lower:
-        value = value * along + coefficients[piece]
+    value = _piecewise(jnp.asarray(spline.x), jnp.asarray(polynomials.c), strain)
     return value - float(polynomials(0.0)) if order < 0 else value
+
+
+def _piecewise(
+    breaks: Float[Array, " knot"], coefficients: Float[Array, "power piece"], at: Each
+) -> Each:
+    """A piecewise polynomial, the highest power first; its ends continue."""
+    piece = jnp.searchsorted(breaks[1:-1], at, side="right")
+    along = at - breaks[piece]
+    highest, *lower = coefficients
+    value = highest[piece]
+    for power in lower:
+        value = value * along + power[piece]
+    return value
 
 
 def spring_law(

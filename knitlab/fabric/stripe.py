@@ -19,9 +19,12 @@ Knit = Literal["rib", "garter"]
 Table = TypeVar("Table", Sheet, PlainKnit)
 SpringKind = Literal["linear", "stiffening"] | SpringCurve
 """The kind of a spring law, without its parameters. Springs of one kind are computed together."""
+SpringKinds = tuple[SpringKind, SpringKind]
 
 SPRING_LAWS = ("stiffening_strain", "spring_curve")
 """The fields of a stripe that define the law of its springs; linear springs have neither."""
+OF_OWN_YARN = ("row_width", "stretch_along", "curve_along")
+"""Fields that the paper's stripes do not have."""
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")  # order of siblings' random changes
 STIFFENING = "stiffening_strain"
 """Setting for one knit or both, without factors, because the tables have no value."""
@@ -45,6 +48,13 @@ class Stripe:
             None for another law [1].
         spring_curve: table of a measured curve of the springs, instead of a stiffening strain.
             With neither, springs are linear, as in the paper.
+        row_width: flat width of the row of springs and hinges that k_s and k_t are those of; in a
+            wider or narrower row they are in proportion. None if they are those of every row, as
+            in the paper [mm].
+        stretch_along: force along the ridges over flat width and strain, diagonals not counted.
+            None if springs along the ridges are those of the other stripe of the fabric, as in the
+            paper [N/mm].
+        curve_along: table of a measured curve of the springs along the ridges; None if linear.
     """
 
     knit: Knit
@@ -55,19 +65,23 @@ class Stripe:
     k_t: Annotated[PositiveFloat, Unit("N")]
     stiffening_strain: PositiveFloat | None = None
     spring_curve: SpringCurve | None = None
+    row_width: Annotated[PositiveFloat, Unit("mm")] | None = None
+    stretch_along: Annotated[PositiveFloat, Unit("N/mm")] | None = None
+    curve_along: SpringCurve | None = None
 
     def __post_init__(self) -> None:
         if self.stiffening_strain is not None and self.spring_curve is not None:
             raise ValueError(
                 f"{self.knit} {self.n} has both stiffening_strain and spring_curve; give one"
             )
+        if self.curve_along is not None and self.stretch_along is None:
+            raise ValueError(f"{self.knit} {self.n} has curve_along alone; give stretch_along too")
 
     @property
-    def spring_kind(self) -> SpringKind:
-        """The kind of its springs' law."""
-        if self.spring_curve is not None:
-            return self.spring_curve
-        return "linear" if self.stiffening_strain is None else "stiffening"
+    def spring_kind(self) -> SpringKinds:
+        """The kinds of its springs' laws, across the ridges and along them."""
+        across: SpringKind = "linear" if self.stiffening_strain is None else "stiffening"
+        return self.spring_curve or across, self.curve_along or "linear"
 
     @property
     def contraction(self) -> float:
@@ -84,6 +98,9 @@ class StripeNumbers(eqx.Module):
     period: Float[Array | np.ndarray, "*quantity"]
     stiffening_strain: Float[Array | np.ndarray, "*quantity"] | None = None  # or infinite
     spring_curves: tuple[SpringCurve | None, ...] = eqx.field(static=True, default=(None,))
+    row_widths: tuple[float | None, ...] = eqx.field(static=True, default=(None,))
+    stretches_along: tuple[float | None, ...] = eqx.field(static=True, default=(None,))
+    curves_along: tuple[SpringCurve | None, ...] = eqx.field(static=True, default=(None,))
 
     @classmethod
     def of(cls, stripes: Sequence[Stripe]) -> "StripeNumbers":
@@ -98,6 +115,9 @@ class StripeNumbers(eqx.Module):
             **{name: numbers(name) for name in STRIPE_QUANTITIES},
             stiffening_strain=strain if np.isfinite(strain).any() else None,
             spring_curves=tuple(stripe.spring_curve for stripe in stripes),
+            row_widths=tuple(stripe.row_width for stripe in stripes),
+            stretches_along=tuple(stripe.stretch_along for stripe in stripes),
+            curves_along=tuple(stripe.curve_along for stripe in stripes),
         )
 
 

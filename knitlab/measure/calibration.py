@@ -1,11 +1,16 @@
-"""Calibration: the stripe whose zigzag has a measured tension curve (paper, Sec. "2D model")."""
+"""Calibration: the stripe whose endless sheet has a measured tension curve.
+
+The paper fits the zigzag of its 2D model, which is a sheet without diagonals. A sheet with the
+numbers of a zigzag is stiffer once it is unfolded, so that a measured swatch would not come back.
+"""
 
 import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -14,10 +19,13 @@ from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
+from knitlab.fabric.pattern import CELLS_PER_PERIOD
+from knitlab.fabric.pure_stripe import PureStripe, tension_across
 from knitlab.fabric.settings import CellSize
-from knitlab.fabric.spring_law import SpringCurve
+from knitlab.fabric.spring_law import CurveLaw, SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
-from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
+from knitlab.fabric.zigzag import law_of_one
+from knitlab.measure.along_ridges import AlongRidges, springs_along
 from knitlab.measure.fit_statistics import CONFIDENCE, Comparison, compare
 
 Law = Literal["linear", "stiffening"] | SpringCurve
@@ -49,6 +57,8 @@ LEAST_REPEATS = 3
 """Repeats from which on their scatter, and not that of the points, gives the errors."""
 AT_BOUND = 1e-3
 """Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
+ALTERNATIONS = 6  # at most, of fits across the ridges and along them
+SETTLED = 0.01  # relative change of k_s, k_t and θ0 that ends them
 
 Points = Float[np.ndarray, " point"]
 Unknowns = Float[np.ndarray, " fitted"]
@@ -78,6 +88,7 @@ class Calibration:
     law: Law = "linear"
     per_width: bool = False
     repeats: int = 1  # from 3 on, errors are those of the mean of their own fits
+    along: AlongRidges | None = None  # springs along the ridges, if a curve of these was given
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -97,10 +108,23 @@ class Calibration:
         The period in its table is that of the relaxed stripe if ``cell_size`` is ``"relaxed"``; if
         it is ``"flat"``, that of the flat stripe, which is longer by 1/sin(θ0/2).
         """
-        flat = cell_size == "flat"
-        period = self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
-        curve = self.law if isinstance(self.law, SpringCurve) else None
-        return Stripe(knit, n, period, **self.values, spring_curve=curve)
+        along, flat = self.along, CELLS_PER_PERIOD * self.flat_cell
+        return Stripe(
+            knit,
+            n,
+            flat if cell_size == "flat" else self.period,
+            **dict[str, Any](self.values),
+            spring_curve=self.law if isinstance(self.law, SpringCurve) else None,
+            # A row of the pure sheet is as wide as its cells are long.
+            row_width=self.flat_cell if self.per_width else None,
+            stretch_along=None if along is None else along.stretch,
+            curve_along=None if along is None else along.curve,
+        )
+
+    @property
+    def flat_cell(self) -> float:
+        """Side of a flat cell of the sheet [mm]."""
+        return self.period / (CELLS_PER_PERIOD * math.sin(self.values["theta_0"] / 2))
 
     @property
     def misfit(self) -> float:
@@ -146,8 +170,40 @@ def calibrate(
     law: Law = "linear",
     *,
     per_width: bool = False,
+    along: tuple[Points, Points] | None = None,
 ) -> Calibration:
-    """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
+    """Fit a stripe to tension curves across its ridges and, if there is one, along them.
+
+    Springs along the ridges and those across act on each other by the diagonals of the sheet, so
+    that each are fitted in turn until they settle. Without a curve ``along``, of strains and forces
+    as those across, springs along the ridges are those across, as in a pure sheet of the paper.
+    """
+    first = fitted = _across(period, strain, force, law, per_width)
+    if along is None:
+        return fitted
+    for _ in range(ALTERNATIONS):
+        last = fitted.values
+        sheet = PureStripe.of(fitted.stripe("rib", 1, "relaxed"))
+        springs = springs_along(sheet, *along, per_width=per_width)
+        fitted = replace(
+            _across(period, strain, force, law, per_width, springs, last), along=springs
+        )
+        if all(abs(value / last[name] - 1) < SETTLED for name, value in fitted.values.items()):
+            return fitted
+    unsettled = "fits across the ridges and along them do not settle; do not use this one"
+    return replace(fitted, converged=False, warnings=(*fitted.warnings, unsettled))
+
+
+def _across(
+    period: float,
+    strain: Points,
+    force: Float[np.ndarray, "*repeat point"],
+    law: Law,
+    per_width: bool,
+    along: AlongRidges | None = None,
+    begin: Mapping[str, float] | None = None,
+) -> Calibration:
+    """Fit k_s, k_t and θ0 of a sheet to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
     used. Standard errors and correlations are those of the linearised fit, with the noise taken
@@ -163,15 +219,18 @@ def calibrate(
     curve = law if isinstance(law, SpringCurve) else None
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
 
+    springs = None if along is None else (along.stretch, CurveLaw.of(along.curve))
+    laws, numbers = (curve, per_width), (period, strain, springs)
+
     def forces(unknowns: Unknowns) -> Points:
-        return np.asarray(_force(curve, per_width, unknowns, period, strain))
+        return np.asarray(_force(*laws, unknowns, *numbers))
 
     def fit_to(measured: Points, start: Unknowns) -> OptimizeResult:
         scale = float(np.max(np.abs(measured)))
         return least_squares(
             lambda x: (forces(x) - measured) / scale,
             np.clip(start, *bounds),
-            jac=lambda x: np.asarray(_force_slopes(curve, per_width, x, period, strain)) / scale,
+            jac=lambda x: np.asarray(_force_slopes(*laws, x, *numbers)) / scale,
             bounds=bounds,
             x_scale="jac",
             ftol=1e-12,
@@ -182,9 +241,12 @@ def calibrate(
 
     # For estimates, a row is as wide as if its folds were shut.
     on_row = mean * (period / 4 if per_width else 1.0)
-    starts = _unknowns(_starts(period, strain, on_row)[:, : len(fitted)])
-    if law != "stiffening":
+    starts = _starts(period, strain, on_row)[:, : len(fitted)]
+    if begin is not None:
+        starts = np.array([[*begin.values()]])
+    elif law != "stiffening":
         starts = starts[:: len(STARTING_STRAINS)]
+    starts = _unknowns(starts)
     fits = [fit_to(mean, start) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
     if len(repeats) >= LEAST_REPEATS:
@@ -305,11 +367,13 @@ def _force(
     unknowns: Float[Array, " fitted"],
     period: Float[Array, ""],
     strain: Float[Array, " point"],
+    along: tuple[Float[Array, ""], CurveLaw] | None,
 ) -> Float[Array, " point"]:
     law = law_of_one(jnp.exp(unknowns[3]) if len(unknowns) > len(FITTED) else None, curve)
-    chain = Zigzag(period, jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], law)
+    across = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], law
+    sheet = PureStripe(period, *across, *(along or ()))
     # A row of a pure fabric is as wide as its cells are long.
-    return tension(chain, strain) / (chain.cell if per_width else 1.0)
+    return tension_across(sheet, strain) / (sheet.cell if per_width else 1.0)
 
 
 _force_slopes = jax.jit(jax.jacfwd(_force, argnums=2), static_argnums=(0, 1))

@@ -22,7 +22,7 @@ from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.network import MeshShape, Network, mesh_shape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, Grading, PatchGrid, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
-from knitlab.fabric.stripe import SpringKind, Stripe, StripePair
+from knitlab.fabric.stripe import SpringKinds, Stripe, StripePair
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Stitches
 from knitlab.measure.unit_cells import CellGrid, central
@@ -272,7 +272,7 @@ class Case:
         return case
 
     @property
-    def spring_kinds(self) -> tuple[SpringKind, ...]:
+    def spring_kinds(self) -> tuple[SpringKinds, ...]:
         """The kinds of springs of its stripes; cases that share them can be one batch."""
         weft, warp = self._stripes
         return tuple(stripe.spring_kind for stripe in (*weft, *warp))

@@ -16,7 +16,15 @@ from knitlab.io.errors import ErrorCollector, Fault, naming, raise_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
-from knitlab.sweep.parameters import KNITS, UNITS, Parameters, StripeRow, StripeTable, StripeTables
+from knitlab.sweep.parameters import (
+    KNITS,
+    OPTIONAL,
+    UNITS,
+    Parameters,
+    StripeRow,
+    StripeTable,
+    StripeTables,
+)
 from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_text import WorkflowText
 
@@ -199,8 +207,7 @@ def _add_row(
     own = table.setdefault(stripe.knit, {"source": source, "unit": dict(UNITS), "n": {}})
     if own["source"] != source:
         row["source"] = source
-    if stripe.stiffening_strain is not None:
-        own["unit"]["stiffening_strain"] = "1"
+    own["unit"] |= {name: unit for name, unit in OPTIONAL.items() if name in row}
     if covariance:
         row["covariance"] = {name: dict(each) for name, each in covariance.items()}
     own["n"][str(stripe.n)] = row

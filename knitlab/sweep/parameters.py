@@ -16,6 +16,7 @@ from knitlab.fabric.settings import CellSize, Contact, GarterStart, ModelOptions
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
+    OF_OWN_YARN,
     SPRING_LAWS,
     Knit,
     Stripe,
@@ -41,8 +42,11 @@ from knitlab.sweep.declared_fields import (
 from knitlab.sweep.patterns import Pattern, PatternFile
 
 KNITS: tuple[Knit, ...] = ("rib", "garter")
-QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS))
+QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS, *OF_OWN_YARN))
 """Fitted numbers of a stripe, by their types."""
+OPTIONAL = {"stiffening_strain": "1", "row_width": "mm", "stretch_along": "N/mm"}
+"""Numbers that a stripe need not have, and their units."""
+CURVES = ("spring_curve", "curve_along")
 UNITS = {name: unit_of(kind) for name, kind in QUANTITIES.items()}
 
 
@@ -51,6 +55,8 @@ class StripeUnits(StrictModel):
     """Units of a stripe table."""
 
     stiffening_strain: Literal["1"] | None = None
+    row_width: Literal["mm"] | None = None
+    stretch_along: Literal["N/mm"] | None = None
 
 
 @with_fields(with_defaults(SpringCurve))
@@ -78,6 +84,9 @@ class StripeRow(StrictModel):
 
     stiffening_strain: PositiveFloat | None = None
     spring_curve: SpringCurveRow | None = None
+    row_width: PositiveFloat | None = None
+    stretch_along: PositiveFloat | None = None
+    curve_along: SpringCurveRow | None = None
     source: str | None = Field(default=None, exclude=True)
     covariance: dict[str, dict[str, float]] | None = Field(default=None, exclude=True)
 
@@ -86,12 +95,16 @@ class StripeRow(StrictModel):
         """The row of a stripe; ValueError if a number of it is out of range."""
         _stitches(str(stripe.n))
         numbers = asdict(stripe)
-        return cls.model_validate({name: numbers[name] for name in (*QUANTITIES, *SPRING_LAWS)})
+        return cls.model_validate(
+            {name: numbers[name] for name in (*QUANTITIES, *OPTIONAL, *CURVES)}
+        )
 
     @model_validator(mode="after")
     def _has_one_law(self) -> "StripeRow":
         if self.stiffening_strain is not None and self.spring_curve is not None:
             raise ValueError("has both stiffening_strain and spring_curve; give one")
+        if self.curve_along is not None and self.stretch_along is None:
+            raise ValueError("has curve_along without stretch_along; give both")
         return self
 
 
@@ -137,12 +150,13 @@ class StripeTables(StrictModel):
         if stitches not in self.sizes(knit):
             raise KeyError(stitches)
         if row := rows.get(stitches):
-            numbers: dict[str, Any] = {name: getattr(row, name) for name in QUANTITIES}
-            numbers["stiffening_strain"] = row.stiffening_strain
-            numbers["spring_curve"] = row.spring_curve and row.spring_curve.curve
-            return Stripe(knit, stitches, **numbers)
+            names = *QUANTITIES, *OPTIONAL
+            numbers: dict[str, Any] = {name: getattr(row, name) for name in names}
+            curves = {name: curve.curve for name in CURVES if (curve := getattr(row, name))}
+            return Stripe(knit, stitches, **numbers, **curves)
         smaller, larger = max(n for n in rows if n < stitches), min(n for n in rows if n > stitches)
-        if any(getattr(rows[n], law) is not None for n in (smaller, larger) for law in SPRING_LAWS):
+        laws = *SPRING_LAWS, "curve_along"
+        if any(getattr(rows[n], law) is not None for n in (smaller, larger) for law in laws):
             problem = f"lies between {smaller} and {larger}, whose springs are not both linear"
             raise fault(f"{knit} {stitches}", f"{problem}; calibrate it")
         fraction = (stitches - smaller) / (larger - smaller)
@@ -153,6 +167,13 @@ class StripeTables(StrictModel):
             if name in ("k_s", "k_t"):
                 value = first * (last / first) ** fraction
             interpolated[name] = value
+        for name in ("row_width", "stretch_along"):
+            ends = [getattr(rows[n], name) for n in (smaller, larger)]
+            if None not in ends:
+                interpolated[name] = ends[0] * (ends[1] / ends[0]) ** fraction
+            elif any(ends):
+                problem = f"lies between {smaller} and {larger}, of which one has no {name}"
+                raise fault(f"{knit} {stitches}", f"{problem}; calibrate it")
         return Stripe(knit, stitches, **interpolated)
 
     def with_stripes(self, stripes: Iterable[Stripe]) -> "StripeTables":
