@@ -39,6 +39,7 @@ from .fabric.settings import Sheet as Sheet
 from .fabric.stripe import Stripe as Stripe
 from .io.errors import BadInput as BadInput
 from .laboratory.experiment import import_records as import_records
+from .laboratory.swatch import simulated_swatches as simulated_swatches
 from .laboratory.tension_record import read_cycles as read_cycles
 from .laboratory.tension_record import read_tension_record as read_tension_record
 from .measure.capacitance.capacitor import Capacitor as Capacitor

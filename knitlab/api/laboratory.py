@@ -13,7 +13,7 @@ from knitlab.io.errors import fault, naming
 from knitlab.laboratory.curves import case_for, target_of
 from knitlab.laboratory.fit import Fit, Step, fit_stripes
 from knitlab.measure.calibration import Calibration, Law
-from knitlab.measure.calibration import calibrate as fit_zigzag
+from knitlab.measure.calibration import calibrate as fit_sheet
 from knitlab.measure.friction_fit import FrictionFit, LoadingCycles, fit_friction
 from knitlab.sweep.plan import Plan, make_plan
 
@@ -27,11 +27,14 @@ def calibrate(
     period: float,
     law: Law = "linear",
     per_width: bool = False,
+    along: tuple[Curve, Curve] | None = None,
 ) -> Calibration:
-    """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric (paper, "2D model").
+    """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric.
 
-    Measure until the folds are open and the springs stretch, to about 200 % strain: below that the
-    three cannot be determined separately, and ``warnings`` states it.
+    The fit is that of the endless sheet of the paper's 3D model, so that the simulated swatch comes
+    back (:func:`knitlab.simulated_swatches`). Measure until the folds are open and the springs
+    stretch, to about 200 % strain: below that the three cannot be determined separately, and
+    ``undetermined`` names those that are not.
 
     Args:
         strain: strain relative to the relaxed period, not negative [1].
@@ -41,6 +44,9 @@ def calibrate(
         law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
             or a :class:`~knitlab.fabric.spring_law.SpringCurve`.
         per_width: whether the force is over the width of the swatch [N/mm].
+        along: strain and force along the ridges, in the same unit, or on one column of the network.
+            Without it springs along the ridges are those of the other stripe of a fabric, as in the
+            paper, and far too stiff.
 
     Returns:
         The fitted numbers with standard errors, 95 % intervals and correlations; its method
@@ -51,16 +57,20 @@ def calibrate(
 
     Example:
         >>> import numpy as np
-        >>> from knitlab.fabric.zigzag import tension, zigzag
+        >>> from knitlab.fabric.pure_stripe import PureStripe, tension_across
         >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
         >>> strain = np.linspace(0.05, 2.5, 40)
-        >>> fitted = kl.calibrate(strain, tension(zigzag(stripe), strain), period=1.41)
+        >>> force = tension_across(PureStripe.of(stripe), strain)
+        >>> fitted = kl.calibrate(strain, force, period=1.41)
         >>> round(fitted.values["k_s"], 3)
         0.817
     """
     with naming("curve"):
         curve = np.asarray(strain, float), np.asarray(force, float)
-        return fit_zigzag(float(period), *curve, law, per_width=per_width)
+        ridges = None
+        if along is not None:
+            ridges = np.asarray(along[0], float), np.atleast_2d(np.asarray(along[1], float)).mean(0)
+        return fit_sheet(float(period), *curve, law, per_width=per_width, along=ridges)
 
 
 def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:

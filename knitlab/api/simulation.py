@@ -167,6 +167,8 @@ def simulate(
     if not isinstance(design, Design):
         raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
     parameters = defaults() if material is None else with_material(defaults(), material)
+    if material is not None and model is not None:
+        material.check(model)
     settings: dict[str, object] = {"model": model, "sheet": sheet, "plain": plain, "solver": solver}
     settings |= {"dynamics": dynamics, "friction": friction, "capacitor": capacitor, "gauge": gauge}
     parameters = parameters.with_tables(**settings)

@@ -26,6 +26,9 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 @option("--gauge-length", "Relaxed length between the clamps [mm].", MILLIMETRES)
 @option("--gauge-stitches", "Stitches along the gauge length; they give the period.", POSITIVE)
 @option("--width", "Width of the swatch that the force pulls [mm].", MILLIMETRES)
+@option("--along", "Record of the same fabric pulled along its ridges. CSV.", FILE)
+@option("--along-width", "Width of that swatch. [default: --width]", MILLIMETRES)
+@option("--along-gauge-length", "Its length. [default: --gauge-length]", MILLIMETRES)
 @option("--thickness", "Thickness of the fabric, for stress over area [mm].", MILLIMETRES)
 @option("--cycle", "The cycle whose loading branch is taken.", COUNT, default=1)
 @option(
@@ -44,6 +47,7 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
     "Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
     FILE,
 )
+@click.option("--accept", is_flag=True, help="Write a stripe that the record does not determine.")
 @click.option("--friction", is_flag=True, help="Fit friction and drift to all cycles and repeats.")
 @options.output(
     "Material file to write, or to add the stripe to, .toml, with figures beside it.",
@@ -59,6 +63,10 @@ def calibrate(
     cell_size: Literal["flat", "relaxed"] | None,
     law: Literal["linear", "stiffening", "tabulated"],
     spring_curve: Path | None,
+    along: Path | None,
+    along_width: float | None,
+    along_gauge_length: float | None,
+    accept: bool,
     friction: bool,
     output: Path,
     **swatch: Any,
@@ -69,12 +77,17 @@ def calibrate(
     extension with --gauge-length, and the force on a swatch of this --width, or the stress. Several
     repeats give one curve; of cycles, one loading branch is taken. Without --width, the force is
     that on one row of the network. Pull until the folds are open and the springs stretch, to about
-    200 % strain: below that the three cannot be determined separately.
+    200 % strain: below that the three cannot be determined separately. --along adds the springs
+    along the ridges, which are otherwise those of the other knit and far too stiff. The swatch is
+    then simulated and compared with its record.
     """
     from knitlab.api.laboratory import calibrate_friction
     from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.fits import calibration_figure
     from knitlab.io.errors import fault, naming
+    from knitlab.laboratory.swatch import report as swatch_report
+    from knitlab.laboratory.swatch import simulated_swatches
+    from knitlab.laboratory.swatch import warnings as swatch_warnings
     from knitlab.laboratory.tension_record import period_of, read_cycles, read_tension_record
     from knitlab.measure import calibration
     from knitlab.measure.friction_fit import friction_report
@@ -106,26 +119,41 @@ def calibrate(
         with naming(str(spring_curve)):
             springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
     curve, per_width = (period, measured.strain, measured.force), measured.per_width
+    ridges = None
+    if along is not None:
+        other = {"width": along_width, "gauge_length": along_gauge_length}
+        sizes = {name: size for name, size in other.items() if size is not None}
+        pulled = read_tension_record(along, **(swatch | sizes))
+        if pulled.per_width != per_width:
+            raise fault(str(along), "has a force and the other record a stress; give one kind")
+        ridges = pulled.strain, pulled.force.mean(axis=0)
     with naming(str(record)):
-        fitted = calibration.calibrate(*curve, springs, per_width=per_width)
+        fitted = calibration.calibrate(*curve, springs, per_width=per_width, along=ridges)
         linear = None if law == "linear" else calibration.calibrate(*curve, per_width=per_width)
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
     compared = calibration.report_comparison(fitted, linear) if linear else []
     read = [f"record   {line}" for line in measured.summary]
     options.echo_report([title, *read, *calibration.report(fitted), *compared], fitted.warnings)
-    if fitted.usable:
+    swatches = simulated_swatches(fitted) if fitted.converged else []
+    options.echo_report(swatch_report(swatches), swatch_warnings(swatches))
+    accepted = fitted.usable or (accept and fitted.converged)
+    if accepted:
         source = calibration.source_of(fitted, record, used_size)
         stripe = fitted.stripe(knit, stitches, used_size)
         covariance = fitted.covariance
         if used_size == "flat":
             covariance = with_period(covariance, fitted.values["theta_0"])
-        add_stripe(output, stripe, source, covariance)
+        add_stripe(output, stripe, source, covariance, used_size)
         click.echo(f"stripe   {knit} {stitches} in {output}")
+    elif fitted.converged:
+        unknown = f"the record does not determine {', '.join(fitted.undetermined)}"
+        measure = f"measure to a strain of {fitted.wanted_strain:.2g}, where the folds are open"
+        options.echo_problem(f"no stripe is written, as {unknown}; {measure}, or give --accept")
     else:
-        options.echo_problem("no stripe is written, as this fit cannot be used")
+        options.echo_problem("no stripe is written, as this fit did not converge; measure again")
     beside = output.with_name(f"{output.stem}-{knit}-{stitches}.toml")
-    options.draw_beside(beside, lambda: calibration_figure(fitted, title, linear))
-    options.exit_unless(fitted.usable)
+    options.draw_beside(beside, lambda: calibration_figure(fitted, title, linear, swatches))
+    options.exit_unless(accepted)
 
 
 @click.command(name="import")

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from pydantic import PositiveFloat
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.settings import ModelOptions, PlainKnit, RestAngle, Sheet, Unit
+from knitlab.fabric.settings import CellSize, ModelOptions, PlainKnit, RestAngle, Sheet, Unit
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.io.errors import fault
 
@@ -142,6 +142,15 @@ def cell_length(
     return length if options.cell_size == "flat" else length / xp.sin(stripe.theta_0 / 2)
 
 
+def flat_stitch(stripe: Stripe, cell_size: CellSize) -> float:
+    """Flat length of a stitch across the ridges, of which a period has 2n [mm].
+
+    ``cell_size`` says whether the period of the stripe is that of relaxed or of flat fabric.
+    """
+    flat = stripe.period if cell_size == "flat" else stripe.period / stripe.contraction
+    return flat / (2 * stripe.n)
+
+
 def lengths_ratio(stripe: Stripe, sheet: Sheet, options: ModelOptions) -> float:
     """Lengths of the network of a stripe over those of the cloth; 1 if the sheet does not tell.
 
@@ -149,8 +158,8 @@ def lengths_ratio(stripe: Stripe, sheet: Sheet, options: ModelOptions) -> float:
     """
     rib = stripe.knit == "rib"
     cloth = sheet.cloth_stitch_width if rib else sheet.cloth_stitch_height
-    flat_period = options.cells_per_period * float(cell_length(stripe, options))
-    return flat_period / (2 * stripe.n * cloth) if cloth else 1.0
+    network = options.length_scale * flat_stitch(stripe, options.cell_size)
+    return network / cloth if cloth else 1.0
 
 
 def periods_per_patch(n_stripe: int, n_subunit: int) -> int:

@@ -1,5 +1,7 @@
 """Fits of the stripes: to the tension curve of a stripe, and to a test of a fabric."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -7,6 +9,7 @@ from matplotlib.patches import Patch
 from knitlab.figures.kinds.curves import ROWS
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, name_rows
 from knitlab.laboratory.fit import Fit
+from knitlab.laboratory.swatch import Swatch
 from knitlab.measure.calibration import Calibration
 
 LABELS = (ROWS["mean_strain_xx"], ROWS["mean_strain_yy"], "reaction force [N]")
@@ -15,27 +18,44 @@ BEFORE, SHADE = "0.55", "0.9"
 
 
 def calibration_figure(
-    fitted: Calibration, title: str, linear: Calibration | None = None
+    fitted: Calibration,
+    title: str,
+    linear: Calibration | None = None,
+    swatches: Sequence[Swatch] = (),
 ) -> Figure:
-    """Curve and fit above, residuals below; also those of linear springs if they are not fitted."""
-    figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    strain = fitted.strain
+    """Curve and fit above, residuals below; also those of linear springs if they are not fitted.
+
+    A curve along the ridges is beside that across. Simulated swatches are drawn over their records.
+    """
+    panels = 1 if fitted.along is None else 2
+    figure = Figure(figsize=(ONE_COLUMN * (1.2 if panels == 1 else 2), 3.6), layout="constrained")
+    axes = figure.subplots(2, panels, sharex="col", height_ratios=(3, 1), squeeze=False)
+    above, below = axes[:, 0]
     label = "measured" if fitted.repeats == 1 else f"mean of {fitted.repeats} repeats"
-    above.plot(strain, fitted.force, "o", ms=2.5, mfc="none", color="0.3", label=label)
     if linear is not None:
-        label = "with linear springs"
-        above.plot(strain, linear.fitted_force, color=LINEAR, ls="--", label=label)
-        below.plot(strain, 1000 * linear.residuals, "x", ms=2.5, color=LINEAR)
-    above.plot(strain, fitted.fitted_force, color=FITTED, label="zigzag, fitted")
-    load = "force over width [N/mm]" if fitted.per_width else "force on one row [N]"
-    above.set(ylabel=load)
-    above.set_title(title, fontsize=7)
-    above.legend()
-    below.axhline(0, color="0.7", lw=0.6)
-    below.plot(strain, 1000 * fitted.residuals, ".", ms=3, color=FITTED)
-    below.set(xlabel="applied strain [1]", ylabel=f"residual [m{fitted.force_unit}]")
-    figure.align_ylabels([above, below])
+        above.plot(
+            fitted.strain, linear.fitted_force, color=LINEAR, ls="--", label="linear springs"
+        )
+        below.plot(fitted.strain, 1000 * linear.residuals, "x", ms=2.5, color=LINEAR)
+    curves = {"across": (fitted.strain, fitted.force, fitted.fitted_force)}
+    if fitted.along is not None:
+        along = fitted.along
+        curves["along"] = along.strain, along.force, along.fitted_force
+    for column, (direction, (strain, measured, found)) in enumerate(curves.items()):
+        above, below = axes[:, column]
+        above.plot(strain, measured, "o", ms=2.5, mfc="none", color="0.3", label=label)
+        above.plot(strain, found, color=FITTED, label="fitted")
+        for swatch in swatches:
+            if swatch.direction == direction:
+                above.plot(swatch.strain, swatch.simulated, "+", ms=6, color="k", label="simulated")
+        above.set_title(f"{title}, {direction} the ridges" if panels > 1 else title, fontsize=7)
+        below.axhline(0, color="0.7", lw=0.6)
+        below.plot(strain, 1000 * (measured - found), ".", ms=3, color=FITTED)
+        below.set(xlabel="applied strain [1]")
+    axes[0, 0].legend()
+    axes[0, 0].set(ylabel="force over width [N/mm]" if fitted.per_width else "force on one row [N]")
+    axes[1, 0].set(ylabel=f"residual [m{fitted.force_unit}]")
+    figure.align_ylabels(axes[:, 0])
     return figure
 
 

@@ -296,5 +296,14 @@ def fitted_material(fit: Fit, experiment: Path) -> Material:
             if name.startswith(knit)
         ]
         sources.append(f"{knit}: standard errors {', '.join(errors)}")
-    name, source = f"fit of {experiment.name}", "; ".join([*sources, *fit.warnings])
-    return Material(stripes, name=name, z_max=sheet.z_max, thickness=sheet.thickness, source=source)
+    return Material(
+        stripes,
+        name=f"fit of {experiment.name}",
+        cell_size=fit.after.options.cell_size,
+        z_max=sheet.z_max,
+        thickness=sheet.thickness,
+        # Without them, walls and thickness are lengths of the network.
+        stitch_width=sheet.cloth_stitch_width or None,
+        stitch_height=sheet.cloth_stitch_height or None,
+        source="; ".join([*sources, *fit.warnings]),
+    )

@@ -6,7 +6,7 @@ numbers of a zigzag is stiffer once it is unfolded, so that a measured swatch wo
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -53,6 +53,10 @@ ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
 """Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
+MODEL_ERROR, INDEPENDENT = 0.01, 10
+"""Error of any model, over the largest force, and how many independent ones a curve has: without
+noise, too, a curve that ends before the springs stretch does not determine them."""
+BEYOND_OPEN = 1.1  # of the length of open folds, to which a curve should go
 LEAST_REPEATS = 3
 """Repeats from which on their scatter, and not that of the points, gives the errors."""
 AT_BOUND = 1e-3
@@ -84,7 +88,8 @@ class Calibration:
     starts: tuple[int, int]  # number of starts, and of those that ended at this fit
     converged: bool  # whether the optimiser met its tolerances
     iterations: int  # number of Jacobians from the best start
-    warnings: tuple[str, ...]  # about parameters that the curve does not determine
+    undetermined: tuple[str, ...]  # parameters that the curve does not determine
+    warnings: tuple[str, ...]
     law: Law = "linear"
     per_width: bool = False
     repeats: int = 1  # from 3 on, errors are those of the mean of their own fits
@@ -96,11 +101,13 @@ class Calibration:
 
     @property
     def usable(self) -> bool:
-        """Whether the fit converged, and no parameter is on a bound of its range."""
-        return self.converged and all(
-            BOUNDS[name][0] * (1 + 2 * AT_BOUND) < value < BOUNDS[name][1] * (1 - 2 * AT_BOUND)
-            for name, value in self.values.items()
-        )
+        """Whether the fit converged, and the curve determines every parameter."""
+        return self.converged and not self.undetermined
+
+    @property
+    def wanted_strain(self) -> float:
+        """Strain to which a curve should go: a tenth beyond open folds."""
+        return BEYOND_OPEN / math.sin(self.values["theta_0"] / 2) - 1
 
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
         """The fitted stripe, for a design with this model option.
@@ -185,9 +192,8 @@ def calibrate(
         last = fitted.values
         sheet = PureStripe.of(fitted.stripe("rib", 1, "relaxed"))
         springs = springs_along(sheet, *along, per_width=per_width)
-        fitted = replace(
-            _across(period, strain, force, law, per_width, springs, last), along=springs
-        )
+        fitted = _across(period, strain, force, law, per_width, springs, last)
+        fitted = replace(fitted, along=springs, starts=first.starts)
         if all(abs(value / last[name] - 1) < SETTLED for name, value in fitted.values.items()):
             return fitted
     unsettled = "fits across the ridges and along them do not settle; do not use this one"
@@ -269,6 +275,7 @@ def _across(
     # An interior angle of a fold is between 0 and π.
     intervals[2] = np.clip(intervals[2], 0, np.pi)
     standard_errors = errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
+    undetermined, warnings = _undetermined(best, errors, correlations)
     return Calibration(
         period,
         dict(zip(fitted, values.tolist(), strict=True)),
@@ -281,7 +288,8 @@ def _across(
         starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
-        warnings=_warnings(best, errors, correlations),
+        undetermined=undetermined,
+        warnings=warnings,
         law=law,
         per_width=per_width,
         repeats=len(repeats),
@@ -318,7 +326,18 @@ def report(calibration: Calibration) -> list[str]:
         f"misfit   {calibration.misfit:.2g} {calibration.force_unit} rms over"
         f" {len(calibration.strain)} points; {agreeing} of {tried} starts agree,"
         f" {calibration.iterations} steps",
+        *_report_along(calibration),
     ]
+
+
+def _report_along(calibration: Calibration) -> Iterator[str]:
+    along = calibration.along
+    if along is not None:
+        yield (
+            f"along    {along.stretch:.4g} N/mm over flat width and strain at rest; a curve of"
+            f" {len(along.curve.strain)} points; misfit {along.misfit:.2g} {calibration.force_unit}"
+            f" rms over {len(along.strain)} points"
+        )
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
@@ -398,28 +417,41 @@ def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "
     return np.array(starts)
 
 
-def _warnings(
+def _undetermined(
     fit: OptimizeResult, errors: Unknowns, correlations: Float[np.ndarray, "fitted fitted"]
-) -> tuple[str, ...]:
-    warnings = []
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Parameters that a curve does not determine, and sentences on what is wrong with a fit.
+
+    A parameter is undetermined on a bound, with a large error, from the noise or from what any
+    model is off by, and if another one acts alike.
+    """
+    warnings, unknown = [], dict[str, None]()
     fitted = FITTED_IF_STIFFENING[: len(fit.x)]
     if not fit.success:
         warnings.append(f"the fit did not converge ({fit.message}); do not use it")
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
     to_bound = np.abs(bounds - fit.x).min(axis=0)
-    for name, error, distance in zip(fitted, errors, to_bound, strict=True):
-        undetermined = "the curve does not determine it"
+    spread = MODEL_ERROR * math.sqrt(len(fit.fun) / INDEPENDENT)
+    of_model = spread * np.sqrt(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)))
+    largest = zip(fitted, errors, of_model, to_bound, strict=True)
+    for name, error, model_error, distance in largest:
         if distance < AT_BOUND:
             low, high = BOUNDS[name]
-            warnings.append(f"{name} is at its bound ({low:g} to {high:g}): {undetermined}")
-        if error > USELESS_ERROR:
-            warnings.append(f"{name} is uncertain by more than half; {undetermined}")
+            warnings.append(f"{name} is at its bound ({low:g} to {high:g})")
+        elif error > USELESS_ERROR:
+            warnings.append(f"{name} is uncertain by more than half")
+        elif model_error > USELESS_ERROR:
+            error_of = f"an error of {MODEL_ERROR:.0%} of the largest force"
+            warnings.append(f"{error_of} changes {name} by more than half")
+        else:
+            continue
+        unknown[name] = None
     for one, other in itertools.combinations(range(len(fitted)), 2):
-        vague = max(errors[one], errors[other]) > VAGUE_ERROR
+        vague = max(*errors[[one, other]], *of_model[[one, other]]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:
             warnings.append(
                 f"the curve cannot separate {fitted[one]} and {fitted[other]} (correlation"
-                f" {correlations[one, other]:+.4f}); their standard errors are not reliable;"
-                " measure to larger strain"
+                f" {correlations[one, other]:+.4f}); their standard errors are not reliable"
             )
-    return tuple(warnings)
+            unknown |= {fitted[one]: None, fitted[other]: None}
+    return tuple(unknown), tuple(warnings)

@@ -22,6 +22,7 @@ from knitlab.fabric.stripe import (
     cell_length,
     changed_stripe,
     changed_table,
+    flat_stitch,
     lengths_ratio,
     periods_per_patch,
 )
@@ -30,8 +31,8 @@ from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.material import SCALED
-from knitlab.sweep.parameters import UNITS, Parameters
+from knitlab.sweep.material import SCALED, STITCH
+from knitlab.sweep.parameters import KNITS, UNITS, Parameters
 from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import (
@@ -52,6 +53,7 @@ PULLED_ACROSS = ("G",)
 PATTERN_FILES = "design.pattern_files"
 USUAL_STRAIN = 2.0  # largest usual applied strain: that of pure stripes, which unfold furthest
 MOST_NODES = 10_000_000  # of a sample: about a terabyte
+ANOTHER = 0.05  # part by which the stitches of a stripe and of the gauge may differ
 FAR = 10.0  # factor beyond the values of the tables from which a value is unusual
 Table = TypeVar("Table")
 Pair = tuple[int, int]
@@ -358,6 +360,22 @@ def _check_thickness(case: Case, source: Source) -> None:
         raise fault(source("model.thickness"), f"{thickness:g} mm {problem}")
 
 
+def _other_stitches(parameters: Parameters) -> Iterator[str]:
+    """Sentences on stripes of a material whose stitches have another size than its gauge."""
+    for knit, name in zip(KNITS, STITCH, strict=True):
+        given = getattr(parameters.gauge, name)
+        for n in parameters.stripes.rows(knit):
+            stripe = parameters.stripes.stripe(knit, n)
+            implied = flat_stitch(stripe, parameters.model.cell_size)
+            if abs(implied / given - 1) > ANOTHER:
+                sizes = f"{given:.3g} mm, and the period of {knit} {n} implies {implied:.3g} mm"
+                yield (
+                    f"{name} = {sizes};"
+                    " forces and lengths of the cloth are off by as much: measure the period and"
+                    " count its stitches again, or leave the size of the stitch out"
+                )
+
+
 def unusual_values(
     workflow: Workflow, cases: Iterable[Case], parameters: Parameters
 ) -> tuple[str, ...]:
@@ -372,8 +390,10 @@ def unusual_values(
     ]
     sentences = []
     if scaled:
-        origin = f"the paper's, scaled to the periods of the material {parameters.material!r}"
+        origin = f"the paper's, scaled to the stitches of the material {parameters.material!r}"
         sentences.append(f"{', '.join(scaled)}: {origin}; give others in its file or as settings")
+    if parameters.material is not None:
+        sentences += _other_stitches(parameters)
     for case in cases:
         if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
             usual = "usual are 0.2 to 0.6, and 0.15 is 15 %"

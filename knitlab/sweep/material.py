@@ -1,20 +1,21 @@
 """Materials: the stripes of one yarn and the lengths that go with them, as a file or an object."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import geometric_mean
 from typing import Annotated, Any
 
 from pydantic import PositiveFloat, TypeAdapter
-from scipy.interpolate import interp1d
 
-from knitlab.fabric.settings import PlainKnit, Unit
-from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
-from knitlab.io.errors import ErrorCollector, Fault, naming, raise_any
+from knitlab.fabric.settings import CellSize, ModelOptions, PlainKnit, Unit
+from knitlab.fabric.spring_law import SpringCurve
+from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe, flat_stitch
+from knitlab.io.errors import ErrorCollector, Fault, fault, naming, raise_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
+from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
 from knitlab.sweep.parameters import (
     KNITS,
@@ -31,13 +32,13 @@ from knitlab.sweep.workflow_text import WorkflowText
 SCALED = {
     "z_max": "sheet",
     "thickness": "sheet",
-    "stitch_width": "gauge",
-    "stitch_height": "gauge",
     "clearance": "capacitor",
     "ground_distance": "capacitor",
 }
 """Lengths that go with a yarn, by the attribute of the parameters that holds each."""
-UNIT_OF = dict.fromkeys(SCALED, "mm") | {"surface_density": "g/mm^2"}
+STITCH = "stitch_width", "stitch_height"
+"""The size of a stitch before the fabric folds."""
+UNIT_OF = dict.fromkeys((*SCALED, *STITCH), "mm") | {"surface_density": "g/mm^2"}
 """Numbers of a yarn beside its stripes, and their units."""
 MATERIAL = "model.material"
 Covariance = Mapping[str, Mapping[str, float]]
@@ -50,16 +51,21 @@ class Material:
     """One yarn on one machine: its stripes, and the lengths that go with them.
 
     Nothing of the paper's yarn is used beside it: a design that needs another stripe is refused.
-    Lengths that it does not give are those of the paper's yarn times the ratio of the periods,
+    The size of its stitch, if it does not give it, follows from the periods of its stripes. Other
+    lengths that it does not give are those of the paper's yarn times the ratio of the stitches,
     which the plan of a run states.
 
     Attributes:
         stripes: calibrated stripes, one for each knit and number of stitches.
         name: name of the material.
+        cell_size: whether the periods of its stripes are those of relaxed or of flat fabric. It
+            takes the place of the model option, and another one beside it is refused.
         z_max: half the gap between the walls [mm].
         thickness: thickness of the fabric, for contact [mm].
-        stitch_width: width of a stitch before the fabric folds, along the course [mm].
-        stitch_height: height of a stitch along the wale [mm].
+        stitch_width: width of a stitch before the fabric folds, along the course; by default that
+            of its rib stripes, half a flat period over the stitches of a stripe [mm].
+        stitch_height: height of a stitch along the wale; by default that of its garter stripes
+            [mm].
         clearance: distance below which electrodes touch [mm].
         ground_distance: distance of a grounded plane below the fabric [mm].
         surface_density: mass of the flat fabric per area, for dynamics [g/mm²]; by default the
@@ -84,6 +90,7 @@ class Material:
 
     stripes: tuple[Stripe, ...]
     name: str = "own material"
+    cell_size: CellSize = "relaxed"
     z_max: Annotated[PositiveFloat, Unit("mm")] | None = None
     thickness: Annotated[PositiveFloat, Unit("mm")] | None = None
     stitch_width: Annotated[PositiveFloat, Unit("mm")] | None = None
@@ -121,6 +128,27 @@ class Material:
         """The lengths that it gives [mm], and its surface density [g/mm²]."""
         return {name: number for name in UNIT_OF if (number := getattr(self, name)) is not None}
 
+    def implied_stitch(self, knit: Knit) -> float | None:
+        """Flat width of a stitch of its rib, or height of one of its garter stripes [mm].
+
+        It is the geometric mean over its stripes of a knit, None if it has none of this knit.
+        """
+        own = [stripe for stripe in self.stripes if stripe.knit == knit]
+        return geometric_mean(flat_stitch(each, self.cell_size) for each in own) if own else None
+
+    def check(self, model: ModelOptions, where: str = "model") -> None:
+        """Raise BadInput, with a place in its message, if model options contradict the material."""
+        if model.cell_size != self.cell_size:
+            periods = f"whose periods are those of {self.cell_size} stripes"
+            problem = (
+                f"cell_size {model.cell_size} contradicts the material {self.name!r}, {periods}"
+            )
+            raise fault(where, f"{problem}; leave it out, or take {self.cell_size}")
+        if model.hinge_stiffness == "per_length" and any(each.row_width for each in self.stripes):
+            widths = "whose stripes give the width of a row"
+            problem = f"hinge_stiffness per_length contradicts the material {self.name!r}, {widths}"
+            raise fault(where, f"{problem}; leave it out, or take per_edge")
+
     @classmethod
     def read(cls, path: str | Path) -> "Material":
         """The material in a file, as :meth:`write` and ``knitlab calibrate`` write it.
@@ -132,7 +160,11 @@ class Material:
 
     def write(self, path: str | Path) -> None:
         """Write the material into a TOML file, for ``--material`` and the setting ``material``."""
-        table: dict[str, Any] = {"name": self.name, "interpolate": self.interpolate}
+        table: dict[str, Any] = {
+            "name": self.name,
+            "cell_size": self.cell_size,
+            "interpolate": self.interpolate,
+        }
         for name, number in self.numbers.items():
             table[name] = {"value": number, "unit": UNIT_OF[name], "source": self.source}
         if self.plain is not None:
@@ -160,6 +192,7 @@ class MaterialFile(StrictModel):
     """A material file: tables of stripes, and lengths with unit and source."""
 
     name: Line | None = None
+    cell_size: CellSize = "relaxed"
     interpolate: bool = False
     rib: StripeTable | None = None
     garter: StripeTable | None = None
@@ -174,6 +207,7 @@ class MaterialFile(StrictModel):
         return Material(
             tuple(stripes.stripe(knit, n) for knit in KNITS for n in stripes.rows(knit)),
             name=self.name or name,
+            cell_size=self.cell_size,
             plain=PlainKnit(**{name: entry.value for name, entry in plain}) if plain else None,
             interpolate=self.interpolate,
             source="; ".join(dict.fromkeys(sources)),
@@ -188,15 +222,30 @@ class MaterialFile(StrictModel):
 
 
 def add_stripe(
-    path: Path, stripe: Stripe, source: str, covariance: Covariance | None = None
+    path: Path,
+    stripe: Stripe,
+    source: str,
+    covariance: Covariance | None = None,
+    cell_size: CellSize = "relaxed",
 ) -> None:
     """Add a stripe to a material file, or replace it there; BadInput has every fault of a file."""
+    table: dict[str, Any] = {"cell_size": cell_size}
     if path.exists():
-        read_checked(MaterialFile, path)
-    table = read_toml(path) if path.exists() else {}
-    rounded = {name: float(f"{getattr(stripe, name):.{DIGITS}g}") for name in STRIPE_QUANTITIES}
+        if (there := read_checked(MaterialFile, path).cell_size) != cell_size:
+            problem = f"has periods of {there} stripes, and this one is of a {cell_size} stripe"
+            raise fault(str(path), f"{problem}; calibrate all with --cell-size {there}")
+        table |= read_toml(path)
+    numbers = {name: getattr(stripe, name) for name in (*STRIPE_QUANTITIES, *OPTIONAL)}
+    rounded: dict[str, Any] = {name: each and _rounded(each) for name, each in numbers.items()}
+    if (curve := stripe.curve_along) is not None:
+        points = (tuple(map(_rounded, each)) for each in (curve.strain, curve.force))
+        rounded["curve_along"] = SpringCurve(*points)
     _add_row(table, replace(stripe, **dict[str, Any](rounded)), source, covariance)
     write_toml(path, table)
+
+
+def _rounded(number: float) -> float:
+    return float(f"{number:.{DIGITS}g}")
 
 
 def _add_row(
@@ -213,41 +262,44 @@ def _add_row(
     own["n"][str(stripe.n)] = row
 
 
-def period_ratio(stripes: Sequence[Stripe], reference: StripeTables) -> float:
-    """Periods of stripes over those of reference stripes of as many stitches: the geometric mean.
-
-    Reference periods are interpolated linearly between numbers of stitches, and continued beyond.
-    """
-    ratios = []
-    for stripe in stripes:
-        sizes = list(reference.rows(stripe.knit))
-        periods = [reference.stripe(stripe.knit, n).period for n in sizes]
-        period_at = interp1d(sizes, periods, fill_value="extrapolate")
-        ratios.append(stripe.period / float(period_at(stripe.n)))
-    return geometric_mean(ratios)
-
-
 def with_material(parameters: Parameters, material: Material) -> Parameters:
     """The parameters with a material in place of the paper's yarn."""
-    ratio = period_ratio(material.stripes, parameters.stripes)
+    paper = parameters.gauge
+    named = dict(zip(KNITS, STITCH, strict=True))
+    wider = {
+        knit: implied / getattr(paper, name)
+        for knit, name in named.items()
+        if (implied := material.implied_stitch(knit))
+    }
+    # A stitch of a material of one knit alone has the shape of the paper's.
+    usual = geometric_mean(wider.values())
+    gauge = Gauge(
+        **{
+            name: material.numbers.get(name, wider.get(knit, usual) * getattr(paper, name))
+            for knit, name in named.items()
+        }
+    )
+    ratio = gauge.stitch_width / paper.stitch_width
     scaled = {
         name: ratio * getattr(getattr(parameters, table), name)
         for name, table in SCALED.items()
         if name not in material.numbers
     }
     stripes = StripeTables(interpolate=material.interpolate).with_stripes(material.stripes)
-    tables: dict[str, Any] = {"stripes": stripes, "plain": material.plain}
-    for name, number in (scaled | material.numbers).items():
-        table = SCALED.get(name, "dynamics")
-        tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
+    model = replace(parameters.model, cell_size=material.cell_size)
     # Walls and thickness are lengths of the material's cloth, as they are of the paper's.
-    for axis in ("width", "height"):
-        before, after = (
-            getattr(gauge, f"stitch_{axis}") for gauge in (parameters.gauge, tables["gauge"])
-        )
-        of_cloth = f"cloth_stitch_{axis}"
-        stitch = getattr(parameters.sheet, of_cloth) * after / before
-        tables["sheet"] = replace(tables["sheet"], **{of_cloth: stitch})
+    cloth = {f"cloth_{name}": getattr(gauge, name) for name in STITCH}
+    tables: dict[str, Any] = {
+        "stripes": stripes,
+        "plain": material.plain,
+        "gauge": gauge,
+        "model": model,
+        "sheet": replace(parameters.sheet, **cloth),
+    }
+    for name, number in (scaled | material.numbers).items():
+        if name not in STITCH:
+            table = SCALED.get(name, "dynamics")
+            tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
     return replace(parameters, material=material.name, scaled=scaled, **tables)
 
 
@@ -261,6 +313,13 @@ def with_material_file(
     """
     material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
     changed = with_material(parameters, material)
+    given = text.table.get("model", {})
+    for name in ("cell_size", "hinge_stiffness"):
+        for value in text.axes.get(name, (given[name],) if name in given else ()):
+            # Others are faults, which the workflow's check reports.
+            if isinstance(value, str):
+                model = replace(changed.model, **dict[str, Any]({name: value}))
+                material.check(model, text.source(f"model.{name}"))
     scaled, axes = dict(changed.scaled), dict(text.axes)
     tables = {table: dict(given) for table, given in text.table.items() if isinstance(given, dict)}
     for name, attribute in SCALED.items():
