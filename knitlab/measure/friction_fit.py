@@ -1,14 +1,16 @@
-"""Friction of a stripe: fitted to the loading cycles of its pure fabric, by the zigzag."""
+"""Friction of a stripe: fitted to the loading cycles of its endless pure sheet."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import OptimizeResult, least_squares
 
 from knitlab.fabric.fold_friction import Friction
+from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.settings import CellSize
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.measure.calibration import BOUNDS, UNITS, calibrate
@@ -21,6 +23,7 @@ STARTS = ((1e-3, 1e-3), (0.05, 0.01), (0.3, 0.01), (0.05, 0.1))  # friction [rad
 LOGARITHMS = 2  # of the fitted numbers, the first, are fitted as logarithms
 VAGUE = 0.5  # standard error over the number, above which that is hardly determined
 BISECTIONS = 60
+NEWTON_STEPS = 8  # of the height of a cell in balance
 WORN_OUT = 1e-9  # angle that is left to an open fold [rad]
 
 Points = Float[np.ndarray, " point"]
@@ -46,7 +49,7 @@ class LoadingCycles:
 
 @dataclass(frozen=True)
 class FrictionFit:
-    """Stripe and friction whose zigzag has the measured cycles, with standard errors by name.
+    """Stripe and friction whose sheet has the measured cycles, with standard errors by name.
 
     Errors are the larger of those of independent points and of passages that differ as wholes.
 
@@ -81,11 +84,11 @@ class FrictionFit:
 
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
         """The fitted stripe, as that of :meth:`knitlab.measure.calibration.Calibration.stripe`."""
-        period = self.period
-        if cell_size == "flat":
-            period /= math.sin(self.values["theta_0"] / 2)
-        k_s, k_t, theta_0 = (self.values[name] for name in ELASTIC)
-        return Stripe(knit, n, period, k_s=k_s, k_t=k_t, theta_0=theta_0)
+        flat = self.period / math.sin(self.values["theta_0"] / 2)
+        period = flat if cell_size == "flat" else self.period
+        numbers: dict[str, Any] = {name: self.values[name] for name in ELASTIC}
+        row = flat / CELLS_PER_PERIOD if self.cycles.per_width else None
+        return Stripe(knit, n, period, **numbers, row_width=row)
 
 
 def fit_friction(period: float, cycles: LoadingCycles) -> FrictionFit:
@@ -107,7 +110,7 @@ def fit_friction(period: float, cycles: LoadingCycles) -> FrictionFit:
     elastic = _unknowns(np.array([start.values[name] for name in ELASTIC]))
 
     def forces(unknowns: Numbers) -> list[Float[np.ndarray, " _"]]:
-        return list(zigzag_forces(period, _numbers(unknowns), passages, per_width))
+        return list(sheet_forces(period, _numbers(unknowns), passages, per_width))
 
     def fit(number: int, begin: Numbers) -> OptimizeResult:
         rest = np.zeros(len(FITTED) - number)
@@ -159,7 +162,7 @@ def _numbers(unknowns: Numbers) -> Numbers:
 
 @dataclass(frozen=True)
 class _Fold:
-    """The fold of a zigzag since it was last reversed: angle and friction moment at that."""
+    """The folds of a sheet since they were last reversed: angle and friction moment at that."""
 
     k_s: float
     k_t: float
@@ -181,7 +184,7 @@ class _Fold:
         for _ in range(BISECTIONS):
             angle = (low + high) / 2
             spring = length / np.sin(angle / 2)
-            pull = self.k_s * (spring - self.cell)
+            pull = self.k_s * self.cell * cell_pull(spring / self.cell)
             turned = self.moment + self.stiffness * (angle - self.angle)
             moment = self.k_t * (angle - self.rest) + np.clip(turned, -self.yields, self.yields)
             open_further = moment < pull * spring / np.tan(angle / 2)
@@ -198,19 +201,32 @@ class _Fold:
     def forces(self, length: Points) -> Points:
         """Tension at half lengths; none where it is slack [N]."""
         angle = self.angles(length)
-        pull = self.k_s * (length / np.sin(angle / 2) - self.cell)
+        pull = self.k_s * self.cell * cell_pull(length / np.sin(angle / 2) / self.cell)
         return np.maximum(pull / np.sin(angle / 2), 0.0)
 
     def reversed_at(self, angle: float) -> "_Fold":
         return replace(self, angle=angle, moment=float(self.friction(np.array(angle))))
 
 
-def zigzag_forces(
+def cell_pull(length: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
+    """Force across the ridges of a square cell whose height is free, over k_s and its flat side.
+
+    Its springs are linear and equal, diagonals too; ``length`` is over the flat side.
+    """
+    height = np.ones_like(length)
+    for _ in range(NEWTON_STEPS):
+        diagonal = np.hypot(length, height)
+        left = height - 1 + 2 * (1 - np.sqrt(2) / diagonal) * height
+        height = height - left / (3 - 2 * np.sqrt(2) * length**2 / diagonal**3)
+    return length - 1 + 2 * (1 - np.sqrt(2) / np.hypot(length, height)) * length
+
+
+def sheet_forces(
     period: float, numbers: Numbers, passages: Sequence[Passage], per_width: bool = False
 ) -> Iterator[Float[np.ndarray, " _"]]:
-    """Forces of a zigzag with the :data:`FITTED` numbers at the strains of every passage.
+    """Forces of a sheet with the :data:`FITTED` numbers at the strains of every passage.
 
-    Its fold is a scalar return mapping in closed form, as no fold turns back within a passage.
+    A fold is a scalar return mapping in closed form, as no fold turns back within a passage.
     """
     k_s, k_t, rest, friction, drift = numbers.tolist()
     quarter = period / 4

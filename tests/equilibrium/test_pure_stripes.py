@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
+from knitlab.fabric.pure_stripe import PureStripe, tension_across, tension_along
 from knitlab.fabric.settings import ModelOptions
+from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.zigzag import zigzag
 from tests.fabrics import (
     CLAMPED,
@@ -16,8 +18,11 @@ from tests.fabrics import (
     DISTINCT_STRIPES,
     FINE,
     PERIODIC,
+    SHEET,
+    assemble_fabric,
     cell_of,
     compiled_tension,
+    patch_map,
     pure,
     relaxed,
     stretched,
@@ -174,6 +179,44 @@ def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_sp
     expected = float(compiled_tension(stiffer, jnp.array([2.0]))[0])
     assert row_force(net, test)[-1] == pytest.approx(expected, rel=0.02)
     assert float(compiled_tension(zigzag(of), jnp.array([2.0]))[0]) < 0.95 * expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ridges", ["G", "R"])
+@pytest.mark.parametrize(
+    "curve", [None, SpringCurve((0.0, 0.1, 0.3), (0.0, 1.0, 6.0))], ids=["linear", "curve"]
+)
+def test_springs_along_the_ridges_act_as_in_the_sheet_of_three_unknowns(ridges, curve):
+    """Their stiffness is over width, so that it is that of a spring of a square cell."""
+    of = replace(stripe("rib", 4), stretch_along=0.03, curve_along=curve)
+    strains = [0.0, 0.1, 0.3]
+    test = stretched(*pure(of, PERIODIC, ridges=ridges), strains, FINE)
+    sheet = PureStripe.of(of)
+    tension = {"G": tension_across, "R": tension_along}[ridges]
+    expected = tension(sheet, jnp.array(strains[1:]))
+    found = [test.loading.reaction_force(state.gradient) / 4 for state in test.states[1:]]
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_the_sheet_of_three_unknowns_is_solved_like_by_another_solver():
+    of, strains = stripe("garter", 12), np.array([0.05, 0.8, 2.0])
+    sheet = PureStripe.of(of)
+    across, along = tension_across(sheet, strains), tension_along(sheet, strains)
+    np.testing.assert_allclose(across, [across_the_ridges(of, e)[1] for e in strains], rtol=1e-9)
+    np.testing.assert_allclose(along, [along_the_ridges(of, e)[1] for e in strains], rtol=1e-9)
+
+
+def test_a_stripe_in_rows_of_another_width_has_the_same_force_over_width():
+    """A row of rib is as wide as the garter's cells are high, here 1.5 times as wide as its own."""
+    rib = stripe("rib", 4)
+    own = float(PureStripe.of(rib).cell)
+    rib = replace(rib, row_width=own)
+    garter = replace(stripe("garter", 8), period=1.5 * rib.period, theta_0=rib.theta_0)
+    options = replace(PERIODIC, cell_size="relaxed")
+    net, fabric = assemble_fabric(patch_map(["R"], 1), rib, garter, SHEET, options)
+    np.testing.assert_allclose(fabric.stretch_stiffness[net.weft], 1.5 * rib.k_s)
+    folds = net.wale & (fabric.rest_fold != 0)
+    np.testing.assert_allclose(fabric.fold_stiffness[folds], 1.5 * rib.k_t)
 
 
 def weakly_braced(of, options, factor):

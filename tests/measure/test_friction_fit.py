@@ -9,10 +9,9 @@ import pytest
 from scipy.optimize import brentq
 
 import knitlab as kl
-from knitlab.fabric.zigzag import zigzag
-from knitlab.measure.friction_fit import FITTED, LoadingCycles, Passage, fit_friction, zigzag_forces
+from knitlab.fabric.pure_stripe import PureStripe, tension_across
+from knitlab.measure.friction_fit import FITTED, LoadingCycles, Passage, fit_friction, sheet_forces
 from tests.equilibrium.test_friction import Hinge
-from tests.fabrics import compiled_tension
 
 PERIOD = 1.41
 NUMBERS = np.array([0.817, 0.0107, 0.772, 0.15, 0.03])
@@ -20,12 +19,12 @@ STRAIN = np.linspace(0.0, 2.2, 30)
 THERE, BACK = Passage(STRAIN, STRAIN, loading=True), Passage(STRAIN[::-1], STRAIN, loading=False)
 
 
-def test_without_friction_the_zigzag_is_that_in_closed_form():
-    (force,) = zigzag_forces(PERIOD, NUMBERS * [1, 1, 1, 0, 0], [THERE])
+def test_without_friction_the_sheet_is_that_of_three_unknowns():
+    (force,) = sheet_forces(PERIOD, NUMBERS * [1, 1, 1, 0, 0], [THERE])
     k_s, k_t, theta_0 = NUMBERS[:3]
     stripe = kl.Stripe("rib", 4, PERIOD, k_s=k_s, theta_0=theta_0, k_t=k_t)
-    chain = zigzag(stripe)
-    np.testing.assert_allclose(force, compiled_tension(chain, jnp.asarray(STRAIN)), atol=1e-12)
+    expected = tension_across(PureStripe.of(stripe), jnp.asarray(STRAIN))
+    np.testing.assert_allclose(force, expected, atol=1e-12)
 
 
 def test_cycles_are_those_of_a_fold_that_turns_in_small_steps():
@@ -33,16 +32,26 @@ def test_cycles_are_those_of_a_fold_that_turns_in_small_steps():
     k_s, k_t, rest, friction, _ = NUMBERS.tolist()
     cell, hinge = PERIOD / 4 / math.sin(rest / 2), Hinge(kl.Friction(friction), k_t)
 
+    def pull_of(spring):
+        """Force of a cell across the ridges at a length, with its height in balance."""
+
+        def along(height):
+            return (
+                height - cell + 2 * height * (1 - math.sqrt(2) * cell / math.hypot(spring, height))
+            )
+
+        height = brentq(along, 0.2 * cell, 2 * cell, xtol=1e-15)
+        inclined = 1 - math.sqrt(2) * cell / math.hypot(spring, height)
+        return k_s * (spring - cell + 2 * spring * inclined)
+
     def state(angle, moment):
         """Strain and force of a fold at an angle that its spring and its hinge pull."""
 
         def imbalance(spring):
-            pull = k_s * (spring - cell)
-            return pull * spring / math.tan(angle / 2) - k_t * (angle - rest) - moment
+            return pull_of(spring) * spring / math.tan(angle / 2) - k_t * (angle - rest) - moment
 
         spring = brentq(imbalance, 0.5 * cell, 10 * cell, xtol=1e-15)
-        pull = k_s * (spring - cell)
-        return 4 * spring * math.sin(angle / 2) / PERIOD - 1, pull / math.sin(angle / 2)
+        return 4 * spring * math.sin(angle / 2) / PERIOD - 1, pull_of(spring) / math.sin(angle / 2)
 
     drift_free = NUMBERS * [1, 1, 1, 1, 0]
     for passage, angles in zip([THERE, BACK], [(rest, 2.9), (2.9, rest)], strict=True):
@@ -56,7 +65,7 @@ def test_cycles_are_those_of_a_fold_that_turns_in_small_steps():
         loaded = Passage(even, even, loading=True)
         at = strain[force > 0]
         history = [loaded] if passage is THERE else [loaded, Passage(at, at, loading=False)]
-        last = [*zigzag_forces(PERIOD, drift_free, history)][-1]
+        last = [*sheet_forces(PERIOD, drift_free, history)][-1]
         if passage is THERE:
             np.testing.assert_allclose(last, np.interp(loaded.strain, strain, force), atol=2e-5)
         else:
@@ -73,7 +82,7 @@ def test_numbers_are_found_again(passages, within):
     noise = np.random.default_rng(5)
     made = [
         replace(each, force=force + 2e-4 * noise.normal(size=len(force)))
-        for each, force in zip(passages, zigzag_forces(PERIOD, NUMBERS, passages), strict=True)
+        for each, force in zip(passages, sheet_forces(PERIOD, NUMBERS, passages), strict=True)
     ]
     fit = fit_friction(PERIOD, LoadingCycles(tuple(made)))
     assert fit.comparison.wanted
@@ -99,7 +108,7 @@ def test_the_repeats_of_swatches_tell_little():
 def test_repeats_that_only_scatter_have_no_drift():
     """Repeats that differ as wholes by 4 %: errors of independent points would often deny it."""
     noise = np.random.default_rng(1)
-    (force,) = zigzag_forces(PERIOD, NUMBERS * [1, 1, 1, 0, 0], [THERE])
+    (force,) = sheet_forces(PERIOD, NUMBERS * [1, 1, 1, 0, 0], [THERE])
     for _ in range(4):
         scattered = [force * (1 + 0.04 * noise.normal()) for _ in range(5)]
         repeats = [
@@ -112,7 +121,7 @@ def test_repeats_that_only_scatter_have_no_drift():
 
 def test_cycles_are_of_one_swatch_and_count_from_where_there_is_no_force(tmp_path):
     passages = [THERE, BACK, THERE]
-    forces = [*zigzag_forces(PERIOD, NUMBERS, passages)]
+    forces = [*sheet_forces(PERIOD, NUMBERS, passages)]
     strain = np.concatenate([each.strain for each in passages])
     rows = zip(strain, np.concatenate(forces), strict=True)
     path = tmp_path / "cycles.csv"

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.io.errors import BadInput
-from knitlab.sweep.material import SCALED, add_stripe, period_ratio, with_material
+from knitlab.sweep.material import SCALED, add_stripe, with_material
 from knitlab.sweep.parameters import StripeTables
 from knitlab.sweep.plan import make_plan
 
@@ -42,11 +42,12 @@ def test_a_similar_fabric_of_another_size_has_the_same_curve():
     sheet = replace(sheet, contact_pressure=sheet.contact_pressure / 7.0)
     paper = kl.simulate(design, STRAINS)
     scaled = kl.simulate(design, STRAINS, material=similar, sheet=sheet)
-    assert float(paper["touches_wall"].max()) if "touches_wall" in paper else True
     np.testing.assert_allclose(scaled["poisson_ratio"], paper["poisson_ratio"], rtol=1e-5)
-    for name in ("relaxed_cell_x", "knit_cell_x", "amplitude"):
-        if name in paper:
-            np.testing.assert_allclose(scaled[name], 7.0 * paper[name], rtol=1e-6)
+    np.testing.assert_allclose(scaled["relaxed_cell_x"], 7.0 * paper["relaxed_cell_x"], rtol=1e-6)
+    # Its periods are measured: the cloth is as large as the network.
+    for axis in "xy":
+        cloth, network = (scaled[f"{kind}_cell_{axis}"] for kind in ("knit", "relaxed"))
+        np.testing.assert_allclose(cloth, network, rtol=1e-6)
 
 
 def test_own_lengths_are_kept_and_the_others_are_stated(tmp_path):
@@ -58,30 +59,71 @@ def test_own_lengths_are_kept_and_the_others_are_stated(tmp_path):
     assert case.sheet.cloth_stitch_width == pytest.approx(plan.gauge.stitch_width)
     (case,) = make_plan("periodic", settings | {"z_max": 20.0}).cases.values()
     assert case.sheet.z_max == 20.0
-    assert plan.gauge.stitch_width == pytest.approx(7 * PAPER.gauge.stitch_width)
+    # A flat period has 2n stitches.
+    width = 7 * RIB.period / RIB.contraction / (2 * RIB.n)
+    height = 7 * GARTER.period / GARTER.contraction / (2 * GARTER.n)
+    assert plan.gauge.stitch_width == pytest.approx(width)
+    assert plan.gauge.stitch_height == pytest.approx(height)
     assert plan.material == "acrylic"
     (sentence,) = plan.warnings
-    assert "stitch_height = 5.6 mm, stitch_width = 9.45 mm" in sentence
-    assert "thickness = 2.8 mm" in sentence
-    given_all = settings | {
-        "stitch_width": 4.0,
-        "stitch_height": 2.0,
-        "z_max": 20.0,
-        "thickness": 2.0,
-    }
-    assert make_plan("periodic", given_all).warnings == ()
+    thickness = PAPER.sheet.thickness * width / PAPER.gauge.stitch_width
+    assert f"thickness = {thickness:.3g} mm" in sentence
+    assert make_plan("periodic", settings | {"z_max": 20.0, "thickness": 1.0}).warnings == ()
+
+
+def test_another_stitch_than_that_of_the_periods_is_said_with_both_sizes(tmp_path):
+    path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0), stitch_width=2.0)
+    settings = {"n_stripe": 4, "n_subunit": 16, "material": path, "z_max": 20.0, "thickness": 1.0}
+    (sentence,) = make_plan("periodic", settings).warnings
+    implied = 7 * RIB.period / RIB.contraction / (2 * RIB.n)
+    for part in ("stitch_width = 2 mm", f"{implied:.3g} mm", "rib 4", "leave"):
+        assert part in sentence
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"), [("cell_size", "flat"), ("hinge_stiffness", "per_length")]
+)
+def test_model_options_that_contradict_the_material_are_refused(tmp_path, setting, value):
+    own = replace(longer(RIB, 7.0), row_width=3.0), replace(longer(GARTER, 7.0), row_width=3.0)
+    path = written(tmp_path / "a.toml", *own)
+    settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
+    with pytest.raises(BadInput, match=f"{value} contradicts the material 'acrylic'"):
+        make_plan("periodic", settings | {setting: value})
+    model = replace(kl.Model(), **{setting: value})
+    with pytest.raises(BadInput, match=f"{value} contradicts"):
+        kl.simulate(
+            kl.Design(4, 16), STRAINS, material=kl.Material(own, name="acrylic"), model=model
+        )
+
+
+def test_a_stripe_of_the_other_convention_is_not_added(tmp_path):
+    add_stripe(tmp_path / "a.toml", RIB, "first")
+    with pytest.raises(BadInput, match="relaxed"):
+        add_stripe(tmp_path / "a.toml", GARTER, "second", cell_size="flat")
+
+
+@pytest.mark.slow
+def test_size_in_cloth_and_force_over_width_do_not_depend_on_the_convention():
+    rib, garter = (replace(longer(each, 7.0), row_width=3.0) for each in (RIB, GARTER))
+    flat = [replace(each, period=each.period / each.contraction) for each in (rib, garter)]
+    design = kl.Design(4, 16, boundary="periodic")
+    relaxed = kl.simulate(design, STRAINS, material=kl.Material((rib, garter)))
+    other = kl.simulate(design, STRAINS, material=kl.Material(tuple(flat), cell_size="flat"))
+    for name in ("knit_cell_x", "knit_cell_y", "force_per_width", "poisson_ratio"):
+        np.testing.assert_allclose(other[name], relaxed[name], rtol=1e-6, atol=1e-9)
 
 
 def test_a_length_that_is_not_given_is_stated_where_it_acts(tmp_path):
     path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0))
     settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
+    wider = 7 * RIB.period / RIB.contraction / (2 * RIB.n) / PAPER.gauge.stitch_width
     (plain,) = make_plan("periodic", settings | {"contact": "none"}).warnings
-    assert "z_max = 42 mm" in plain
+    assert f"z_max = {wider * PAPER.sheet.z_max:.3g} mm" in plain
     assert "thickness" not in plain
     (contact,) = make_plan("periodic", settings).warnings
-    assert "thickness = 2.8 mm" in contact
+    assert f"thickness = {wider * PAPER.sheet.thickness:.3g} mm" in contact
     (sensor,) = make_plan("sensor", settings).warnings
-    assert "clearance = 0.7 mm" in sensor
+    assert f"clearance = {wider * PAPER.capacitor.clearance:.3g} mm" in sensor
 
 
 @pytest.mark.parametrize(
@@ -184,17 +226,6 @@ def test_a_material_is_read_as_it_was_written(tmp_path_factory, numbers, lengths
     assert replace(read, source="test") == material
 
 
-@given(st.floats(0.1, 50.0))
-def test_the_ratio_of_the_papers_stripes_to_themselves_is_their_factor(factor):
-    stripes = [
-        longer(PAPER.stripes.stripe(knit, n), factor)
-        for knit in ("rib", "garter")
-        for n in PAPER.stripes.sizes(knit)
-    ]
-    assert period_ratio(stripes, PAPER.stripes) == pytest.approx(factor)
-    assert period_ratio([replace(RIB, n=1)], PAPER.stripes) > 1  # narrower than the paper's
-
-
 def test_a_calibrated_stripe_is_added_to_the_file_and_replaces_itself(tmp_path):
     path = tmp_path / "acrylic.toml"
     add_stripe(path, RIB, "first")
@@ -256,7 +287,7 @@ def test_a_key_of_a_file_is_shown_as_one_short_line(tmp_path):
 
 def test_nothing_but_the_lengths_and_stripes_of_the_parameters_changes():
     changed = with_material(PAPER, kl.Material((RIB, GARTER)))
-    for name in ("model", "solver", "dynamics", "designs", "patterns", "layouts"):
+    for name in ("solver", "dynamics", "designs", "patterns", "layouts"):
         assert getattr(changed, name) == getattr(PAPER, name)
     assert changed.sheet.k_wall == PAPER.sheet.k_wall
 
