@@ -65,7 +65,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
 )
 @repeatable(
     "--machine KEY=VALUE",
-    "Override a value of params/machine.toml, such as end=drop or model=Kniterate.",
+    "Machine of params/machine.toml, as model=Kniterate, or a value in place of its own.",
     callback=options.machine_values,
 )
 @repeatable(
