@@ -103,6 +103,8 @@ def knit(
     sample = knitted(single_design(design, settings, selections), **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
+    for warning in sample.warnings:
+        click.echo(f"warning: {warning}", err=True)
     for remark in sample.remarks:
         click.echo(f"remark: {remark}", err=True)
     for path in outputs:

@@ -135,11 +135,11 @@ def legend_handles(chart: StitchChart, leads: Sequence[Lead] = ()) -> list[Patch
     outline = "edge of the sample" if chart.is_whole_sample else "repeat"
     ends: Look = {"color": "black", "lw": 0.9, "markersize": 4}
     of_leads = [
-        Line2D([], [], label="conductive yarn enters, and leaves at this edge", marker="o", **ends),
-        Line2D([], [], label="conductive yarn is cut, and leaves at this edge", marker="s", **ends),
+        Line2D([], [], label="conductive yarn is brought in", marker="o", **ends),
+        Line2D([], [], label="conductive yarn is cut", marker="s", **ends),
     ]
     if any(lead.distance for lead in leads):
-        inside = "end inside: to be led to this edge over the back"
+        inside = "end to lead to the edge"
         of_leads.append(Line2D([], [], label=inside, color="black", lw=0.9, ls=LED))
     return [
         *(Patch(fc=colour, ec="0.3", lw=0.5, label=label) for label, colour in colours.items()),
@@ -235,11 +235,16 @@ def specification_sheet(specification: "Specification") -> Figure:
     axes.set_anchor("NW")
     draw_chart(axes, chart, 4.4 / (columns.stop - columns.start), specification.leads)
     figure.text(0.07, 0.565, f"Chart, seen from the front. {title_of(chart)}", fontsize=9)
-    at: Look = {"loc": "lower left", "bbox_to_anchor": (0.06, 0.03)}
+    at: Look = {"loc": "lower left", "bbox_to_anchor": (0.06, 0.018)}
     figure.legend(handles=legend_handles(chart, specification.leads), ncols=2, **at)
     _draw_prediction(figure.add_axes((0.75, 0.32, 0.2, 0.18)), specification.prediction)
-    remarks = [line for remark in specification.remarks for line in textwrap.wrap(remark, 34)]
-    figure.text(0.7, 0.25, "\n".join([NOTE, *remarks]), va="top", fontsize=8, color="0.3")
+    remarks = [f"Warning: {warning}" for warning in specification.warnings]
+    remarks += specification.remarks
+    remarks = [line for remark in remarks for line in textwrap.wrap(remark, 34)]
+    top, count = 0.42 if specification.prediction is None else 0.25, len(remarks) + 3
+    # All end above the foot of the page.
+    size = min(8.0, 72 * A4[1] * (top - 0.03) / (1.25 * count))
+    figure.text(0.7, top, "\n".join([NOTE, *remarks]), va="top", fontsize=size, color="0.3")
     return figure
 
 

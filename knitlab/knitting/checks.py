@@ -104,9 +104,7 @@ class _State:
     def _check_carriers(self, needle: Needle, carriers: tuple[int, ...]) -> None:
         most = self.machine.carriers_of_a_stitch
         if len(carriers) > most or len(set(carriers)) < len(carriers):
-            self._report(
-                f"has {len(carriers)} carriers; take {'one' if most == 1 else f'1 to {most}'}"
-            )
+            self._report(f"has {len(carriers)} carriers; take at most {most}")
         for carrier in carriers:
             if carrier not in self.active:
                 remedy = f"bring it in by {self.machine.bring_in} {carrier}"

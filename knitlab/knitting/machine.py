@@ -129,9 +129,14 @@ def read_machine(
     back_end = _known("back_end", str(changes.get("back_end", of_machine["back_end"])), back_ends)
     of_back_end = _values(back_ends[back_end])
     sizes = yarn if yarn.machine is None or same_model(yarn.machine, model) else YarnOnMachine()
-    values = {"model": model, "body_yarn": yarn.yarn, "conductive_yarn": yarn.conductive_yarn}
-    values |= {"body_stitch_size": sizes.stitch_size, "waste_stitch_size": sizes.stitch_size}
-    values |= {"plated_stitch_size": sizes.plated_stitch_size}
+    values: dict[str, Any] = {
+        "model": model,
+        "body_yarn": yarn.yarn,
+        "conductive_yarn": yarn.conductive_yarn,
+        "body_stitch_size": sizes.stitch_size,
+        "plated_stitch_size": sizes.plated_stitch_size,
+        "waste_stitch_size": sizes.stitch_size,
+    }
     for table in (*(_values(tables[name]) for name in SHARED), of_machine, of_back_end):
         values |= table
     faults = [

@@ -12,7 +12,7 @@ from knitlab.knitting.knitout import knitout
 from knitlab.knitting.leads import Lead, leads
 from knitlab.knitting.machine import NOT_GIVEN, Machine, stitch_size_in_words
 from knitlab.knitting.program import Duration, Operation, duration, longest_floats, operations
-from knitlab.knitting.stitch_size import implausible_sizes
+from knitlab.knitting.stitch_size import implausible_size
 from knitlab.measure.knit_size import Gauge
 
 
@@ -93,17 +93,21 @@ class Specification:
         return sorted(used)
 
     @property
+    def warnings(self) -> list[str]:
+        """What makes its sizes doubtful: a gauge that contradicts the machine."""
+        return [problem] if (problem := implausible_size(self.gauge, self.machine)) else []
+
+    @property
     def remarks(self) -> list[str]:
         """What deserves a look before it is knitted."""
-        remarks = [*implausible_sizes(self.gauge, self.machine), *self.differences]
-        remarks += self._missing_sizes
+        remarks = [*self.differences, *self._missing_sizes]
         for carrier, passed in longest_floats(self.operations).items():
             if passed > self.machine.longest_float:
                 remarks.append(f"the yarn of carrier {carrier} floats past {passed} needles")
-        for lead in self.leads:
-            if lead.distance:
-                remedy = "leave its end long and lead it there over the back; the model has none"
-                remarks.append(f"{lead.name}: {lead}: {remedy}")
+        if inside := [lead.name for lead in self.leads if lead.distance]:
+            remedy = "leave these ends long and lead them to the edge over the back"
+            problem = f"{', '.join(inside)}: the conductive yarn ends inside the fabric"
+            remarks.append(f"{problem}: {remedy}; the model has no leads")
         if self.prediction is not None and self.prediction.passes_through_itself:
             remarks.append("the relaxed shape passes through itself: its size is uncertain")
         return remarks

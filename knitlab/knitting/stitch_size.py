@@ -11,20 +11,20 @@ WIDTHS = 0.5, 1.5  # of a stitch before it folds, over the distance of two needl
 HEIGHTS = 0.3, 1.5  # of a stitch over its width; the paper's 0.6
 
 
-def implausible_sizes(gauge: Gauge, machine: Machine) -> list[str]:
-    """What of the size of a stitch contradicts the machine, or the shape of a stitch."""
+def implausible_size(gauge: Gauge, machine: Machine) -> str | None:
+    """How the size of a stitch contradicts the machine or the shape of a stitch; None if neither.
+
+    With a width that contradicts the needles, the shape is left out: it follows from the width.
+    """
     width, height, pitch = gauge.stitch_width, gauge.stitch_height, machine.pitch
-    found = []
     if not WIDTHS[0] <= width / pitch <= WIDTHS[1]:
         low, high = (factor * pitch for factor in WIDTHS)
-        needles = f"the needles of {machine.model} are {pitch:.3g} mm apart"
-        usual = f"which makes stitches of {low:.2g} to {high:.2g} mm"
+        problem = f"stitch_width is {width:.4g} mm, and the needles of {machine.model} are"
+        problem += f" {pitch:.3g} mm apart, which makes stitches of {low:.2g} to {high:.2g} mm"
         remedy = "give stitch_width as measured on a swatch of this machine, or the machine of the"
-        problem = f"stitch_width is {width:.4g} mm, and {needles}, {usual}"
-        found.append(f"{problem}: {remedy} swatch by model or needles_per_inch")
+        return f"{problem}: {remedy} swatch by model or needles_per_inch"
     if not HEIGHTS[0] <= height / width <= HEIGHTS[1]:
-        low, high = HEIGHTS
-        problem = f"stitch_height is {height:.4g} mm, {height / width:.2g} of stitch_width"
-        usual = f"stitches are {low:g} to {high:g} times as high as wide"
-        found.append(f"{problem} ({width:.4g} mm), and {usual}: measure both on a swatch")
-    return found
+        low, high = (factor * width for factor in HEIGHTS)
+        problem = f"stitch_height is {height:.4g} mm, and stitches {width:.4g} mm wide are"
+        return f"{problem} {low:.2g} to {high:.2g} mm high: measure both on a swatch"
+    return None
