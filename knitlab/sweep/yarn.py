@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 from pydantic import PositiveFloat
 
 from knitlab.io.names import Line
@@ -43,4 +44,5 @@ class YarnOnMachine:
     def of_attributes(cls, attributes: Mapping[str, Any]) -> "YarnOnMachine":
         """The yarn that the attributes of a cube state."""
         stated = {name: attributes.get(f"{ATTRIBUTE}{name}") for name in asdict(cls())}
-        return cls(**stated)
+        # A netCDF file returns numbers as those of numpy.
+        return cls(**{k: v.item() if isinstance(v, np.generic) else v for k, v in stated.items()})
