@@ -147,7 +147,7 @@ def knit(
     model: ModelOptions | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
-    material: Material | None = None,
+    material: Material | str | Path | None = None,
     **settings: Any,
 ) -> KnitSample:
     """Chart a design stitch by stitch, and write the knitout that knits it.
@@ -166,7 +166,8 @@ def knit(
         model: of a design, its model options, as for :func:`knitlab.simulate`.
         capacitor: of a design, its electrodes.
         gauge: of a design, the size of a stitch.
-        material: of a design, the material in place of the paper's yarn.
+        material: in place of the paper's yarn, of a design a material or its file, of a workflow
+            its file; a cube has its own.
         settings: of a workflow, settings that replace its own, as for :func:`knitlab.run`; of a
             cube, values of coordinates that select one design, and a size of a stitch.
 
@@ -181,6 +182,12 @@ def knit(
         'sample.k'
     """
     tables = {"model": model, "capacitor": capacitor, "gauge": gauge}
+    if isinstance(material, str | Path):
+        if isinstance(design, Design):
+            material = Material.read(material)
+        else:
+            # It is the setting of a workflow.
+            settings["material"], material = material, None
     given = tables | {"material": material}
     if isinstance(design, Design):
         if settings:

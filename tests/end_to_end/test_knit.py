@@ -306,6 +306,7 @@ def test_material_and_yarn_are_the_same_from_a_file_an_object_a_plan_and_a_test(
     test = kl.simulate(design, [0, 0.03], material=material)
     samples = [
         kl.knit(design, material=material),
+        kl.knit(design, material=merino),
         kl.knit(test),
         kl.knit("periodic", n_stripe=4, n_subunit=16, material=str(merino)),
     ]
@@ -314,3 +315,5 @@ def test_material_and_yarn_are_the_same_from_a_file_an_object_a_plan_and_a_test(
         rows = dict(sample.rows())
         assert (rows["material"], rows["yarn"]) == ("merino", "merino 2/30, two ends")
         assert rows["machine"].startswith("Kniterate")
+    with pytest.raises(kl.BadInput, match="material: is of a Design"):
+        kl.knit("periodic", n_stripe=4, n_subunit=16, material=material)
