@@ -20,7 +20,7 @@ from knitlab.knitting.chart import Face
 from knitlab.knitting.chart_files import Edge, read_stitches
 from knitlab.knitting.instructions import instructions
 from knitlab.knitting.knitout import knitout
-from knitlab.knitting.machine import read_machine
+from knitlab.knitting.machine import NOT_GIVEN, Machine, paper_yarn, read_machine, same_model
 from knitlab.knitting.patches import ReadChart, patches_of
 from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Specification
@@ -29,6 +29,7 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
+from knitlab.sweep.material import Material, with_material
 from knitlab.sweep.parameters import UNITS, defaults
 from knitlab.sweep.workflow import Protocol
 
@@ -69,7 +70,7 @@ class KnitSample(Specification):
         """The chart as a matplotlib figure."""
         from knitlab.figures.stitch_chart import stitch_chart_figure
 
-        return stitch_chart_figure(self.chart)
+        return stitch_chart_figure(self.chart, self.leads)
 
     def sheet_figure(self) -> "Figure":
         """The specification sheet as a matplotlib figure, one page A4."""
@@ -112,9 +113,14 @@ class KnitSample(Specification):
             return path
         with atomic_write(path) as temporary:
             words = self.instructions(in_the_round=in_the_round) if suffix == WORDS else None
-            text = words or (self.program if suffix == KNITOUT else self.chart.table())
+            text = words or (self.program if suffix == KNITOUT else self._table())
             temporary.write_text(text, encoding="utf-8", newline="\n")
         return path
+
+    def _table(self) -> str:
+        """The chart as a table, with the ends of the yarn of electrodes."""
+        ends = {True: ":in", False: ":out"}
+        return self.chart.table((each.course, each.wale, ends[each.enters]) for each in self.leads)
 
     def save_sheet(self, path: str | Path) -> Path:
         """Write the specification sheet.
@@ -141,6 +147,7 @@ def knit(
     model: ModelOptions | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
+    material: Material | str | Path | None = None,
     **settings: Any,
 ) -> KnitSample:
     """Chart a design stitch by stitch, and write the knitout that knits it.
@@ -153,11 +160,14 @@ def knit(
         needles: in place of that, needles to fill with whole repeats, twice as long as wide.
         face: face of the fabric for its conductors, ``"front"`` or ``"back"``; by default that to
             which their ridges point.
-        machine: values that replace those of ``params/machine.toml``, such as
-            ``{"end": "drop", "waste_courses": 10}``.
+        machine: the model of a machine of ``params/machine.toml``, by default that of the material
+            or of the paper, and values that replace its own, such as
+            ``{"model": "Kniterate", "waste_courses": 10}``.
         model: of a design, its model options, as for :func:`knitlab.simulate`.
         capacitor: of a design, its electrodes.
         gauge: of a design, the size of a stitch.
+        material: in place of the paper's yarn, of a design a material or its file, of a workflow
+            its file; a cube has its own.
         settings: of a workflow, settings that replace its own, as for :func:`knitlab.run`; of a
             cube, values of coordinates that select one design, and a size of a stitch.
 
@@ -172,16 +182,28 @@ def knit(
         'sample.k'
     """
     tables = {"model": model, "capacitor": capacitor, "gauge": gauge}
+    if isinstance(material, str | Path):
+        if isinstance(design, Design):
+            material = Material.read(material)
+        else:
+            # It is the setting of a workflow.
+            settings["material"], material = material, None
+    given = tables | {"material": material}
     if isinstance(design, Design):
         if settings:
-            problem = f"is of a workflow or a cube; of a Design, give {', '.join(tables)}"
+            problem = f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
             raise fault(", ".join(settings), problem)
-        parameters = defaults().with_tables(**tables)
+        if material is not None and isinstance(model := tables.get("model"), ModelOptions):
+            material.check(model)
+        parameters = defaults() if material is None else with_material(defaults(), material)
+        parameters = parameters.with_tables(**tables)
         plated = capacitor is not None
         case = case_of_design(design, [0.0], parameters, Protocol(), electrodes=plated)
-        single = SingleDesign(case, parameters.gauge)
-    elif given := [name for name, table in tables.items() if table is not None]:
-        raise fault(", ".join(given), "is of a Design; leave it out of a workflow or a cube")
+        single = SingleDesign(
+            case, parameters.gauge, material=parameters.material, yarn=parameters.yarn
+        )
+    elif of_designs := [name for name, table in given.items() if table is not None]:
+        raise fault(", ".join(of_designs), "is of a Design; leave it out of a workflow or a cube")
     elif is_cube(design):
         sizes = {name: settings.pop(name) for name in declared(Gauge) if name in settings}
         single = single_design(design, sizes, settings)
@@ -233,21 +255,29 @@ def knitted(
         raise fault("repeats", "and needles both set the size; give one of them")
     if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
         raise fault("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
-    used = read_machine(machine)
+    used = read_machine(machine, design.yarn)
     if face is not None and design.case.capacitor is None:
         raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
-    assumed, differences = _assumptions(design)
+    assumed, differences = _assumptions(design, used)
     return KnitSample(chart, used, design.gauge, program, design.prediction, assumed, differences)
 
 
-def _assumptions(design: SingleDesign) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
-    """Yarn, stripes and gauge that a sample counts on, and what its yarn does not have."""
+def _assumptions(
+    design: SingleDesign, machine: Machine
+) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Yarn, stripes and gauge that a sample counts on, and what yarn and machine do not have."""
     case, tables = design.case, defaults().stripes
     width, height = design.gauge.stitch_width, design.gauge.stitch_height
-    rows = [("yarn", design.material or "that of the paper, params/stripes.toml")]
+    yarn, rows = design.yarn or paper_yarn(), [("yarn", "that of the paper, params/stripes.toml")]
+    if design.material is not None:
+        rows = [("material", design.material), ("yarn", yarn.yarn or NOT_GIVEN)]
     differences = []
+    if yarn.machine is not None and not same_model(yarn.machine, machine.model):
+        whose = design.material or "the paper's yarn"
+        problem = f"stripes and stitch sizes of {whose} are of {yarn.machine}, not {machine.model}"
+        differences.append(f"{problem}: knit and calibrate swatches on this machine")
     if case.folds:
         angles = ", ".join(sorted({f"{fold.theta_0:.3g} rad" for fold in case.folds}))
         problem = f"no stitch is known to make single folds of a rest angle, here {angles}, and"

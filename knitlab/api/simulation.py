@@ -187,7 +187,7 @@ def simulate(
     results = results.assign(known_in_advance(case) | sizes)
     results.attrs |= stated_gauge(parameters.gauge)
     if material is not None:
-        results.attrs["material"] = material.name
+        results.attrs |= {"material": material.name} | material.on_machine.attributes
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
     return with_derived(described(results))

@@ -24,6 +24,7 @@ from knitlab.sweep.plan import make_plan
 from knitlab.sweep.recorded_case import recorded_case
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.workflow_file import Overrides, read_overrides
+from knitlab.sweep.yarn import YarnOnMachine
 
 MOST_NAMED = 6  # designs that a message lists
 
@@ -35,6 +36,7 @@ class SingleDesign(NamedTuple):
     gauge: Gauge
     prediction: Prediction | None = None
     material: str | None = None
+    yarn: YarnOnMachine | None = None  # what the material says of its yarn and machine
 
 
 def single_design(
@@ -70,22 +72,23 @@ def _of_workflow(
     designs = pd.MultiIndex.from_tuples(plan.designs.values(), names=plan.dims)
     ids = pd.Series([*plan.cases], designs, name="case_id").to_xarray().fillna("").to_dataset()
     case_id = _only_one(ids, plan.workflow, selections)["case_id"].item()
-    return SingleDesign(plan.cases[case_id], plan.gauge, material=plan.material)
+    return SingleDesign(plan.cases[case_id], plan.gauge, material=plan.material, yarn=plan.yarn)
 
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     """The design of a cube or of a test."""
     gauge = gauge_of(cube.attrs) or defaults().gauge
     material = cube.attrs.get("material")
+    yarn = None if material is None else YarnOnMachine.of_attributes(cube.attrs)
     if is_case(cube):
         case = recorded_case(cube)
-        return SingleDesign(case, gauge, _prediction(cube, case, "test"), material)
+        return SingleDesign(case, gauge, _prediction(cube, case, "test"), material, yarn)
     design = _only_one(cube, "the cube", selections)
     source = cube.encoding.get("source")
     folder = None if source is None else cube_path(source).parent
     name = str(cube.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
-    return SingleDesign(case, gauge, _prediction(design, case, name), material)
+    return SingleDesign(case, gauge, _prediction(design, case, name), material, yarn)
 
 
 def _only_one(cube: xr.Dataset, title: str, selections: Mapping[str, Any]) -> xr.Dataset:

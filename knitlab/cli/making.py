@@ -65,7 +65,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
 )
 @repeatable(
     "--machine KEY=VALUE",
-    "Override a value of params/machine.toml, such as end=drop or model=Kniterate.",
+    "Machine of params/machine.toml, as model=Kniterate, or a value in place of its own.",
     callback=options.machine_values,
 )
 @repeatable(
@@ -103,6 +103,8 @@ def knit(
     sample = knitted(single_design(design, settings, selections), **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
+    for warning in sample.warnings:
+        click.echo(f"warning: {warning}", err=True)
     for remark in sample.remarks:
         click.echo(f"remark: {remark}", err=True)
     for path in outputs:

@@ -1,6 +1,7 @@
 """The stitch chart of a sample, and its specification sheet: one page for the knitter."""
 
 import textwrap
+from collections.abc import Sequence
 from datetime import date
 from importlib.metadata import version
 from itertools import pairwise
@@ -16,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.style import TWO_COLUMNS, Look, print_style
 from knitlab.knitting.chart import StitchChart, electrode_name
+from knitlab.knitting.leads import Lead
 
 if TYPE_CHECKING:
     from knitlab.knitting.specification import Prediction, Specification
@@ -28,6 +30,10 @@ MOST_DRAWN = (256, 128)  # courses and wales up to which more than one repeat is
 WORD = 0.6  # width of a patch from which on its knit is named by a word, else by its letter [in]
 MARGIN = 0.7  # room for the numbers of an axis [in]
 REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}  # around the repeat, or the sample
+LED = (0, (2, 1.5))  # dashes of yarn that is led to an edge over the back
+BEYOND = 8.0  # length of the end of a yarn beyond an edge [pt]
+OUTWARD = {"lower": (0, -1), "upper": (0, 1), "left": (-1, 0), "right": (1, 0)}
+"""Directions out of the fabric at its edges, along the chart's (x, y)."""
 A4 = 210 / 25.4, 297 / 25.4  # width and height of the specification sheet [in]
 NOTE = """Sizes are of cloth, by the gauge;
 times by the speeds in machine.toml.
@@ -35,15 +41,18 @@ Both are estimates."""
 
 
 @print_style()
-def stitch_chart_figure(chart: StitchChart) -> Figure:
-    """Every stitch of a chart, seen from the front; of a large one, one repeat."""
+def stitch_chart_figure(chart: StitchChart, leads: Sequence[Lead] = ()) -> Figure:
+    """Every stitch of a chart, seen from the front, and the ends of the yarn of its electrodes.
+
+    Of a large chart, one repeat is drawn.
+    """
     rows, columns = drawn_block(chart)
     stitch = min(0.16, (TWO_COLUMNS - MARGIN) / (columns.stop - columns.start))
     # A stitch is drawn twice as wide as high, as it is.
     height = stitch * (rows.stop - rows.start) / 2 + 2 * MARGIN + 0.55
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    draw_chart(figure.subplots(), chart, stitch)
-    figure.legend(handles=legend_handles(chart), loc="outside lower left", ncols=2)
+    draw_chart(figure.subplots(), chart, stitch, leads)
+    figure.legend(handles=legend_handles(chart, leads), loc="outside lower left", ncols=2)
     figure.suptitle(title_of(chart), fontsize="medium")
     return figure
 
@@ -69,7 +78,7 @@ def drawn_block(chart: StitchChart) -> tuple[slice, slice]:
     return slice(y, y + height), slice(x, x + width)
 
 
-def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
+def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence[Lead] = ()) -> None:
     """Draw a chart, or one repeat of it, with stitches of a width on paper [in]."""
     rows, columns = drawn_block(chart)
     front, plated = chart.front[rows, columns], chart.plated[rows, columns]
@@ -89,12 +98,13 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
         axes.hlines(y, x + 0.3, x + 0.7, colors="black", lw=4 * stitch, alpha=0.8)
     _draw_patches(axes, chart, extent, stitch)
     _draw_electrodes(axes, chart, plated, extent)
+    beyond = _draw_leads(axes, leads, extent)
     (height, width), named = chart.repeat, "whole sample" if chart.is_whole_sample else "repeat"
     outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
     axes.add_patch(outline)
     beside: Look = {"textcoords": "offset points", "annotation_clip": False}
-    above: Look = {"xytext": (0, 4), "ha": "center", "va": "bottom"} | beside
-    beside |= {"xytext": (4, 0), "ha": "left", "va": "center", "rotation": 90}
+    above: Look = {"xytext": (0, 4 + beyond["upper"]), "ha": "center", "va": "bottom"} | beside
+    beside |= {"xytext": (4 + beyond["right"], 0), "ha": "left", "va": "center", "rotation": 90}
     axes.annotate(f"{named}: {width} wales", (left + width / 2, high), **above)
     axes.annotate(f"{named}: {height} courses", (right, low + height / 2), **beside)
     axes.set(xlim=(left, right), ylim=(low, high))
@@ -107,10 +117,12 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
         numbers = [start + 1, *numbers, stop]
         # A number stands at the middle of its stitch.
         axis.set_ticks([number - 0.5 for number in numbers], [str(n) for n in numbers])
+    axes.xaxis.set_tick_params(pad=3 + beyond["lower"])
+    axes.yaxis.set_tick_params(pad=3 + beyond["left"])
     axes.spines[:].set_visible(True)
 
 
-def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
+def legend_handles(chart: StitchChart, leads: Sequence[Lead] = ()) -> list[Patch | Line2D]:
     """What the marks of a chart mean."""
     colours = {
         "knit on the front bed: face stitch (knit)": FRONT,
@@ -121,10 +133,19 @@ def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
         label = f"electrode {electrode_name(electrode)}, outlined: conductor on the {face}"
         colours[f"{label}; darker: purl"] = ELECTRODES[electrode][0]
     outline = "edge of the sample" if chart.is_whole_sample else "repeat"
+    ends: Look = {"color": "black", "lw": 0.9, "markersize": 4}
+    of_leads = [
+        Line2D([], [], label="conductive yarn is brought in", marker="o", **ends),
+        Line2D([], [], label="conductive yarn is cut", marker="s", **ends),
+    ]
+    if any(lead.distance for lead in leads):
+        inside = "end to lead to the edge"
+        of_leads.append(Line2D([], [], label=inside, color="black", lw=0.9, ls=LED))
     return [
         *(Patch(fc=colour, ec="0.3", lw=0.5, label=label) for label, colour in colours.items()),
         Line2D([], [], color="black", linewidth=1.0, label="border of a patch"),
         Line2D([], [], color="black", label=outline, **REPEAT),
+        *(of_leads if leads else []),
     ]
 
 
@@ -162,6 +183,39 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent:
             axes.text(x, y, electrode_name(electrode), zorder=4, **look)
 
 
+def _draw_leads(axes: Axes, leads: Sequence[Lead], extent: Extent) -> dict[str, float]:
+    """Draw the ends of yarns within an extent; how far they reach beyond each edge [pt]."""
+    left, right, low, high = extent
+    beyond = dict.fromkeys(OUTWARD, 0.0)
+    for lead in leads:
+        if not (left <= lead.wale < right and low <= lead.course < high):
+            continue
+        x, y = lead.wale + 0.5, lead.course + 0.5
+        end = {"left": (left, y), "right": (right, y), "lower": (x, low), "upper": (x, high)}
+        (at_x, at_y), (along_x, along_y) = end[lead.edge], OUTWARD[lead.edge]
+        colour = ELECTRODES[lead.electrode][1]
+        line: Look = {"color": colour, "lw": 1.4, "clip_on": False, "zorder": 5}
+        axes.plot([x, at_x], [y, at_y], ls=LED if lead.distance else "-", **line)
+        tip = f"{electrode_name(lead.electrode)} {'in' if lead.enters else 'out'}"
+        arrow: Look = {"arrowstyle": "-", "color": colour, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate(
+            tip,
+            (at_x, at_y),
+            (BEYOND * along_x, BEYOND * along_y),
+            textcoords="offset points",
+            ha={-1: "right", 0: "center", 1: "left"}[along_x],
+            va={-1: "top", 0: "center", 1: "bottom"}[along_y],
+            arrowprops=arrow,
+            annotation_clip=False,
+            color=colour,
+            fontsize="small",
+        )
+        marker = "o" if lead.enters else "s"
+        axes.plot([x], [y], marker=marker, mfc=colour, mec="black", ms=4, clip_on=False, zorder=6)
+        beyond[lead.edge] = BEYOND + (7 if along_y else 16)
+    return beyond
+
+
 @print_style()
 def specification_sheet(specification: "Specification") -> Figure:
     """One page A4: what a sample takes to knit, its chart, and what is predicted of it."""
@@ -179,13 +233,18 @@ def specification_sheet(specification: "Specification") -> Figure:
     _, columns = drawn_block(chart)
     axes = figure.add_axes((0.1, 0.12, 0.54, 0.4))
     axes.set_anchor("NW")
-    draw_chart(axes, chart, 4.4 / (columns.stop - columns.start))
+    draw_chart(axes, chart, 4.4 / (columns.stop - columns.start), specification.leads)
     figure.text(0.07, 0.565, f"Chart, seen from the front. {title_of(chart)}", fontsize=9)
-    at: Look = {"loc": "lower left", "bbox_to_anchor": (0.06, 0.03)}
-    figure.legend(handles=legend_handles(chart), ncols=2, **at)
+    at: Look = {"loc": "lower left", "bbox_to_anchor": (0.06, 0.018)}
+    figure.legend(handles=legend_handles(chart, specification.leads), ncols=2, **at)
     _draw_prediction(figure.add_axes((0.75, 0.32, 0.2, 0.18)), specification.prediction)
-    remarks = [line for remark in specification.remarks for line in textwrap.wrap(remark, 34)]
-    figure.text(0.7, 0.25, "\n".join([NOTE, *remarks]), va="top", fontsize=8, color="0.3")
+    remarks = [f"Warning: {warning}" for warning in specification.warnings]
+    remarks += specification.remarks
+    remarks = [line for remark in remarks for line in textwrap.wrap(remark, 34)]
+    top, count = 0.42 if specification.prediction is None else 0.25, len(remarks) + 3
+    # All end above the foot of the page.
+    size = min(8.0, 72 * A4[1] * (top - 0.03) / (1.25 * count))
+    figure.text(0.7, top, "\n".join([NOTE, *remarks]), va="top", fontsize=size, color="0.3")
     return figure
 
 

@@ -1,5 +1,6 @@
 """A stitch chart: the stitches of a fabric, and the patches that they make. Needs no JAX."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -102,10 +103,15 @@ class StitchChart:
             return f"course {course + 1}, wale {wale + 1} is {there}, not {here}"
         return None
 
-    def table(self) -> str:
-        """The chart as comma-separated knits (k) and purls (p), the last course first."""
+    def table(self, marks: Iterable[tuple[int, int, str]] = ()) -> str:
+        """The chart as comma-separated knits (k) and purls (p), the last course first.
+
+        ``marks`` are added to the letters of stitches, each at its course and wale from 0.
+        """
         letters = np.where(self.front, "k", "p").astype(object)
         for number in self.electrodes:
             letters[self.plated == number] += electrode_name(number)
+        for course, wale, mark in marks:
+            letters[course, wale] += mark
         rows = pd.DataFrame(letters, range(1, self.courses + 1), range(1, self.wales + 1))
         return rows[::-1].to_csv(index_label="course", lineterminator="\n")

@@ -10,8 +10,6 @@ from knitlab.knitting.machine import Machine
 from knitlab.knitting.program import OF_CARRIERS, Needle, Operation, operations
 
 MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
-MOST_CARRIERS = {True: 2, False: 1}  # of a stitch, that back ends take, with hooks and without
-CARRIER_COUNT = {True: 10, False: 6}  # of the list that back ends take
 
 
 @dataclass(frozen=True)
@@ -42,8 +40,8 @@ def _header_faults(text: str, machine: Machine) -> list[Fault]:
         faults.append(Fault(f"line 1: {lines[0]}", "is not ;!knitout-2; begin with that"))
     width = f";;Width: {machine.needles}"
     why = "Position: Center means the middle of another machine's beds without it"
-    listed = f";;Carriers: {' '.join(map(str, range(1, CARRIER_COUNT[machine.hooks] + 1)))}"
-    remedy = "keep to its count of carriers, or set model=Kniterate for six"
+    listed = f";;Carriers: {' '.join(map(str, range(1, machine.listed_carriers + 1)))}"
+    remedy = "keep to its count of carriers, or choose another machine by model"
     needed = {
         width: f"is not {width}; write that, as {why}",
         listed: f"{machine.back_end} takes {listed} alone; {remedy}",
@@ -104,9 +102,9 @@ class _State:
         return Needle(not needle.front, needle.number + shift)
 
     def _check_carriers(self, needle: Needle, carriers: tuple[int, ...]) -> None:
-        most = MOST_CARRIERS[self.machine.hooks]
+        most = self.machine.carriers_of_a_stitch
         if len(carriers) > most or len(set(carriers)) < len(carriers):
-            self._report(f"has {len(carriers)} carriers; take {'one' if most == 1 else '1 or 2'}")
+            self._report(f"has {len(carriers)} carriers; take at most {most}")
         for carrier in carriers:
             if carrier not in self.active:
                 remedy = f"bring it in by {self.machine.bring_in} {carrier}"

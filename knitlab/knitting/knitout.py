@@ -15,7 +15,7 @@ from jaxtyping import Bool
 
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import StitchChart
-from knitlab.knitting.machine import Machine
+from knitlab.knitting.machine import NOT_GIVEN, Machine, stitch_size_in_words
 from knitlab.knitting.program import Needle
 
 VERSION = 2  # version of the language that version 0.6 of its specification describes
@@ -29,7 +29,7 @@ def knitout(chart: StitchChart, machine: Machine) -> str:
         fitting = f"{machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
         path = f"chart of {chart.wales} wales"
         raise fault(path, f"{problem}; take {fitting}, or another machine")
-    if chart.electrodes and not machine.hooks:
+    if chart.electrodes and machine.carriers_of_a_stitch == 1:
         problem = f"is plated, and {machine.back_end} of {machine.model} takes one carrier a stitch"
         raise fault(f"chart {chart.size}", f"{problem}; leave out its electrodes")
     return "\n".join([*_header(chart, machine), *_Program(chart, machine).written()]) + "\n"
@@ -41,18 +41,23 @@ def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
     yield f";;Gauge: {machine.needles_per_inch}"
     yield f";;Width: {machine.needles}"  # without it back ends centre on another machine's beds
     if machine.waste_courses:
-        yield f";;Yarn-{machine.waste_carrier}: {machine.waste_yarn} yellow"
+        yield f";;Yarn-{machine.waste_carrier}: {_word(machine.waste_yarn)} yellow"
         yield f";;Yarn-{machine.draw_carrier}: draw-thread red"
-    yield f";;Yarn-{machine.body_carrier}: {machine.body_yarn} white"
+    yield f";;Yarn-{machine.body_carrier}: {_word(machine.body_yarn)} white"
     for electrode in chart.electrodes:
-        yield f";;Yarn-{machine.carrier_of(electrode)}: {machine.conductive_yarn} grey"
+        yield f";;Yarn-{machine.carrier_of(electrode)}: {_word(machine.conductive_yarn)} grey"
     yield f";;Carriers: {' '.join(map(str, range(1, machine.carriers + 1)))}"
     yield ";;Position: Center"
     yield f";;X-Design: {' '.join(chart.title.split())}"
     yield f";;X-Chart: {chart.courses} courses {chart.wales} wales"
     for use in ("waste", "body", "plated"):
         number, size = (getattr(machine, f"{use}_stitch_{what}") for what in ("number", "size"))
-        yield f";;X-Stitch-Number-{number}: {use} {size}"
+        yield f";;X-Stitch-Number-{number}: {use} {stitch_size_in_words(size)}"
+
+
+def _word(yarn: str | None) -> str:
+    """A yarn as one word: a header separates it from its colour by a space."""
+    return "-".join((yarn or NOT_GIVEN).split())
 
 
 class _Program:

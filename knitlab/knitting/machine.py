@@ -1,4 +1,4 @@
-"""The knitting machine of ``params/machine.toml``: beds, carriers, stitch numbers and speeds."""
+"""Knitting machines of ``params/machine.toml``: beds, carriers, back end, yarns and speeds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,12 +15,15 @@ from pydantic import (
 )
 
 from knitlab.fabric.settings import Unit
-from knitlab.io.errors import Fault, faults_of, raise_any, unknown
+from knitlab.io.errors import Fault, fault, faults_of, raise_any, shown, unknown
+from knitlab.io.names import Line
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
+from knitlab.sweep.yarn import YarnOnMachine
 
-MOST_SPEEDS = 15  # rows of the table of speeds of a machine with hooks
-OTHER_MODEL = "Kniterate"  # a table of what differs, taken when model is its name
+SHARED = ("carriers", "yarns", "stitches", "sections", "time")
+"""Tables of the file whose values are the same for all machines."""
+NOT_GIVEN = "not given"
 
 
 def _word(text: str) -> str:
@@ -37,7 +40,6 @@ def _even(count: int) -> int:
 
 Word = Annotated[str, AfterValidator(_word)]
 EvenCount = Annotated[NonNegativeInt, AfterValidator(_even)]
-StitchNumber = Annotated[int, Field(ge=0, le=100)]
 
 
 @dataclass(frozen=True)
@@ -49,23 +51,28 @@ class Machine:
     needles_per_inch: Annotated[PositiveInt, Unit("1/inch")]
     largest_racking: PositiveInt  # needles by which the back bed moves at most
     carriers: PositiveInt  # count; each is named by its number, from 1
+    back_end: Word  # program that turns knitout into the machine's own files
     hooks: bool  # whether an inserting hook brings yarn in; without it carriers come from the left
+    listed_carriers: PositiveInt  # length of the list of carriers that the back end takes
+    carriers_of_a_stitch: PositiveInt  # that the back end takes at most
+    largest_speed_number: PositiveInt
+    largest_stitch_number: PositiveInt
     waste_carrier: PositiveInt
     draw_carrier: PositiveInt
     body_carrier: PositiveInt
     electrode_carriers: tuple[PositiveInt, PositiveInt]  # of the conductors of A and B
     plating: Literal["face_first", "reverse_first"]  # yarn that a plated stitch names first
     longest_float: PositiveInt  # needles that a float may pass without a remark
-    body_yarn: Word
-    conductive_yarn: Word
-    waste_yarn: Word
-    body_stitch_size: PositiveInt  # sizes in the machine's unit; numbers are rows of its tables
-    plated_stitch_size: PositiveInt
-    waste_stitch_size: PositiveInt
-    body_stitch_number: StitchNumber
-    plated_stitch_number: StitchNumber
-    waste_stitch_number: StitchNumber
-    speed_number: Annotated[int, Field(ge=0, le=600)]  # row of its table, or speed without hooks
+    body_yarn: Line | None  # of yarns and sizes, None is not given
+    conductive_yarn: Line | None
+    waste_yarn: Line
+    body_stitch_size: PositiveFloat | None  # in the machine's unit; numbers are rows of its tables
+    plated_stitch_size: PositiveFloat | None
+    waste_stitch_size: PositiveFloat | None
+    body_stitch_number: NonNegativeInt
+    plated_stitch_number: NonNegativeInt
+    waste_stitch_number: NonNegativeInt
+    speed_number: NonNegativeInt  # row of its table, or speed without hooks
     waste_courses: EvenCount  # at the beginning, and at the end of a dropped sample
     setup_courses: Annotated[EvenCount, Field(ge=2)]  # plain, between the cast-on and the chart
     end: Literal["bind_off", "drop"]
@@ -78,11 +85,6 @@ class Machine:
 
     def __repr__(self) -> str:
         return f"<Machine {self.model}: {self.needles} needles>"
-
-    @property
-    def back_end(self) -> str:
-        """The program that turns knitout into the machine's own files."""
-        return "knitout-to-dat.js" if self.hooks else "knitout-to-kcode.js"
 
     @property
     def bring_in(self) -> str:
@@ -104,21 +106,48 @@ class Machine:
         return self.electrode_carriers[electrode - 1]
 
 
-def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
-    """The machine of ``params/machine.toml``; BadInput with everything wrong in the changes.
+def paper_yarn() -> YarnOnMachine:
+    """The yarn of the paper, its stitch sizes, and the machine that they belong to."""
+    return YarnOnMachine(**_values(read_toml(shipped("params") / "machine.toml")["paper"]))
 
-    A ``model`` of ``OTHER_MODEL`` stands for all values of its table.
+
+def read_machine(
+    changes: Mapping[str, Any] | None = None, yarn: YarnOnMachine | None = None
+) -> Machine:
+    """A machine of ``params/machine.toml``, as it knits a yarn, by default that of the paper.
+
+    Its model is that of the changes, or of the yarn, or of the paper. Stitch sizes of a yarn count
+    on its own machine only. BadInput has everything wrong in the changes.
     """
     tables, changes = read_toml(shipped("params") / "machine.toml"), dict(changes or {})
-    if str(changes.get("model")).casefold() == OTHER_MODEL.casefold():
-        del changes["model"]
-    else:
-        del tables[OTHER_MODEL]
-    values = {key: entry["value"] for table in tables.values() for key, entry in table.items()}
+    paper = paper_yarn()
+    yarn = paper if yarn is None else yarn
+    asked = str(changes.pop("model", None) or yarn.machine or paper.machine)
+    machines, back_ends = tables["machines"], tables["back_ends"]
+    model = _known("model", asked, machines)
+    of_machine = _values(machines[model])
+    back_end = _known("back_end", str(changes.get("back_end", of_machine["back_end"])), back_ends)
+    of_back_end = _values(back_ends[back_end])
+    sizes = yarn if yarn.machine is None or same_model(yarn.machine, model) else YarnOnMachine()
+    values: dict[str, Any] = {
+        "model": model,
+        "body_yarn": yarn.yarn,
+        "conductive_yarn": yarn.conductive_yarn,
+        "body_stitch_size": sizes.stitch_size,
+        "plated_stitch_size": sizes.plated_stitch_size,
+        "waste_stitch_size": sizes.stitch_size,
+    }
+    for table in (*(_values(tables[name]) for name in SHARED), of_machine, of_back_end):
+        values |= table
     faults = [
         Fault(f"machine {name}", unknown(name, values, "setting of the machine"))
         for name in changes
         if name not in values
+    ]
+    faults += [
+        Fault(f"machine {name}", f"belongs to {back_end}; choose another by back_end or model")
+        for name in changes
+        if name in of_back_end
     ]
     try:
         machine = TypeAdapter(Machine).validate_python(values | changes)
@@ -127,6 +156,31 @@ def read_machine(changes: Mapping[str, Any] | None = None) -> Machine:
         faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
     raise_any(faults)
     return machine
+
+
+def stitch_size_in_words(size: float | None) -> str:
+    """A stitch size in machine units, or that none is given."""
+    return NOT_GIVEN if size is None else f"{size:g}"
+
+
+def same_model(one: str, other: str) -> bool:
+    """Whether two names of a model are the same."""
+    return one.casefold() == other.casefold()
+
+
+def _values(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: entry["value"] for key, entry in table.items()}
+
+
+def _known(kind: str, name: str, table: Mapping[str, Any]) -> str:
+    """The name in a table, whatever its case; BadInput with all names if it is not there."""
+    for each in table:
+        if same_model(each, name):
+            return each
+    remedy = "take one of these, and replace the values in which yours differs"
+    raise fault(
+        f"machine {kind}", f"is {shown(name)}, and knitlab knows {', '.join(table)}; {remedy}"
+    )
 
 
 def _combination_faults(machine: Machine) -> list[Fault]:
@@ -141,11 +195,11 @@ def _combination_faults(machine: Machine) -> list[Fault]:
     if len(set(used.values())) < len(used):
         problem = f"two of {used} are one carrier; give each its own"
         faults.append(Fault("machine carriers", problem))
-    if machine.hooks and machine.speed_number > MOST_SPEEDS:
-        problem = f"is {machine.speed_number}, and the table has rows 0 to {MOST_SPEEDS}"
-        faults.append(Fault("machine speed_number", f"{problem}; name one of these"))
-    for name in ("body", "plated", "waste"):
-        if not machine.hooks and (number := getattr(machine, f"{name}_stitch_number")) > 9:
-            problem = f"is {number}, and {machine.back_end} takes one digit; give 0 to 9"
-            faults.append(Fault(f"machine {name}_stitch_number", problem))
+    limits = {"speed_number": machine.largest_speed_number}
+    uses = ("body", "plated", "waste")
+    limits |= {f"{use}_stitch_number": machine.largest_stitch_number for use in uses}
+    for name, largest in limits.items():
+        if (number := getattr(machine, name)) > largest:
+            problem = f"is {number}, and {machine.back_end} takes 0 to {largest}; give one of these"
+            faults.append(Fault(f"machine {name}", problem))
     return faults

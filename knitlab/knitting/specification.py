@@ -9,8 +9,10 @@ from jaxtyping import Float
 
 from knitlab.knitting.chart import StitchChart, electrode_name
 from knitlab.knitting.knitout import knitout
-from knitlab.knitting.machine import Machine
+from knitlab.knitting.leads import Lead, leads
+from knitlab.knitting.machine import NOT_GIVEN, Machine, stitch_size_in_words
 from knitlab.knitting.program import Duration, Operation, duration, longest_floats, operations
+from knitlab.knitting.stitch_size import implausible_size
 from knitlab.measure.knit_size import Gauge
 
 
@@ -41,7 +43,7 @@ class Specification:
     program: str
     prediction: Prediction | None = None
     assumed: tuple[tuple[str, str], ...] = ()  # yarn, stripes and gauge that it counts on
-    differences: tuple[str, ...] = ()  # of the stripes that it needs from those of the yarn
+    differences: tuple[str, ...] = ()  # of what it needs from the yarn and the machine
 
     @cached_property
     def operations(self) -> list[Operation]:
@@ -58,6 +60,11 @@ class Specification:
         """The same without its electrodes."""
         bare = replace(self.chart, plated=np.zeros_like(self.chart.plated))
         return duration(operations(knitout(bare, self.machine)), self.machine)
+
+    @cached_property
+    def leads(self) -> list[Lead]:
+        """Where the yarn of each electrode enters and leaves the fabric."""
+        return leads(self.program, self.chart, self.machine)
 
     @property
     def flat_size(self) -> tuple[float, float]:
@@ -76,25 +83,45 @@ class Specification:
     def carriers(self) -> list[tuple[int, str, str]]:
         """The carriers in use: number, yarn and what it knits."""
         machine = self.machine
-        used = [(machine.body_carrier, machine.body_yarn, "body")]
+        used = [(machine.body_carrier, machine.body_yarn or NOT_GIVEN, "body")]
         for number in self.chart.electrodes:
             use = f"electrode {electrode_name(number)}, on the {self.chart.plated_face[number - 1]}"
-            used.append((machine.carrier_of(number), machine.conductive_yarn, use))
+            used.append((machine.carrier_of(number), machine.conductive_yarn or NOT_GIVEN, use))
         if machine.waste_courses:
             used.append((machine.waste_carrier, machine.waste_yarn, "waste"))
             used.append((machine.draw_carrier, "draw-thread", "draw thread"))
         return sorted(used)
 
     @property
+    def warnings(self) -> list[str]:
+        """What makes its sizes doubtful: a gauge that contradicts the machine."""
+        return [problem] if (problem := implausible_size(self.gauge, self.machine)) else []
+
+    @property
     def remarks(self) -> list[str]:
         """What deserves a look before it is knitted."""
-        remarks = list(self.differences)
+        remarks = [*self.differences, *self._missing_sizes]
         for carrier, passed in longest_floats(self.operations).items():
             if passed > self.machine.longest_float:
                 remarks.append(f"the yarn of carrier {carrier} floats past {passed} needles")
+        if inside := [lead.name for lead in self.leads if lead.distance]:
+            remedy = "leave these ends long and lead them to the edge over the back"
+            problem = f"{', '.join(inside)}: the conductive yarn ends inside the fabric"
+            remarks.append(f"{problem}: {remedy}; the model has no leads")
         if self.prediction is not None and self.prediction.passes_through_itself:
             remarks.append("the relaxed shape passes through itself: its size is uncertain")
         return remarks
+
+    @property
+    def _missing_sizes(self) -> list[str]:
+        uses = {"body": "stitch_size", "plated": "plated_stitch_size"}
+        remedy = "find it by a swatch, and give {} in the material or {}_stitch_size of the machine"
+        return [
+            f"no stitch size of the {use} is given: {remedy.format(name, use)}"
+            for use, name in uses.items()
+            if getattr(self.machine, f"{use}_stitch_size") is None
+            and (use == "body" or self.chart.electrodes)
+        ]
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""
@@ -113,8 +140,12 @@ class Specification:
         yield "transfers", f"{chart.transfers} between courses"
         for number, yarn, use in self.carriers:
             yield f"carrier {number}", f"{use}: {yarn}"
-        of_plated = f", plated {machine.plated_stitch_size}" if plated else ""
-        yield "stitch size", f"body {machine.body_stitch_size}{of_plated} (machine units)"
+        for lead in self.leads:
+            yield lead.name, str(lead)
+        sizes = f"body {stitch_size_in_words(machine.body_stitch_size)}"
+        if plated:
+            sizes += f", plated {stitch_size_in_words(machine.plated_stitch_size)}"
+        yield "stitch size", f"{sizes} (machine units)"
         yield "end", machine.end.replace("_", "-")
         passes = sum(time.passes.values())
         kinds = ", ".join(f"{count} {kind}" for kind, count in time.passes.items())

@@ -179,6 +179,8 @@ def _attributes(
     attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
     if plan.material is not None:
         attributes["material"] = plan.material
+    if plan.yarn is not None:
+        attributes |= plan.yarn.attributes
     if "method" in common:
         attributes["method"] = common["method"]
     options = {f"{OPTION}{key}": value for key, value in common.get("options", {}).items()}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from statistics import geometric_mean
 from typing import Annotated, Any
@@ -16,7 +16,7 @@ from knitlab.io.errors import ErrorCollector, Fault, fault, naming, raise_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
 from knitlab.measure.knit_size import Gauge
-from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
+from knitlab.sweep.declared_fields import checked, declared, entries, optional, unit_of, with_fields
 from knitlab.sweep.parameters import (
     KNITS,
     OPTIONAL,
@@ -28,6 +28,7 @@ from knitlab.sweep.parameters import (
 )
 from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_text import WorkflowText
+from knitlab.sweep.yarn import YarnOnMachine
 
 SCALED = {
     "z_max": "sheet",
@@ -76,6 +77,11 @@ class Material:
         covariances: of the numbers of stripes, by knit and stitches, for
             :func:`knitlab.uncertainty`: ``{("rib", 4): fitted.covariance}``. They are those of
             ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact.
+        yarn: the yarn in words, for :func:`knitlab.knit`; what is None is not given.
+        conductive_yarn: the yarn of electrodes in words.
+        stitch_size: size of a stitch, in units of the machine.
+        plated_stitch_size: size of a plated stitch, likewise.
+        machine: model of the machine that it was knitted on, one of ``params/machine.toml``.
 
     Raises:
         BadInput: if a number is out of range, or a stripe is there twice.
@@ -104,11 +110,18 @@ class Material:
     covariances: Mapping[tuple[Knit, int], Covariance] = field(
         default_factory=dict, hash=False, repr=False
     )
+    yarn: str | None = None
+    conductive_yarn: str | None = None
+    stitch_size: float | None = None
+    plated_stitch_size: float | None = None
+    machine: str | None = None
 
     def __post_init__(self) -> None:
         faults = ErrorCollector()
         with faults, naming("name"):
             TypeAdapter(Line).validate_python(self.name)
+        with faults:
+            checked("material", self.on_machine, YarnOnMachine)
         named = [(stripe.knit, stripe.n) for stripe in self.stripes]
         if not named:
             faults.all.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
@@ -127,6 +140,13 @@ class Material:
     def numbers(self) -> dict[str, float]:
         """The lengths that it gives [mm], and its surface density [g/mm²]."""
         return {name: number for name in UNIT_OF if (number := getattr(self, name)) is not None}
+
+    @property
+    def on_machine(self) -> YarnOnMachine:
+        """Its yarn, stitch sizes and machine, as far as they are given."""
+        return YarnOnMachine(
+            **{each.name: getattr(self, each.name) for each in fields(YarnOnMachine)}
+        )
 
     def implied_stitch(self, knit: Knit) -> float | None:
         """Flat width of a stitch of its rib, or height of one of its garter stripes [mm].
@@ -165,6 +185,7 @@ class Material:
             "cell_size": self.cell_size,
             "interpolate": self.interpolate,
         }
+        table |= self.on_machine.given
         for name, number in self.numbers.items():
             table[name] = {"value": number, "unit": UNIT_OF[name], "source": self.source}
         if self.plain is not None:
@@ -188,8 +209,9 @@ class _PlainEntries(StrictModel):
 
 
 @with_fields({name: (entry | None, None) for name, (entry, _) in _ENTRIES.items()})
+@with_fields(optional(declared(YarnOnMachine)))
 class MaterialFile(StrictModel):
-    """A material file: tables of stripes, and lengths with unit and source."""
+    """A material file: tables of stripes, lengths with unit and source, and the yarn."""
 
     name: Line | None = None
     cell_size: CellSize = "relaxed"
@@ -218,6 +240,7 @@ class MaterialFile(StrictModel):
                 if row.covariance is not None
             },
             **{number: entry.value for number, entry in entries.items()},
+            **{each.name: getattr(self, each.name) for each in fields(YarnOnMachine)},
         )
 
 
@@ -300,6 +323,7 @@ def with_material(parameters: Parameters, material: Material) -> Parameters:
         if name not in STITCH:
             table = SCALED.get(name, "dynamics")
             tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
+    tables["yarn"] = material.on_machine
     return replace(parameters, material=material.name, scaled=scaled, **tables)
 
 

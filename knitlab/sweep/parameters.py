@@ -40,6 +40,7 @@ from knitlab.sweep.declared_fields import (
     with_fields,
 )
 from knitlab.sweep.patterns import Pattern, PatternFile
+from knitlab.sweep.yarn import YarnOnMachine
 
 KNITS: tuple[Knit, ...] = ("rib", "garter")
 QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS, *OF_OWN_YARN))
@@ -262,6 +263,7 @@ class Parameters:
     sources: dict[str, str]
     material: str | None = None
     scaled: Mapping[str, float] = field(default_factory=dict)
+    yarn: YarnOnMachine | None = None  # of the material
 
     def with_tables(self, **given: object) -> "Parameters":
         """The parameters with other tables, None keeps one; BadInput has every one out of range."""

@@ -38,6 +38,7 @@ from knitlab.sweep.results_folder import Design
 from knitlab.sweep.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.sweep.workflow_file import Overrides, workflow_file
 from knitlab.sweep.workflow_text import MOST_CASES, WorkflowText
+from knitlab.sweep.yarn import YarnOnMachine
 
 RECORDED = ("workflow", "title", "figures", "dims", "overrides", "inputs", "stripes", "material")
 """Attributes of a plan that its file has as they are."""
@@ -59,6 +60,7 @@ class Plan:
     stripes: str  # fingerprint of the stripe tables, with the changes that all cases share
     gauge: Gauge  # size of a stitch, for the cube's sizes in cloth; no case depends on it
     material: str | None = None  # name of a material in place of the paper's yarn
+    yarn: YarnOnMachine | None = None  # what that says of its yarn and machine
     warnings: tuple[str, ...] = ()  # values that may be mistakes
 
     def __repr__(self) -> str:
@@ -100,6 +102,7 @@ class Plan:
             "code": code_fingerprint(),
             "package": package_fingerprint(),
             "gauge": asdict(self.gauge),
+            "yarn": self.yarn and self.yarn.given,
             "parameters": self.common,
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
@@ -170,6 +173,7 @@ def make_plan(
         stripes=_stripes_fingerprint(parameters, read, set(axes)),
         gauge=overridden(parameters.gauge, read.gauge),
         material=parameters.material,
+        yarn=parameters.yarn,
         warnings=unusual_values(read, made.values(), parameters),
     )
 
@@ -222,4 +226,5 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         stripes=first.get("stripes", ""),
         gauge=Gauge(**first["gauge"]),
         material=first.get("material"),
+        yarn=None if (yarn := first.get("yarn")) is None else YarnOnMachine(**yarn),
     )

@@ -50,7 +50,8 @@ def test_the_table_has_a_line_for_each_course_the_last_first(tmp_path):
 def test_plated_stitches_have_the_letter_of_their_electrode_in_the_table(tmp_path):
     sample = kl.knit("sensor", n_stripe=4, n_subunit=16)
     lowest = sample.save(tmp_path / "chart.csv").read_text().splitlines()[-1].split(",")
-    rib = "kA kA kA kA p p p p kB kB kB kB p p p p"
+    # The yarn of each is brought in at the right end of its first course.
+    rib = "kA kA kA kA:in p p p p kB kB kB kB:in p p p p"
     assert lowest[1:] == [*rib.split(), *["k"] * 16]
 
 
@@ -99,6 +100,10 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
         ((*SMALL, "--needles", "9"), "--needles 9: one repeat takes 16 of them"),
         ((*SMALL, "--machine", "end"), "machine end: is not KEY=VALUE"),
         ((*SMALL, "--machine", "ends=drop"), "there is no setting of the machine 'ends'"),
+        (
+            (*SMALL, "--machine", "model=Stoll"),
+            "machine model: is 'Stoll', and knitlab knows SWG061N2, SWG091N2, Kniterate",
+        ),
         (
             (*SMALL, "-o", "sample.dat"),
             "sample.dat: has no suffix of knitout or a chart; give one",
@@ -190,3 +195,125 @@ def test_what_no_pattern_has_ends_with_exit_code_1(tmp_path):
     result = CliRunner().invoke(main, ["read", str(path)])
     assert result.exit_code == 1
     assert "neither rib nor garter" in result.output
+
+
+MERINO = """
+name = "merino"
+yarn = "merino 2/30, two ends"
+stitch_size = 9
+machine = "Kniterate"
+stitch_width = { value = 3.2, unit = "mm", source = "swatch" }
+stitch_height = { value = 1.9, unit = "mm", source = "swatch" }
+thickness = { value = 1.2, unit = "mm", source = "swatch" }
+z_max = { value = 40.0, unit = "mm", source = "swatch" }
+
+[rib]
+source = "swatch"
+unit = { period = "mm", k_s = "N/mm", theta_0 = "rad", k_t = "N" }
+n.4 = { period = 10.0, k_s = 2.6, theta_0 = 0.74, k_t = 0.93 }
+
+[garter]
+source = "swatch"
+unit = { period = "mm", k_s = "N/mm", theta_0 = "rad", k_t = "N" }
+n.8 = { period = 10.0, k_s = 8.0, theta_0 = 1.26, k_t = 1.6 }
+"""
+
+
+@pytest.fixture
+def merino(tmp_path):
+    path = tmp_path / "merino.toml"
+    path.write_text(MERINO, encoding="utf-8")
+    return path
+
+
+def of_row(output, name):
+    (line,) = (line for line in output.splitlines() if line.startswith(f"{name:13} "))
+    return line[14:]
+
+
+def test_a_material_brings_its_yarn_stitch_size_and_machine(merino, tmp_path):
+    words = ("periodic", "--set", "n_stripe=4", "--set", "n_subunit=16", "--material", merino)
+    result = run(*words, "-o", tmp_path / "sample.k")
+    assert result.exit_code == 0, result.output
+    assert of_row(result.output, "machine") == "Kniterate, 252 needles, 7 an inch"
+    assert of_row(result.output, "material") == "merino"
+    assert of_row(result.output, "yarn") == "merino 2/30, two ends"
+    assert of_row(result.output, "carrier 3") == "body: merino 2/30, two ends"
+    assert of_row(result.output, "stitch size") == "body 9 (machine units)"
+    # 32 wales and 64 courses of its stitch.
+    assert of_row(result.output, "size flat") == "102 × 122 mm (width × length)"
+    assert "warning" not in result.stderr
+    assert not any(word in result.output for word in ("nylon", "lycra", "34"))
+    text = (tmp_path / "sample.k").read_text()
+    assert ";;Yarn-3: merino-2/30,-two-ends white" in text
+    assert ";;X-Stitch-Number-5: body 9\n" in text
+
+
+def test_what_a_material_does_not_give_is_said_to_be_not_given(merino):
+    lines = MERINO.splitlines(keepends=True)
+    bare = [line for line in lines if not line.startswith(("yarn", "stitch_size", "machine"))]
+    merino.write_text("".join(bare), encoding="utf-8")
+    words = ("sensor", "--set", "n_stripe=4", "--set", "n_subunit=16", "--material", merino)
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    for name, value in (
+        ("material", "merino"),
+        ("yarn", "not given"),
+        ("carrier 3", "body: not given"),
+        ("carrier 4", "electrode A, on the front: not given"),
+        ("stitch size", "body not given, plated not given (machine units)"),
+    ):
+        assert of_row(result.output, name) == value
+    assert "stitch_size in the material" in result.stderr
+    # 3.2 mm are not a stitch of 15 needles an inch.
+    assert (
+        "warning: stitch_width is 3.2 mm, and the needles of SWG061N2 are 1.69 mm" in result.stderr
+    )
+
+
+def test_another_machine_than_the_materials_is_remarked_on(merino):
+    words = ("periodic", "--set", "n_stripe=4", "--set", "n_subunit=16", "--material", merino)
+    result = run(*words, "--machine", "model=SWG061N2")
+    assert result.exit_code == 0, result.output
+    assert "merino are of Kniterate, not SWG061N2" in result.stderr
+    assert of_row(result.output, "stitch size") == "body not given (machine units)"
+
+
+def test_the_size_in_cloth_is_that_of_the_gauge_on_every_machine():
+    sizes = set()
+    for model in ("SWG061N2", "SWG091N2", "Kniterate"):
+        result = run(*SMALL, "--machine", f"model={model}")
+        sizes.add(of_row(result.output, "size flat"))
+        warned = "warning: stitch_width is 1.35 mm" in result.stderr
+        assert warned == (model == "Kniterate")
+    assert sizes == {f"{16 * 1.35:.0f} × {32 * 0.8:.0f} mm (width × length)"}
+
+
+def test_a_stitch_of_19_mm_is_warned_of():
+    result = run(*SMALL, "--set", "stitch_width=19")
+    assert "warning: stitch_width is 19 mm" in result.stderr
+    assert (
+        "warning" not in run(*SMALL, "--set", "stitch_width=1.9", "--set", "stitch_height=1").stderr
+    )
+
+
+@pytest.mark.slow
+def test_material_and_yarn_are_the_same_from_a_file_an_object_a_plan_and_a_test(merino, tmp_path):
+    material, design = kl.Material.read(merino), kl.Design(4, 16, boundary="periodic")
+    assert (material.yarn, material.stitch_size) == ("merino 2/30, two ends", 9)
+    material.write(tmp_path / "again.toml")
+    assert kl.Material.read(tmp_path / "again.toml").on_machine == material.on_machine
+    test = kl.simulate(design, [0, 0.03], material=material)
+    samples = [
+        kl.knit(design, material=material),
+        kl.knit(design, material=merino),
+        kl.knit(test),
+        kl.knit("periodic", n_stripe=4, n_subunit=16, material=str(merino)),
+    ]
+    assert {sample.program for sample in samples} == {samples[0].program}
+    for sample in samples:
+        rows = dict(sample.rows())
+        assert (rows["material"], rows["yarn"]) == ("merino", "merino 2/30, two ends")
+        assert rows["machine"].startswith("Kniterate")
+    with pytest.raises(kl.BadInput, match="material: is of a Design"):
+        kl.knit("periodic", n_stripe=4, n_subunit=16, material=material)

@@ -15,6 +15,7 @@ from knitlab.figures.stitch_chart import (
     title_of,
 )
 from knitlab.knitting.knitout import knitout
+from knitlab.knitting.leads import leads
 from knitlab.knitting.machine import read_machine
 from knitlab.knitting.specification import Specification
 from knitlab.knitting.stitch_chart import stitch_chart
@@ -79,6 +80,35 @@ def test_of_a_large_chart_one_repeat_is_drawn_with_its_electrodes():
     assert title_of(LARGE).endswith("; one of 22 × 11 repeats is drawn")
 
 
+def ends_drawn(figure):
+    """Markers of the ends of yarns: their kinds and positions, as wale and course from 0."""
+    lines = (line for line in figure.axes[0].lines if line.get_marker() in ("o", "s"))
+    return {(line.get_marker(), *(line.get_xydata()[0] - 0.5).tolist()) for line in lines}
+
+
+def test_ends_of_conductive_yarn_are_drawn_at_their_stitches_and_named_beyond_the_edge():
+    machine = read_machine()
+    ends = leads(knitout(PLATED, machine), PLATED, machine)
+    figure = stitch_chart_figure(PLATED, ends)
+    kinds = {True: "o", False: "s"}
+    assert ends_drawn(figure) == {(kinds[each.enters], each.wale, each.course) for each in ends}
+    assert {"A in", "A out", "B in", "B out"} <= set(texts(figure))
+    assert ends_drawn(stitch_chart_figure(PLATED)) == set()
+
+
+def test_of_ends_only_those_in_the_part_that_is_drawn_are_shown():
+    machine = read_machine()
+    ends = leads(knitout(LARGE, machine), LARGE, machine)
+    rows, columns = drawn_block(LARGE)
+    figure = stitch_chart_figure(LARGE, ends)
+    shown = [
+        each
+        for each in ends
+        if rows.start <= each.course < rows.stop and columns.start <= each.wale < columns.stop
+    ]
+    assert 0 < len(ends_drawn(figure)) == len(shown) < len(ends)
+
+
 def test_the_sheet_states_every_line_of_the_specification():
     machine = read_machine({"waste_courses": 2, "end": "drop"})
     sheet = Specification(PLATED, machine, Gauge(0.5, 0.2), knitout(PLATED, machine))
@@ -87,3 +117,6 @@ def test_the_sheet_states_every_line_of_the_specification():
     shown = texts(figure)
     assert {name for name, _ in sheet.rows()} <= set(shown)
     assert "plating adds" in shown
+    assert "B out" in shown
+    # A stitch of 0.5 mm is no stitch of needles 1.69 mm apart, which the sheet says too.
+    assert any("Warning: stitch_width is 0.5 mm" in text for text in shown)
