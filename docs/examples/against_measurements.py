@@ -16,6 +16,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 SWATCHES = Path(__file__).parent / "swatches"
+FORCE_STRAINS = (0.05, 0.1, 0.2, 0.3, 0.5)
 NAMES = ("rib_across", "garter_across", "garter_along", "rib_along")
 SAMPLES = {"10mm": "period 10 mm", "5mm": "period 5 mm", "long": "long sample"}
 """Simulated samples of a swatch, by the end of their pattern's name."""
@@ -140,33 +141,38 @@ def tables(cases: Mapping[str, xr.Dataset]) -> list[list[str]]:
 
 
 def force_table(cases: Mapping[str, xr.Dataset]) -> list[str]:
-    """Force on a whole swatch at a strain of 0.5, measured beside computed, in Markdown.
+    """Forces on whole swatches, measured beside computed, in Markdown.
 
-    A stripe was calibrated as if the whole swatch, pulled across its ridges, were one row of the
-    network. Forces are therefore divided by the number of rows that are as wide as that swatch.
+    A computed force is that over the width of the sample, times the width of the swatch between its
+    pins, for which the stripes were calibrated.
     """
-    lines = [
-        "| swatch, pulled | width over clamp distance: measured | simulated"
-        " | force [N]: measured | computed |",
-        "|---|---|---|---|---|",
-    ]
+    heads = ["swatch, pulled", "width over clamp distance: measured", "simulated"]
+    heads += [f"force [N] at {strain:.0%}: measured, computed" for strain in FORCE_STRAINS]
+    lines = [heads, ["---"] * len(heads)]
     for swatch in NAMES:
         case = cases[f"{swatch}_10mm"]
         positions, size = positions_of(case)[0], size_of(swatch)
-        cell = float(case.flat_cell_x) / (case.sizes["node_x"] - 1)
-        calibrated_on = size_of(f"{swatch.split('_')[0]}_across")
-        rows = calibrated_on["fabric_width_at_clamp [mm]"] / cell
-        if swatch.endswith("across"):
-            # All rows are alike, and the sample need not be as wide as the swatch.
-            rows = case.sizes["node_x"] - 1
-        force = float(case.reaction_force.sel(applied_strain=0.5)) / rows
-        aspect = size["pin_width [mm]"] / size["clamp_distance [mm]"]
+        width = size["pin_width [mm]"]
+        aspect = width / size["clamp_distance [mm]"]
         own = width_at_mid_height(positions) / clamp_distance(positions)
-        lines.append(
-            f"| {swatch.replace('_', ' ')} | {aspect:.2f} | {own:.2f} | {size['force [N]']:.3g}"
-            f" | {force:.3g} |"
-        )
-    return lines
+        over_width = case.reaction_force / width_at_mid_height(positions)
+        force = width * over_width.sel(applied_strain=[*FORCE_STRAINS], method="nearest").values
+        pairs = zip(measured_force(swatch), force, strict=True)
+        cells = [f"{mean:.2f} ± {spread:.2f}, {found:.2f}" for (mean, spread), found in pairs]
+        lines.append([swatch.replace("_", " "), f"{aspect:.2f}", f"{own:.2f}", *cells])
+    return ["| " + " | ".join(line) + " |" for line in lines]
+
+
+def measured_force(swatch: str) -> list[tuple[float, float]]:
+    """Mean and standard deviation over the repeats of a record, at :data:`FORCE_STRAINS` [N]."""
+    record = pd.read_csv(
+        SWATCHES / "records" / f"{swatch.removesuffix('_across')}.csv", comment="#"
+    )
+    curves = []
+    for _, repeat in record.groupby("repeat [1]"):
+        ordered = repeat.sort_values("axial strain [1]")
+        curves.append(np.interp(FORCE_STRAINS, ordered["axial strain [1]"], ordered["force [N]"]))
+    return list(zip(np.mean(curves, axis=0), np.std(curves, axis=0, ddof=1), strict=True))
 
 
 def figure_of(cases: Mapping[str, xr.Dataset]) -> Figure:

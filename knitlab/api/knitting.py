@@ -193,7 +193,7 @@ def knit(
         if settings:
             problem = f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
             raise fault(", ".join(settings), problem)
-        if material is not None and isinstance(model := tables.get("model"), ModelOptions):
+        if material is not None and model is not None:
             material.check(model)
         parameters = defaults() if material is None else with_material(defaults(), material)
         parameters = parameters.with_tables(**tables)
