@@ -286,7 +286,7 @@ def formatted(table: pd.DataFrame, style: str) -> str:
         return table.to_json(orient="records", indent=1, double_precision=15)
     if table.empty:
         return "no design matches"
-    units = table.attrs.get("units", {})
+    units = {name: unit for name, unit in table.attrs.get("units", {}).items() if unit != "1"}
     headed = table.rename(columns=lambda name: f"{name} [{units[name]}]" if name in units else name)
     shown = headed.to_string(index=False, float_format=_significant, na_rep="-")
     return "\n".join([shown, *legend(table.get(COLUMN, ()))])
