@@ -21,8 +21,8 @@ Points = Float[np.ndarray, " point"]
 FIRST = 0.1  # of the range of strain: what the start is read from
 FEWEST = 8  # readings that it is read from, if there are as many
 LEAST_POINTS = 4  # different strains among them
-AT_REST = 1e-3  # strain up to which readings are at zero strain
-FEWEST_AT_REST = 3  # of these, whose mean is then the force at zero strain
+AT_REST = 1e-3  # of the range of strain, up to which readings are at zero strain
+FEWEST_AT_REST = 3  # of these, so that their own scatter gives their noise
 CONFIDENCE = 0.99
 RESOLUTION = 1e-3  # of the largest force, below which no force is told from 0
 NEAR_PRELOAD = 0.1  # of a preload, by which the force at zero strain may differ from it
@@ -69,9 +69,10 @@ class Correction:
 def start_of(strain: Points, force: Points) -> Start | None:
     """The start of a first loading, at strains of at least 0; None if it is not recorded.
 
-    The force at zero strain is the mean of the readings at rest, or that of a parabola through the
-    first readings. Its noise is that of the readings, or the difference between the parabola and a
-    line if that is larger.
+    The force at zero strain is the mean of the readings there. If there are fewer than three, it is
+    that of a parabola through the first readings, unless these disagree, as with friction, which
+    lets a curve rise steeply at first. The noise is that of the readings at zero strain; without
+    any, that of the parabola, or its difference from a line if that is larger.
     """
     if len(strain) < LEAST_POINTS or strain.min() > FIRST * strain.max():
         return None
@@ -80,29 +81,45 @@ def start_of(strain: Points, force: Points) -> Start | None:
     if len(np.unique(strain[near])) < LEAST_POINTS:
         return None
     at, pulled = strain[near] / reach, force[near]
-    value, error, freedom, slope, curved = _polynomial(at, pulled, 2)
-    line = _polynomial(at, pulled, 1)
-    noise = max(float(student_t.ppf((1 + CONFIDENCE) / 2, freedom)) * error, abs(value - line[0]))
-    if not curved:
-        slope = line[3]  # of less noise
-    resting = force[strain <= AT_REST]
+    parabola, line = _polynomial(at, pulled, 2), _polynomial(at, pulled, 1)
+    slope = (parabola if parabola.curved else line).slope  # a line's has less noise
+    resting = force[strain <= AT_REST * strain.max()]
+    floor = RESOLUTION * float(np.abs(force).max())
     if len(resting) >= FEWEST_AT_REST:
-        value, freedom = float(resting.mean()), len(resting) - 1
         error = float(resting.std(ddof=1)) / math.sqrt(len(resting))
-        noise = float(student_t.ppf((1 + CONFIDENCE) / 2, freedom)) * error
-    return Start(value, max(noise, RESOLUTION * float(np.abs(force).max())), slope / reach)
+        noise = max(_quantile(len(resting) - 1) * error, floor)
+        return Start(float(resting.mean()), noise, slope / float(reach))
+    value, error, least = parabola.value, parabola.error, abs(parabola.value - line.value)
+    if len(resting):
+        error, least = parabola.noise / math.sqrt(len(resting)), 0.0
+    noise = max(_quantile(len(at) - 3) * error, least, floor)
+    if len(resting) and abs(resting.mean() - value) > noise:
+        value = float(resting.mean())
+    return Start(value, noise, slope / float(reach))
 
 
-def _polynomial(at: Points, values: Points, degree: int) -> tuple[float, float, int, float, bool]:
-    """Value at 0, its standard error, degrees of freedom, slope, whether the last term is seen."""
+class _Polynomial(NamedTuple):
+    value: float  # at 0
+    slope: float
+    error: float  # standard error of the value
+    noise: float  # standard deviation of a reading
+    curved: bool  # whether its last term is beyond the noise
+
+
+def _polynomial(at: Points, values: Points, degree: int) -> _Polynomial:
+    """A polynomial through readings, by least squares."""
     powers = at[:, None] ** np.arange(degree + 1)
     coefficients = np.linalg.lstsq(powers, values)[0]
     freedom = len(at) - degree - 1
-    variance = np.sum((values - powers @ coefficients) ** 2) / freedom
-    errors = np.sqrt(variance * np.diag(np.linalg.pinv(powers.T @ powers)))
-    quantile = float(student_t.ppf((1 + CONFIDENCE) / 2, freedom))
-    seen = bool(abs(coefficients[-1]) > quantile * errors[-1])
-    return float(coefficients[0]), float(errors[0]), freedom, float(coefficients[1]), seen
+    noise = math.sqrt(np.sum((values - powers @ coefficients) ** 2) / freedom)
+    errors = noise * np.sqrt(np.diag(np.linalg.pinv(powers.T @ powers)))
+    curved = bool(abs(coefficients[-1]) > _quantile(freedom) * errors[-1])
+    value, slope = coefficients[:2].tolist()
+    return _Polynomial(value, slope, float(errors[0]), noise, curved)
+
+
+def _quantile(freedom: int) -> float:
+    return float(student_t.ppf((1 + CONFIDENCE) / 2, freedom))
 
 
 def correction_of(
@@ -135,7 +152,7 @@ def correction_of(
             problem = (
                 f"is {left:.3g} {unit} at zero strain, not the preload of {preload:.3g} {unit}"
             )
-            remedy = "give also --zero start if the load cell was zeroed under it, or correct it"
+            remedy = "if the load cell was zeroed under it, also give zero = start; else correct it"
             raise fault(_named(where, name, starts), f"{problem}; {remedy}")
     if not slope > preload:
         problem = f"rises by {slope:.3g} {unit} per strain of 1 at its start, so that no relaxed"
@@ -143,7 +160,7 @@ def correction_of(
         raise fault(where, problem)
     stretched = _stretched(preload, slope)
     summary.append(
-        f"begins under a preload of {preload:.3g} {unit}, which stretches by {stretched:.1%};"
+        f"begins under a preload of {preload:.3g} {unit}, which stretches by {_percent(stretched)};"
         " strains are counted from the relaxed length"
     )
     return Correction(offsets, stretched, tuple(summary))
@@ -155,13 +172,13 @@ def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> Non
         if abs(start.force) <= start.noise:
             continue
         begins = f"is {start.force:.3g} {unit} at zero strain, above its noise of {start.noise:.2g}"
-        remedy = "if that is an offset of the load cell, subtract it by --zero start"
+        remedy = "if that is an offset of the load cell, give zero = start"
         if start.force > 0:
             stretch = "more than doubles its length"
             if start.slope > 2 * start.force:
-                stretch = f"stretches by {_stretched(start.force, start.slope):.1%}"
-            remedy += f"; if it is a preload, which {stretch}, give --preload {start.force:.3g}"
-        remedy += "; --zero none keeps it"
+                stretch = f"stretches by {_percent(_stretched(start.force, start.slope))}"
+            remedy += f"; if it is a preload, which {stretch}, give preload = {start.force:.3g}"
+        remedy += "; to keep it, give zero = none"
         raise fault(_named(where, name, starts), f"{begins} {unit}; {remedy}")
 
 
@@ -186,8 +203,8 @@ def _subtracted(offsets: list[float], slope: float, unit: str) -> str:
     if not any(offsets):
         return "nothing is subtracted from the force"
     amount = f"{least:.3g} to {most:.3g}" if most - least > 0.01 * abs(most) else f"{most:.3g}"
-    as_strain = f", the pull of {np.mean(offsets) / slope:.1%} strain" if slope > 0 else ""
-    return f"{amount} {unit} is subtracted from the force{as_strain}"
+    as_strain = f", {_percent(float(np.mean(offsets)) / slope)} strain by its first slope"
+    return f"{amount} {unit} is subtracted from the force{as_strain if slope > 0 else ''}"
 
 
 def _stretched(preload: float, slope: float) -> float:
@@ -196,3 +213,7 @@ def _stretched(preload: float, slope: float) -> float:
     Both strains refer to another length.
     """
     return preload / (slope - preload)
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.3g} %"

@@ -14,17 +14,34 @@ from knitlab.measure.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
 NAMES = {
-    "strain": ("strain", "axial strain", "tensile strain"),
-    "extension": ("extension", "displacement", "elongation", "crosshead", "position"),
-    "force": ("force", "load"),
-    "stress": ("stress", "tensile stress"),
-    "repeat": ("repeat", "specimen", "sample", "test"),
+    "strain": (
+        *("strain", "axial strain", "tensile strain", "nominal strain", "elongation"),
+        *("dehnung", "zugdehnung", "nominelle dehnung", "technische dehnung"),
+    ),
+    "extension": (
+        *("extension", "tensile extension", "elongation", "displacement", "axial displacement"),
+        *("crosshead", "crosshead travel", "crosshead displacement", "travel", "position"),
+        *("standard travel", "travel standard", "standardweg", "weg", "traversenweg"),
+        *("weg traverse", "verlängerung", "längenänderung"),
+    ),
+    "force": (
+        *("force", "load", "axial force", "tensile force", "standard force", "force standard"),
+        *("kraft", "standardkraft", "zugkraft", "prüfkraft", "last"),
+    ),
+    "stress": (
+        *("stress", "tensile stress", "nominal stress"),
+        *("spannung", "zugspannung", "standardspannung"),
+    ),
+    "repeat": (
+        *("repeat", "specimen", "sample", "test", "specimen number"),
+        *("wiederholung", "probe", "prüfling", "versuch", "probennummer"),
+    ),
 }
-OF_ONE_SWATCH = ("repeat",)
-"""Names of columns, in lower case; others are not read."""
+"""Names of columns, in lower case; others, such as time and cycle, are not read."""
+OF_ONE_SWATCH = ("repeat", "wiederholung")  # several repeats of one swatch, not several swatches
 TARGETS = {
-    "strain": ("1", "such as [1] or [%]"),
-    "extension": ("mm", "of length, such as [mm]"),
+    "strain": ("1", "such as [1] or [%], or name it extension if it is one"),
+    "extension": ("mm", "of length, such as [mm], or name it strain if it is one"),
     "force": ("N", "of force, such as [N]"),
     "stress": ("N/mm^2", "of force over area, such as [MPa]"),
     "stress over width": (
@@ -175,18 +192,21 @@ def _columns(
     ``sizes`` are the lengths [mm] by which columns are divided or, stress, multiplied.
     """
     headers, table, _ = read_table(path, EXAMPLE)
-    columns: dict[str, tuple[int, str]] = {}
+    columns: dict[str, tuple[int, str, str]] = {}
     faults = []
     for number, header in enumerate(headers):
         name, unit = name_and_unit(header)
-        kind = next((kind for kind, names in NAMES.items() if name.lower() in names), None)
+        kind = _kind(name, unit)
         if kind is None:
             continue
         if not unit and kind != "repeat":
             faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if kind in columns:
-            faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
-        columns[kind] = number, unit
+            first = columns[kind][2]
+            problem = "occurs twice" if name == first else f"is {kind}, and so is {first}"
+            problem += "; keep one, and specimens below each other, in a column repeat"
+            faults.append(Fault(f"{path}: column {name}", problem))
+        columns[kind] = number, unit, name
     along = "strain" if "strain" in columns else "extension"
     loads = [name for name in ("force", "stress") if name in columns]
     if along not in columns:
@@ -200,10 +220,10 @@ def _columns(
     (load,) = loads
     values = {}
     for kind in (along, load):
-        (number, unit), size = columns[kind], sizes.get(kind)
+        (number, unit, name), size = columns[kind], sizes.get(kind)
         over_width = " over width" if kind == "stress" and size is None else ""
-        column, (target, remedy) = f"{path}: column {kind}", TARGETS[kind + over_width]
-        numbers, wrong = numbers_of(path, kind, table[number])
+        column, (target, remedy) = f"{path}: column {name}", TARGETS[kind + over_width]
+        numbers, wrong = numbers_of(path, name, table[number])
         factor, of_unit = factor_of(column, unit, target, remedy)
         if kind == "extension" and size is None:
             of_unit = [Fault(column, "needs the gauge_length, the relaxed length, in mm")]
@@ -215,9 +235,19 @@ def _columns(
             problem = f"is for {other}, but the record holds {load}; leave it out"
             faults.append(Fault(f"{name} {size:g}", problem))
     raise_any(faults)
-    repeats = table[columns["repeat"][0]].tolist() if "repeat" in columns else ["1"] * len(table)
-    of_repeat = headers[columns["repeat"][0]] if "repeat" in columns else ""
-    return values, repeats, name_and_unit(of_repeat)[0].lower()
+    if "repeat" not in columns:
+        return values, ["1"] * len(table), ""
+    number, _, name = columns["repeat"]
+    return values, table[number].tolist(), name.lower()
+
+
+def _kind(name: str, unit: str) -> str | None:
+    """What a column holds, by its name and, if that has two meanings, by its unit."""
+    plain = " ".join(name.lower().replace("_", " ").split())
+    kinds = [kind for kind, names in NAMES.items() if plain in names]
+    if len(kinds) > 1:
+        kinds.sort(key=lambda kind: len(factor_of(name, unit or "1", *TARGETS[kind])[1]))
+    return kinds[0] if kinds else None
 
 
 def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Points, Points, int]:
