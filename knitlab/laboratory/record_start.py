@@ -143,7 +143,12 @@ def correction_of(
     else:
         offsets = dict.fromkeys(starts, float(zero) if isinstance(zero, float | int) else 0.0)
     slope = float(np.mean([start.slope for start in known.values()])) if known else math.nan
-    summary = [] if zero is None else [_subtracted([*offsets.values()], slope, unit)]
+    summary = [_amount([*offsets.values()], slope, unit) + " is subtracted from the force"]
+    if zero == "none" and known:
+        kept = _amount([start.force for start in known.values()], slope, unit)
+        summary = [f"{kept} is kept at zero strain"]
+    elif zero is None:
+        summary = []
     if preload is None:
         return Correction(offsets, summary=tuple(summary))
     for name, start in known.items():
@@ -197,14 +202,12 @@ def _named(where: str, name: str, starts: Mapping[str, object]) -> str:
     return f"{where}, repeat {name}" if len(starts) > 1 else where
 
 
-def _subtracted(offsets: list[float], slope: float, unit: str) -> str:
-    """What is subtracted from the force, also as the strain that pulls as much."""
-    least, most = min(offsets), max(offsets)
-    if not any(offsets):
-        return "nothing is subtracted from the force"
+def _amount(forces: list[float], slope: float, unit: str) -> str:
+    """Forces of repeats, and the strain that pulls as much as their mean."""
+    least, most = min(forces), max(forces)
     amount = f"{least:.3g} to {most:.3g}" if most - least > 0.01 * abs(most) else f"{most:.3g}"
-    as_strain = f", {_percent(float(np.mean(offsets)) / slope)} strain by its first slope"
-    return f"{amount} {unit} is subtracted from the force{as_strain if slope > 0 else ''}"
+    as_strain = f" ({_percent(float(np.mean(forces)) / slope)} strain by the first slope)"
+    return f"{amount} {unit}{as_strain if slope > 0 else ''}"
 
 
 def _stretched(preload: float, slope: float) -> float:

@@ -33,7 +33,7 @@ def test_a_calibrated_stripe_can_be_used_as_it_is():
     words = "calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period", "1.41"
     done = knitlab(*words, "--zero", "0.05")
     assert done.exit_code == 0, done.output
-    for part in ("0.05 N is subtracted", "k_s", "k_t", "theta_0", "correlation", "misfit"):
+    for part in ("0.05 N (", "is subtracted", "k_s", "k_t", "theta_0", "correlation", "misfit"):
         assert part in done.output
     assert {path.name for path in Path().iterdir()} == {
         "curve.csv",

@@ -307,7 +307,7 @@ def test_what_is_known_of_the_start_gives_the_curve_of_the_spring(
     force = record.force * (width or 1.0)
     np.testing.assert_allclose(force, [2 * record.strain] * 2, atol=max(1e-6, 3 * noise))
     said = " ".join(record.summary)
-    assert ("N is subtracted from the force" in said) == ("zero" in known)
+    assert ("is subtracted from the force" in said) == ("zero" in known)
     assert ("preload of 0.06 N" in said and "%" in said) == ("preload" in known)
     one = kl.read_cycles(path, width=width, **known).passages[0]
     np.testing.assert_allclose(
@@ -330,6 +330,7 @@ def test_a_force_at_zero_strain_above_the_noise_is_refused_with_both_remedies(
         assert part in message
     assert ("preload = " in message) == (sum(truth.values()) > 0)
     kept = read_tension_record(gripped(tmp_path, **truth, noise=noise), zero="none")
+    assert "is kept at zero strain" in kept.summary[1]
     np.testing.assert_allclose(kept.force[0, -1], 1 + sum(truth.values()), atol=4 * noise + 0.02)
 
 
