@@ -15,6 +15,20 @@ from knitlab.io.toml import TOML
 if TYPE_CHECKING:
     from knitlab.laboratory.description import RecordKind
 
+
+class Zero(click.ParamType):
+    """What is subtracted from a force: ``none``, ``start``, or a number of newtons."""
+
+    name = "none|start|N"
+
+    def convert(self, value: Any, *about: Any) -> Any:
+        """The number, or one of the words."""
+        try:
+            return value if value in ("none", "start") else float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not none, start or a number of newtons", *about)
+
+
 MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
 
@@ -30,6 +44,13 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 @option("--along-width", "Width of that swatch. [default: --width]", MILLIMETRES)
 @option("--along-gauge-length", "Its length. [default: --gauge-length]", MILLIMETRES)
 @option("--thickness", "Thickness of the fabric, for stress over area [mm].", MILLIMETRES)
+@option(
+    "--zero",
+    "Subtract nothing, the force at zero strain, or N newtons from the force.",
+    Zero(),
+    metavar="none|start|N",
+)
+@option("--preload", "Tension at which the record began [N].", POSITIVE)
 @option("--cycle", "The cycle whose loading branch is taken.", COUNT, default=1)
 @option(
     "--cell-size",
@@ -105,8 +126,10 @@ def calibrate(
         if law != "linear":
             raise fault("--friction", "is fitted with linear springs; leave out --law")
         del swatch["cycle"]
-        fit = calibrate_friction(read_cycles(record, **swatch), period=period)
-        options.echo_report(friction_report(fit))
+        passages = read_cycles(record, **swatch)
+        fit = calibrate_friction(passages, period=period)
+        read = [f"record        {line}" for line in passages.summary]
+        options.echo_report([*read, *friction_report(fit)])
         stripe = fit.stripe(knit, stitches, used_size)
         add_stripe(output, stripe, f"knitlab calibrate {record.name} --friction")
         click.echo(f"stripe        {knit} {stitches} in {output}")
@@ -115,7 +138,7 @@ def calibrate(
     measured = read_tension_record(record, **swatch)
     springs: Any = law
     if spring_curve is not None:
-        table = read_tension_record(spring_curve)
+        table = read_tension_record(spring_curve, zero="none")
         with naming(str(spring_curve)):
             springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
     curve, per_width = (period, measured.strain, measured.force), measured.per_width

@@ -173,13 +173,19 @@ def exit_unless(ok: bool) -> None:
 
 
 def _with_option(message: str, command: click.Command) -> str:
-    """The message about a Python argument, with the name of its option instead."""
+    """The message about a Python argument, with the name of its option instead.
+
+    A remedy ``give NAME = VALUE`` becomes ``give --name VALUE``.
+    """
+    opts = {each.name: each.opts[-1] for each in command.params if isinstance(each, click.Option)}
+    message = re.sub(
+        r"\bgive (\w+) = ",
+        lambda match: f"give {opts[match[1]]} " if match[1] in opts else match[0],
+        message,
+    )
     argument, space, rest = message.partition(" ")
-    for parameter in command.params:
-        if parameter.name == argument.removesuffix(":") and isinstance(parameter, click.Option):
-            colon = ":" if argument.endswith(":") else ""
-            return f"{parameter.opts[-1]}{colon}{space}{rest}"
-    return message
+    name = argument.removesuffix(":")
+    return f"{opts[name]}{argument[len(name) :]}{space}{rest}" if name in opts else message
 
 
 def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:

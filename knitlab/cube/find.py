@@ -151,8 +151,22 @@ def find_designs(
         table[f"in_spread_{number}"] = each.in_spread
     for constraint in required:
         table[constraint.target.label] = constraint.obtained[order]
+    table.attrs["units"] = _units(designs.attrs["units"], targets, subject_to)
     counted = {reason: count for reason, count in passed_over.items() if count}
     return Found(table, ordered, counted, tuple(marks[ok].iloc[order]))
+
+
+def _units(
+    known: dict[str, str], targets: Sequence[Target], subject_to: Sequence[Target]
+) -> dict[str, str]:
+    """Units of the columns of a ranking, by those of the variables."""
+    units = dict(known)
+    columns = [[f"value_{number}", f"off_by_{number}"] for number in range(1, len(targets) + 1)]
+    columns += [[target.label] for target in subject_to]
+    for target, names in zip([*targets, *subject_to], columns, strict=True):
+        if target.name in known and target.reduction != "linearity":
+            units |= dict.fromkeys(names, known[target.name])
+    return units
 
 
 def _reached(

@@ -153,6 +153,11 @@ def designs_table(
     table = chosen.to_dataframe([name for name in rows if name in chosen.dims]).reset_index()
     table = table[table["status"] != Status.excluded].reset_index(drop=True)
     table.attrs["dims"] = {str(name): each.dims for name, each in cube.data_vars.items()}
+    table.attrs["units"] = {
+        str(name): unit
+        for name, each in cube.variables.items()
+        if (unit := each.attrs.get("units", "1")) != "1" and name not in FLAGS
+    }
     table.attrs["words"] = {name: [flag.name for flag in flags] for name, flags in FLAGS.items()}
     for name in FLAGS.keys() & set(table):
         names = {flag.value: flag.name for flag in FLAGS[name]}
@@ -184,7 +189,8 @@ def designs_of_all(
         tables.append(table)
     combined = pd.concat(tables, ignore_index=True)
     dims = {name: dims for each in tables for name, dims in each.attrs["dims"].items()}
-    combined.attrs = tables[0].attrs | {"dims": dims}
+    units = {name: unit for each in tables for name, unit in each.attrs["units"].items()}
+    combined.attrs = tables[0].attrs | {"dims": dims, "units": units}
     return combined
 
 
@@ -268,7 +274,10 @@ def variables_table(cubes: Sequence[xr.Dataset]) -> pd.DataFrame:
 
 
 def formatted(table: pd.DataFrame, style: str) -> str:
-    """The table as text for people (``table``), or as ``csv`` or ``json`` for programs."""
+    """The table as text for people (``table``), or as ``csv`` or ``json`` for programs.
+
+    For people, headings have the units that are known of columns, except 1.
+    """
     if style == "csv":
         texts = {name: each for name, each in table.items() if not is_numeric_dtype(each)}
         plain = table.assign(**{str(name): each.map(_no_formula) for name, each in texts.items()})
@@ -277,7 +286,9 @@ def formatted(table: pd.DataFrame, style: str) -> str:
         return table.to_json(orient="records", indent=1, double_precision=15)
     if table.empty:
         return "no design matches"
-    shown = table.to_string(index=False, float_format=_significant, na_rep="-")
+    units = {name: unit for name, unit in table.attrs.get("units", {}).items() if unit != "1"}
+    headed = table.rename(columns=lambda name: f"{name} [{units[name]}]" if name in units else name)
+    shown = headed.to_string(index=False, float_format=_significant, na_rep="-")
     return "\n".join([shown, *legend(table.get(COLUMN, ()))])
 
 

@@ -28,6 +28,7 @@ LONGEST_UNIT = 60  # characters
 POWER_OF_NUMBER = re.compile(r"[\d)]\s*(?:\*\*|\^)")
 IN_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
 WITH_UNIT = re.compile(rf"(?P<name>.*?)\s*(?P<unit>{IN_BRACKETS.pattern})")
+BEHIND_WORD = re.compile(r"(?P<name>.+?)(?:\s+in|\s+/)\s+(?P<unit>\S+)")  # Kraft in N, F / N
 WORKBOOKS = (".xlsx", ".xlsm")
 SEEN = 400  # lines that decide on separator and decimal mark
 OF_SPACES = 0.67  # weight of what spaces explain, as they are within texts too
@@ -145,9 +146,11 @@ def read_columns(
 
 
 def name_and_unit(header: str) -> tuple[str, str]:
-    """A header without the unit in brackets that ends it, and that unit."""
-    match = WITH_UNIT.fullmatch(header)
-    return (match["name"], match["unit"][1:-1].strip()) if match else (header, "")
+    """A header without the unit that ends it, and that unit: ``Load (N)`` or ``Load in N``."""
+    if match := WITH_UNIT.fullmatch(header):
+        return match["name"], match["unit"][1:-1].strip()
+    match = BEHIND_WORD.fullmatch(header)
+    return (match["name"], match["unit"]) if match and _is_unit(match["unit"]) else (header, "")
 
 
 def _unit_faults(where: str, header: str, unit: str | None) -> list[Fault]:

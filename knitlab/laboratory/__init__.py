@@ -5,5 +5,6 @@ simulation, each with a standard error; stripes fitted to it.
 
 Read ``description.py`` (what a user states), ``experiment.py``, then ``markers.py`` and
 ``machine.py`` for each kind of record; ``fit.py`` adjusts stripes until a simulated sample follows
-the measured curves. ``tension_record.py`` reads tests of pure stripes.
+the measured curves. ``tension_record.py`` reads tests of pure stripes, and
+``record_start.py`` says what of their force is an offset or a preload.
 """

@@ -1,6 +1,6 @@
 """Records of a testing machine on a pure fabric: repeats, cycles and noise become one curve."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,21 +8,40 @@ from jaxtyping import Float
 
 from knitlab.io.errors import Fault, fault, raise_any
 from knitlab.io.table_file import factor_of, name_and_unit, numbers_of, read_table
+from knitlab.laboratory.record_start import Correction, Tested, Zero, correction_of, start_of
 from knitlab.measure.friction_fit import LoadingCycles, Passage
 from knitlab.measure.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
 NAMES = {
-    "strain": ("strain", "axial strain", "tensile strain"),
-    "extension": ("extension", "displacement", "elongation", "crosshead", "position"),
-    "force": ("force", "load"),
-    "stress": ("stress", "tensile stress"),
-    "repeat": ("repeat", "specimen", "sample", "test"),
+    "strain": (
+        *("strain", "axial strain", "tensile strain", "nominal strain", "elongation"),
+        *("dehnung", "zugdehnung", "nominelle dehnung", "technische dehnung"),
+    ),
+    "extension": (
+        *("extension", "tensile extension", "elongation", "displacement", "axial displacement"),
+        *("crosshead", "crosshead travel", "crosshead displacement", "travel", "position"),
+        *("standard travel", "travel standard", "standardweg", "weg", "traversenweg"),
+        *("weg traverse", "verlängerung", "längenänderung"),
+    ),
+    "force": (
+        *("force", "load", "axial force", "tensile force", "standard force", "force standard"),
+        *("kraft", "standardkraft", "zugkraft", "prüfkraft", "last"),
+    ),
+    "stress": (
+        *("stress", "tensile stress", "nominal stress"),
+        *("spannung", "zugspannung", "standardspannung"),
+    ),
+    "repeat": (
+        *("repeat", "specimen", "sample", "test", "specimen number"),
+        *("wiederholung", "probe", "prüfling", "versuch", "probennummer"),
+    ),
 }
-"""Names of columns, in lower case; others are not read."""
+"""Names of columns, in lower case; others, such as time and cycle, are not read."""
+OF_ONE_SWATCH = ("repeat", "wiederholung")  # several repeats of one swatch, not several swatches
 TARGETS = {
-    "strain": ("1", "such as [1] or [%]"),
-    "extension": ("mm", "of length, such as [mm]"),
+    "strain": ("1", "such as [1] or [%], or name it extension if it is one"),
+    "extension": ("mm", "of length, such as [mm], or name it strain if it is one"),
     "force": ("N", "of force, such as [N]"),
     "stress": ("N/mm^2", "of force over area, such as [MPa]"),
     "stress over width": (
@@ -34,8 +53,6 @@ TARGETS = {
 LEAST_POINTS = 4  # one more than the parameters of a stripe, so that errors can be estimated
 LEAST_TURN = 0.1  # smallest reversal that ends a loading branch, over the range of strain
 CURVE_POINTS = 40  # of the curve of several repeats, or of a record that is noisy or turns
-PRELOAD = 0.03  # force at zero strain, over the largest, from which it is one
-FIRST = 0.1  # of the range of strain: the line that leads back to where there is no force
 SLACK = 0.02  # strain below zero that a record may start with, where its camera begins
 
 Points = Float[np.ndarray, " point"]
@@ -58,36 +75,52 @@ def read_tension_record(
     width: float | None = None,
     thickness: float | None = None,
     cycle: int = 1,
+    zero: Zero | None = None,
+    preload: float | None = None,
 ) -> TensionRecord:
     """Read what a testing machine writes: strain or extension, and force or stress, in any unit.
 
     A column ``repeat`` separates several specimens. Of each, the loading branch of one cycle is
-    taken, and negative strains are left out. If it begins under a preload, its strains are counted
-    from where the line through its first tenth has no force. Records that are repeated, or not
-    ascending, are resampled at evenly spaced strains that all repeats reach. Extension needs the
-    ``gauge_length`` and stress over the cross-section the ``thickness`` [mm]; without the ``width``
-    of the swatch, force is that on one row of the network. BadInput has every fault of the file.
+    taken, and negative strains are left out. Records that are repeated, or not ascending, are
+    resampled at evenly spaced strains that all repeats reach.
+
+    Args:
+        path: the record, a table whose header has the units.
+        gauge_length: relaxed length between the clamps, for a column of extension [mm].
+        width: of the swatch [mm]; without it, force is that on one row of the network.
+        thickness: of the fabric, for stress over the cross-section [mm].
+        cycle: the cycle whose loading is taken.
+        zero: what is subtracted from the force: ``"none"``, nothing; ``"start"``, the force of each
+            repeat at zero strain, less the preload; or a number [N].
+        preload: tension at which the record began [N]; strains are then counted from the relaxed
+            length, which follows from the curve.
+
+    Returns:
+        The curve of each repeat; its summary says what was subtracted and how strains were moved.
+
+    Raises:
+        BadInput: with every fault of the file; and if the force at zero strain is above the noise
+            but neither ``zero`` nor ``preload`` is given, or contradicts the preload.
     """
-    path = Path(path)
+    path, tested = Path(path), Tested(zero, preload)
     sizes = {"extension": gauge_length, "force": width, "stress": thickness}
     columns, repeats, _ = _columns(path, sizes)
     (strain, force), per_width = columns.values(), "stress" in columns or width is not None
-    branches, left_out, preloads = [], 0, list[float]()
-    for repeat in dict.fromkeys(repeats):
+    owned = {name: np.array(repeats) == name for name in dict.fromkeys(repeats)}
+    first = {name: _first_loading(strain[own], force[own]) for name, own in owned.items()}
+    correction = _correction(path, first, tested, columns, width)
+    branches, left_out = [], 0
+    for repeat, own in owned.items():
         column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
-        own = np.array(repeats) == repeat
         taken, pulled, below = _loading(column, strain[own], force[own], cycle)
-        stretched = _stretched_by_preload(taken, pulled)
-        preloads += [stretched] if stretched else []
-        branches.append(((1 + taken) * (1 + stretched) - 1, pulled))
+        taken = (1 + taken) * (1 + correction.stretched) - 1
+        branches.append((taken, pulled - correction.offsets[repeat]))
         left_out += below
     turned = sum(len(branch[0]) for branch in branches) < len(strain) - left_out
     lines = [f"{len(strain)} records of {len(branches)} repeats, loading of cycle {cycle}"]
     if left_out:
         lines.append(f"{left_out} records at negative strain are left out")
-    if preloads:
-        mean = f"{np.mean(preloads):.1%} on average" if len(preloads) > 1 else f"{preloads[0]:.1%}"
-        lines.append(f"{len(preloads)} begin under a preload that stretches them by {mean}")
+    lines += correction.summary
     if len(branches) == 1 and not turned and not np.any(np.diff(branches[0][0]) < 0):
         strain, force = branches[0]
         return TensionRecord(strain, force[None], per_width, tuple(lines))
@@ -107,22 +140,29 @@ def read_cycles(
     gauge_length: float | None = None,
     width: float | None = None,
     thickness: float | None = None,
+    zero: Zero | None = None,
+    preload: float | None = None,
 ) -> LoadingCycles:
     """Read every loading and unloading of one swatch, its repeats one after another.
 
     The arguments are those of :func:`read_tension_record`. Each passage is resampled at evenly
-    spaced strains; records at negative strain are left out. Under a preload of the first loading
-    all strains are counted from where the line through its first tenth has no force. BadInput has
-    every fault of the file; columns other than ``repeat`` are of several swatches, and refused.
+    spaced strains; records at negative strain are left out. Offset and preload are those of the
+    first loading. BadInput has every fault of the file; columns other than ``repeat`` are of
+    several swatches, and refused.
     """
-    path = Path(path)
+    path, tested = Path(path), Tested(zero, preload)
     sizes = {"extension": gauge_length, "force": width, "stress": thickness}
     columns, repeats, named = _columns(path, sizes)
-    if len(set(repeats)) > 1 and named != "repeat":
+    if len(set(repeats)) > 1 and named not in OF_ONE_SWATCH:
         problem = "has several swatches, and cycles are of one; give one, in a column repeat"
         raise fault(f"{path}: column {named}", problem)
     strain, force = columns.values()
-    passages, stretched = list[Passage](), 0.0
+    own = np.array(repeats) == repeats[0]
+    first = {repeats[0]: _first_loading(strain[own], force[own])}
+    correction = _correction(path, first, tested, columns, width)
+    strain = (1 + strain) * (1 + correction.stretched) - 1
+    force = force - correction.offsets[repeats[0]]
+    passages = list[Passage]()
     for repeat in dict.fromkeys(repeats):
         own = (np.array(repeats) == repeat) & (strain >= 0)
         number = np.arange(own.sum(), dtype=float)
@@ -137,13 +177,11 @@ def read_cycles(
                 known = np.isfinite(curve.values)
                 steps = slice(None) if loading else slice(None, None, -1)
                 middles = ((even[1:] + even[:-1]) / 2)[known]
-                if not passages:
-                    stretched = _stretched_by_preload(middles, curve.values[known])
-                middles = (1 + middles) * (1 + stretched) - 1
                 passages.append(Passage(middles[steps], curve.values[known][steps], loading))
     if not passages:
         raise fault(str(path), "has no loading; give strain that rises")
-    return LoadingCycles(tuple(passages), "stress" in columns or width is not None)
+    per_width = "stress" in columns or width is not None
+    return LoadingCycles(tuple(passages), per_width, correction.summary)
 
 
 def _columns(
@@ -154,18 +192,21 @@ def _columns(
     ``sizes`` are the lengths [mm] by which columns are divided or, stress, multiplied.
     """
     headers, table, _ = read_table(path, EXAMPLE)
-    columns: dict[str, tuple[int, str]] = {}
+    columns: dict[str, tuple[int, str, str]] = {}
     faults = []
     for number, header in enumerate(headers):
         name, unit = name_and_unit(header)
-        kind = next((kind for kind, names in NAMES.items() if name.lower() in names), None)
+        kind = _kind(name, unit)
         if kind is None:
             continue
         if not unit and kind != "repeat":
             faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if kind in columns:
-            faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
-        columns[kind] = number, unit
+            first = columns[kind][2]
+            problem = "occurs twice" if name == first else f"is {kind}, and so is {first}"
+            problem += "; keep one, and specimens below each other, in a column repeat"
+            faults.append(Fault(f"{path}: column {name}", problem))
+        columns[kind] = number, unit, name
     along = "strain" if "strain" in columns else "extension"
     loads = [name for name in ("force", "stress") if name in columns]
     if along not in columns:
@@ -179,10 +220,10 @@ def _columns(
     (load,) = loads
     values = {}
     for kind in (along, load):
-        (number, unit), size = columns[kind], sizes.get(kind)
+        (number, unit, name), size = columns[kind], sizes.get(kind)
         over_width = " over width" if kind == "stress" and size is None else ""
-        column, (target, remedy) = f"{path}: column {kind}", TARGETS[kind + over_width]
-        numbers, wrong = numbers_of(path, kind, table[number])
+        column, (target, remedy) = f"{path}: column {name}", TARGETS[kind + over_width]
+        numbers, wrong = numbers_of(path, name, table[number])
         factor, of_unit = factor_of(column, unit, target, remedy)
         if kind == "extension" and size is None:
             of_unit = [Fault(column, "needs the gauge_length, the relaxed length, in mm")]
@@ -194,9 +235,19 @@ def _columns(
             problem = f"is for {other}, but the record holds {load}; leave it out"
             faults.append(Fault(f"{name} {size:g}", problem))
     raise_any(faults)
-    repeats = table[columns["repeat"][0]].tolist() if "repeat" in columns else ["1"] * len(table)
-    of_repeat = headers[columns["repeat"][0]] if "repeat" in columns else ""
-    return values, repeats, name_and_unit(of_repeat)[0].lower()
+    if "repeat" not in columns:
+        return values, ["1"] * len(table), ""
+    number, _, name = columns["repeat"]
+    return values, table[number].tolist(), name.lower()
+
+
+def _kind(name: str, unit: str) -> str | None:
+    """What a column holds, by its name and, if that has two meanings, by its unit."""
+    plain = " ".join(name.lower().replace("_", " ").split())
+    kinds = [kind for kind, names in NAMES.items() if plain in names]
+    if len(kinds) > 1:
+        kinds.sort(key=lambda kind: len(factor_of(name, unit or "1", *TARGETS[kind])[1]))
+    return kinds[0] if kinds else None
 
 
 def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Points, Points, int]:
@@ -220,15 +271,32 @@ def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Po
     return strain, force, int(below.sum())
 
 
-def _stretched_by_preload(strain: Points, force: Points) -> float:
-    """Strain at which a record began, by its first line; 0 without a preload."""
-    near = strain <= FIRST * strain.max()
-    if strain.min() > FIRST * strain.max() or len(np.unique(strain[near])) < LEAST_POINTS:
-        return 0.0
-    slope, at_zero = np.polyfit(strain[near], force[near], 1)
-    preloaded = slope > 0 and at_zero > PRELOAD * force.max()
-    # Both strains refer to another length.
-    return float(at_zero / (slope - at_zero)) if preloaded else 0.0
+def _first_loading(strain: Record, force: Record) -> tuple[Points, Points]:
+    """Strain and force of the first loading from zero, with what is recorded at rest before it."""
+    number = np.arange(len(strain), dtype=float)
+    loading = strain >= 0
+    for first in cycles(number, strain, LEAST_TURN)[:1]:
+        loading &= first.loaded(number) | (number < first.start)
+    return strain[loading], force[loading]
+
+
+def _correction(
+    path: Path,
+    first: dict[str, tuple[Points, Points]],
+    tested: Tested,
+    columns: dict[str, Record],
+    width: float | None,
+) -> Correction:
+    """What to do to the repeats, by their first loadings; offsets are in the unit of the record."""
+    if "stress" in columns and (name := tested.in_newtons):
+        problem = "is in N, but the record holds stress; give a record of the force, or zero start"
+        raise fault(f"{name} {getattr(tested, name):g}", problem)
+    scale, unit = width or 1.0, "N/mm" if "stress" in columns else "N"
+    starts = {name: start_of(strain, scale * force) for name, (strain, force) in first.items()}
+    where = f"{path}: column {'stress' if 'stress' in columns else 'force'}"
+    correction = correction_of(where, starts, tested, unit)
+    offsets = {name: offset / scale for name, offset in correction.offsets.items()}
+    return replace(correction, offsets=offsets)
 
 
 def period_of(

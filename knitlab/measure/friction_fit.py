@@ -45,6 +45,7 @@ class LoadingCycles:
 
     passages: tuple[Passage, ...]
     per_width: bool = False  # whether forces are over the width [N/mm], not on one row [N]
+    summary: tuple[str, ...] = ()  # what was subtracted, and how strains were moved
 
 
 @dataclass(frozen=True)

@@ -232,6 +232,21 @@ def test_formats_hold_the_same_rows():
     assert formatted(TABLE[:0], "table") == "no design matches"
 
 
+def test_headings_for_people_have_units_and_names_for_programs_do_not():
+    cube = made_up_cube()
+    cube["period"] = ("n_stripe", [1.0, 2.0, 3.0], {"units": "mm"})
+    cube["poisson_ratio"].attrs["units"] = "1"
+    cube["pull"] = cube["poisson_ratio"].assign_attrs(units="N")
+    asked = ["n_stripe", "period", "poisson_ratio", "slope(pull, 0.1:0.2)", "2 * period"]
+    table = query_cubes([cube, cube], {"applied_strain": 0.1}, columns=asked)
+    heading = formatted(table, "table").splitlines()[0]
+    for name in ("period [mm]", "slope(pull, 0.1:0.2) [N]"):
+        assert name in heading
+    assert heading.count("[") == 2
+    assert "period," in formatted(table, "csv").splitlines()[0]
+    assert json.loads(formatted(table, "json"))[0].keys() == set(table.columns)
+
+
 @given(st.floats(0.0, 1.0), st.integers(0, 3))
 def test_strains_between_those_of_the_cube_are_interpolated_as_in_windows(share, number):
     cube = made_up_cube()

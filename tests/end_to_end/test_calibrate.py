@@ -27,11 +27,13 @@ def knitlab(*words):
 def test_a_calibrated_stripe_can_be_used_as_it_is():
     strain = np.linspace(0, 2, 30)
     force = 1.2 * np.asarray(compiled_tension(zigzag(stripe("rib", 4)), jnp.asarray(strain)))
-    rows = [f"{100 * a},{1000 * b}" for a, b in zip(strain, force, strict=True)]
+    # The load cell reads 50 mN at rest.
+    rows = [f"{100 * a},{1000 * b + 50}" for a, b in zip(strain, force, strict=True)]
     Path("curve.csv").write_text("\n".join(["strain [%],force [mN]", *rows]))
-    done = knitlab("calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period", "1.41")
+    words = "calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period", "1.41"
+    done = knitlab(*words, "--zero", "0.05")
     assert done.exit_code == 0, done.output
-    for part in ("k_s", "k_t", "theta_0", "correlation", "misfit"):
+    for part in ("0.05 N (", "is subtracted", "k_s", "k_t", "theta_0", "correlation", "misfit"):
         assert part in done.output
     assert {path.name for path in Path().iterdir()} == {
         "curve.csv",
@@ -50,6 +52,24 @@ def test_a_calibrated_stripe_can_be_used_as_it_is():
         assert case["weft"]["theta_0"] == pytest.approx(0.772, rel=1e-4)
         assert case["weft"]["period"] == pytest.approx(1.41, rel=1e-4)
         assert case["warp"]["k_s"] == 4.78
+
+
+def test_an_offset_or_preload_is_refused_until_it_is_said_which():
+    rows = [f"{0.1 * k},{0.3 + k}" for k in range(12)]
+    Path("curve.csv").write_text("\n".join(["strain [1],force [N]", *rows]))
+    words = "calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period", "1.41"
+    done = knitlab(*words)
+    assert done.exit_code == 2
+    assert len(done.output.splitlines()) == 1
+    for part in ("curve.csv", "0.3 N", "noise of", "--zero start", "--preload 0.3"):
+        assert part in done.output
+    wrong = knitlab(*words, "--zero", "begin")
+    assert wrong.exit_code == 2
+    assert "none, start or a number" in wrong.output
+    contradicted = knitlab(*words, "--zero", "-0.1", "--preload", "2")
+    assert contradicted.exit_code == 2
+    assert "is 0.4 N at zero strain, not the preload of 2 N" in contradicted.output
+    assert {path.name for path in Path().iterdir()} == {"curve.csv"}
 
 
 def test_a_bad_curve_ends_with_code_2_and_writes_nothing():

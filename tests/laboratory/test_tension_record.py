@@ -51,6 +51,78 @@ def test_units_of_the_header_are_converted(tmp_path, header, strain, force, opti
     assert curve.per_width == ("stress" in header or "width" in options)
 
 
+EXPORTS = {
+    "testXpert": (
+        "Prüfprotokoll;\nPrüfer;A. Müller\nMessrate;10,5;Hz\n\nProbe 1\n"
+        "Prüfzeit;Standardweg;Standardkraft\ns;mm;N\n",
+        "{t};{e};{f}",
+    ),
+    "testXpert, strain": ("Zeit [s];Dehnung [%];Kraft [N]\n", "{t};{s};{f}"),
+    "testXpert, quoted": ('"Dehnung";"Standardkraft"\n"%";"N"\n', '"{s}";"{f}"'),
+    "with in": ("Traversenweg in mm;Kraft in N;Zyklus\n", "{e};{f};1"),
+    "with a stroke": ("Weg / mm;Kraft / N\n", "{e};{f}"),
+    "testXpert, English": ("Standard travel\tStandard force\nmm\tN\n", "{e}\t{f}"),
+    "force standard": ("Travel (mm),Force standard (N)\n", "{e},{f}"),
+    "Bluehill": (
+        'Results Table 1\n,Maximum Load\n,(N)\n1,1.0\n\n"Time","Extension","Load"\n'
+        '"(s)","(mm)","(N)"\n',
+        '"{t}","{e}","{f}"',
+    ),
+    "Bluehill, German": (
+        "Probe;Zeit (s);Verlängerung (mm);Last (N);Zugdehnung (%)\n",
+        "1;{t};{e};{f};{s}",
+    ),
+    "Bluehill, one row": ("Time (s),Tensile strain (mm/mm),Tensile stress (MPa)\n", "{t},{r},{f}"),
+    "MTS": ("Crosshead \tLoad \tTime \nmm \tN \tsec \n", "{e}\t{f}\t{t}"),
+    "MTS, axial": ("Axial Displacement (mm)\tAxial Force (kN)\n", "{e}\t{k}"),
+    "elongation, relative": ("Elongation [%],Force [N]\n", "{s},{f}"),
+    "elongation, absolute": ("Elongation [mm],Force [N]\n", "{e},{f}"),
+}
+"""Headers as programs of testers write them, and a row."""
+
+
+@pytest.mark.parametrize("export", EXPORTS)
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_what_testers_export_is_read(tmp_path, export, encoding):
+    header, row = EXPORTS[export]
+    strains, forces = np.linspace(0, 0.5, 12), np.linspace(0, 3, 12)
+    rows = [
+        row.format(t=f"{10 * s:.2f}", e=f"{80 * s:.6f}", s=f"{100 * s:.6f}", r=s, f=f, k=f / 1000)
+        for s, f in zip(strains, forces, strict=True)
+    ]
+    if ";" in row:
+        rows = [each.replace(".", ",") for each in rows]
+    path = tmp_path / "export.csv"
+    path.write_bytes((header + "\n".join(rows) + "\n").encode(encoding))
+    sizes = {"gauge_length": 80.0} | ({"thickness": 1.0} if "stress" in header else {})
+    record = read_tension_record(path, **sizes)
+    np.testing.assert_allclose(record.strain, strains, atol=1e-7)
+    np.testing.assert_allclose(record.force, [forces], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("header", "parts"),
+    [
+        ("Dehnung [mm],Kraft [N]", ("Dehnung: is in mm", "[%]", "extension")),
+        ("Weg [%],Kraft [N]", ("Weg: is in %", "[mm]", "strain")),
+        ("Dehnung [%],Spannung [V]", ("Spannung: is in V", "[N/mm]")),
+        ("Dehnung [%],Kraft [mm]", ("Kraft: is in mm", "of force")),
+        ("Dehnung,Kraft [N]", ("Dehnung: has no unit",)),
+        ("Weg [mm],Traversenweg [mm],Kraft [N]", ("Traversenweg: is extension", "Weg", "keep one")),
+        ("Dehnung [%],Kraft [N],Dehnung [%],Kraft [N]", ("Dehnung: occurs twice", "repeat")),
+        ("Elongation [N],Kraft [N]", ("Elongation: is in N",)),
+    ],
+)
+def test_what_can_be_read_two_ways_is_refused_in_a_sentence(tmp_path, header, parts):
+    width = header.count(",") + 1
+    rows = [",".join([f"{k / 10}"] * width) for k in range(9)]
+    with pytest.raises(BadInput) as caught:
+        read_tension_record(written(tmp_path, "\n".join([header, *rows])), gauge_length=80.0)
+    message = str(caught.value).splitlines()[0]
+    for part in parts:
+        assert part in message
+
+
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
@@ -201,21 +273,139 @@ def test_the_period_follows_from_stitches():
             period_of(4, **given_twice)
 
 
+def gripped(tmp_path, tension=0.0, offset=0.0, noise=0.0, seed=3, repeats=1, points=200):
+    """A spring of 2 N, gripped under a tension; the gauge length is that between the grips."""
+    random = np.random.default_rng(seed)
+    first, rows = tension / 2, []
+    for repeat in range(1, repeats + 1):
+        relaxed = np.linspace(first, first + 0.5, points)
+        force = 2 * relaxed + offset + noise * random.normal(size=points)
+        measured = (1 + relaxed) / (1 + first) - 1
+        rows += [f"{repeat},{e:.9f},{f:.9f}" for e, f in zip(measured, force, strict=True)]
+    return written(tmp_path, "\n".join(["repeat,strain [1],force [N]", *rows, ""]))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005])
 @pytest.mark.parametrize(
-    ("preload", "noise"), [(0.0, 0.0), (0.0, 0.01), (0.06, 0.0), (0.06, 0.005)]
+    ("truth", "known"),
+    [
+        ({}, {}),
+        ({"tension": 0.06}, {"preload": 0.06}),
+        ({"offset": 0.06}, {"zero": "start"}),
+        ({"offset": -0.06}, {"zero": "start"}),
+        ({"offset": 0.06}, {"zero": 0.06}),
+        ({"tension": 0.06, "offset": -0.06}, {"zero": "start", "preload": 0.06}),
+        ({"tension": 0.06, "offset": 0.2}, {"zero": 0.2, "preload": 0.06}),
+    ],
 )
-def test_a_preload_moves_the_zero_of_strain(tmp_path, preload, noise):
-    """A spring of 2 N, gripped under a preload; the gauge length is that between the grips."""
-    random = np.random.default_rng(3)
-    first = preload / 2
-    relaxed = np.linspace(first, first + 0.5, 200)
-    force = 2 * relaxed + noise * random.normal(size=len(relaxed))
-    measured = (1 + relaxed) / (1 + first) - 1
-    path = tmp_path / "record.csv"
-    rows = "\n".join(f"{e:.9f},{f:.9f}" for e, f in zip(measured, force, strict=True))
-    path.write_text(f"strain [1],force [N]\n{rows}\n")
-    record = read_tension_record(path)
-    assert any("preload" in line for line in record.summary) == (preload > 0)
+@pytest.mark.parametrize("width", [None, 50.0])
+def test_what_is_known_of_the_start_gives_the_curve_of_the_spring(
+    tmp_path, truth, known, noise, width
+):
+    path = gripped(tmp_path, **truth, noise=noise, repeats=2)
+    record = read_tension_record(path, width=width, **known)
+    force = record.force * (width or 1.0)
+    np.testing.assert_allclose(force, [2 * record.strain] * 2, atol=max(1e-6, 3 * noise))
+    said = " ".join(record.summary)
+    assert ("is subtracted from the force" in said) == ("zero" in known)
+    assert ("preload of 0.06 N" in said and "%" in said) == ("preload" in known)
+    one = kl.read_cycles(path, width=width, **known).passages[0]
     np.testing.assert_allclose(
-        record.force[0], 2 * record.strain, atol=1e-6 if not noise else 5 * noise
+        one.force * (width or 1.0), 2 * one.strain, atol=max(1e-6, 3 * noise)
     )
+
+
+@pytest.mark.parametrize("truth", [{"tension": 0.06}, {"offset": 0.06}, {"offset": -0.06}])
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+@pytest.mark.parametrize("read", [read_tension_record, kl.read_cycles])
+def test_a_force_at_zero_strain_above_the_noise_is_refused_with_both_remedies(
+    tmp_path, truth, noise, read
+):
+    with pytest.raises(BadInput) as caught:
+        read(gripped(tmp_path, **truth, noise=noise))
+    (message,) = str(caught.value).splitlines()
+    size = float(message.split(" is ")[1].split(" N ")[0])
+    assert size == pytest.approx(sum(truth.values()), abs=3 * noise + 1e-3)
+    for part in ("noise of", "zero = start", "zero = none"):
+        assert part in message
+    assert ("preload = " in message) == (sum(truth.values()) > 0)
+    kept = read_tension_record(gripped(tmp_path, **truth, noise=noise), zero="none")
+    assert "is kept at zero strain" in kept.summary[1]
+    np.testing.assert_allclose(kept.force[0, -1], 1 + sum(truth.values()), atol=4 * noise + 0.02)
+
+
+@pytest.mark.slow
+def test_noise_alone_is_rarely_taken_for_an_offset_and_a_large_offset_never_for_noise(tmp_path):
+    """Three repeats with noise of 1 % of the largest force."""
+
+    def refused(**truth):
+        try:
+            read_tension_record(gripped(tmp_path, noise=0.01, repeats=3, **truth))
+        except BadInput:
+            return True
+        return False
+
+    assert np.mean([refused(seed=seed) for seed in range(60)]) <= 0.1
+    assert all(refused(seed=seed, offset=0.05) for seed in range(20))
+
+
+def test_without_a_preload_no_strain_is_moved(tmp_path):
+    """Whatever the noise hides: strains end where the machine did."""
+    for seed in range(10):
+        record = read_tension_record(gripped(tmp_path, noise=0.03, seed=seed), zero="start")
+        assert record.strain.max() == 0.5
+
+
+def test_readings_at_rest_give_the_force_at_zero_strain(tmp_path):
+    """A curve that rises steeply at first: a parabola through its first tenth would miss that."""
+    strain = np.concatenate([np.zeros(20), np.linspace(0, 1, 200)])
+    force = 0.3 + strain + 0.2 * np.tanh(strain / 0.02)
+    rows = [
+        f"{e},{f + 0.001 * (-1) ** k}" for k, (e, f) in enumerate(zip(strain, force, strict=True))
+    ]
+    path = written(tmp_path, "\n".join(["strain [1],force [N]", *rows]))
+    record = read_tension_record(path, zero="start")
+    assert abs(record.force[0].min()) < 0.003
+
+
+@pytest.mark.slow
+def test_a_preloaded_stripe_is_counted_from_its_relaxed_length(tmp_path):
+    """Independent: the closed form of the zigzag, stretched by 10 % when it is gripped."""
+    swatch = replace(RIB, k_s=2.6, k_t=0.93, theta_0=0.74)
+    relaxed = np.linspace(0.1, 2.2, 300)
+    force = np.asarray(compiled_tension(zigzag(swatch), jnp.asarray(relaxed)))
+    force = force + 1e-3 * force.max() * np.random.default_rng(0).normal(size=len(relaxed))
+    rows = [f"{e},{f}" for e, f in zip((1 + relaxed) / 1.1 - 1, force, strict=True)]
+    path = written(tmp_path, "\n".join(["strain [1],force [N]", *rows]))
+    record = read_tension_record(path, preload=force[:5].mean())
+    assert record.strain.max() == pytest.approx(2.2, rel=0.02)
+    assert "preload" in record.summary[1]
+
+
+@pytest.mark.parametrize(
+    ("truth", "known", "message"),
+    [
+        ({"offset": 0.06}, {"preload": 0.3}, "is 0.06 N at zero strain, not the preload of 0.3 N"),
+        ({"tension": 0.06, "offset": -0.06}, {"preload": 0.06}, "zero = start"),
+        ({"tension": 0.06}, {"zero": 0.05, "preload": 0.06}, "is 0.01 N at zero strain"),
+        ({"offset": 3.0}, {"preload": 3.0}, "no relaxed length follows from a preload of 3 N"),
+        ({}, {"zero": "begin"}, "zero: is 'begin'; give none, start, or a number"),
+        ({}, {"zero": float("nan")}, "zero: is nan"),
+        ({}, {"preload": -1.0}, "preload: is -1 N; give a tension above 0"),
+    ],
+)
+def test_what_contradicts_the_record_is_refused(tmp_path, truth, known, message):
+    with pytest.raises(BadInput, match=message):
+        read_tension_record(gripped(tmp_path, **truth), **known)
+
+
+def test_newtons_are_not_subtracted_from_a_stress_and_a_late_start_has_no_zero(tmp_path):
+    stress = written(tmp_path, GOOD.replace("force [N]", "stress [N/mm]"))
+    for known in ({"zero": 0.1}, {"preload": 0.1}):
+        with pytest.raises(BadInput, match=r"0\.1: is in N, but the record holds stress"):
+            read_tension_record(stress, **known)
+    late = written(tmp_path, GOOD.replace("0,0\n", "").replace("0.3,", "0.4,0.8\n0.5,"))
+    for known in ({"zero": "start"}, {"preload": 0.1}):
+        with pytest.raises(BadInput, match="too few readings near zero strain"):
+            read_tension_record(late, **known)
+    assert read_tension_record(late, zero=0.1).force.max() == pytest.approx(0.8)

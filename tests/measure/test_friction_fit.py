@@ -119,7 +119,7 @@ def test_repeats_that_only_scatter_have_no_drift():
         assert not fit.comparison.wanted
 
 
-def test_cycles_are_of_one_swatch_and_count_from_where_there_is_no_force(tmp_path):
+def test_cycles_are_of_one_swatch_and_friction_at_a_late_start_is_no_offset(tmp_path):
     passages = [THERE, BACK, THERE]
     forces = [*sheet_forces(PERIOD, NUMBERS, passages)]
     strain = np.concatenate([each.strain for each in passages])
@@ -127,7 +127,9 @@ def test_cycles_are_of_one_swatch_and_count_from_where_there_is_no_force(tmp_pat
     path = tmp_path / "cycles.csv"
     lines = [f"{one},{other}" for one, other in rows if one > 0.1]
     path.write_text("\n".join(["strain [1],force [N]", *lines]))
-    plain = kl.read_cycles(path)
+    with pytest.raises(kl.BadInput, match="give zero = none"):
+        kl.read_cycles(path)
+    plain = kl.read_cycles(path, zero="none")
     assert [each.loading for each in plain.passages] == [True, False, True]
     path.write_text(
         "\n".join(
@@ -139,6 +141,15 @@ def test_cycles_are_of_one_swatch_and_count_from_where_there_is_no_force(tmp_pat
     )
     with pytest.raises(kl.BadInput, match="has several swatches, and cycles are of one"):
         kl.read_cycles(path)
+
+
+def test_friction_from_zero_strain_on_is_no_offset(tmp_path):
+    strain = np.linspace(0.0, 2.2, 300)
+    (force,) = zigzag_forces(PERIOD, NUMBERS, [Passage(strain, strain, loading=True)])
+    path = tmp_path / "loading.csv"
+    rows = [f"{one},{other}" for one, other in zip(strain, force, strict=True)]
+    path.write_text("\n".join(["strain [1],force [N]", *rows]))
+    assert kl.read_cycles(path).summary == ()
 
 
 def test_one_loading_tells_nothing_of_friction():

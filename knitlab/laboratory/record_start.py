@@ -1,0 +1,222 @@
+"""The start of a tensile record: an offset of its load cell, or a preload, but never a guess.
+
+Both show as a force at zero strain. Above the noise, the user says which it is.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import t as student_t
+
+from knitlab.io.errors import fault, shown
+
+Zero = Literal["none", "start"] | float
+"""What is subtracted from the force: nothing, the force at zero strain, or a number [N]."""
+Points = Float[np.ndarray, " point"]
+
+FIRST = 0.1  # of the range of strain: what the start is read from
+FEWEST = 8  # readings that it is read from, if there are as many
+LEAST_POINTS = 4  # different strains among them
+AT_REST = 1e-3  # of the range of strain, up to which readings are at zero strain
+FEWEST_AT_REST = 3  # of these, so that their own scatter gives their noise
+CONFIDENCE = 0.99
+RESOLUTION = 1e-3  # of the largest force, below which no force is told from 0
+NEAR_PRELOAD = 0.1  # of a preload, by which the force at zero strain may differ from it
+
+
+class Start(NamedTuple):
+    """The force at zero strain, what it may be of noise alone, and how it rises from there."""
+
+    force: float
+    noise: float  # half width of its interval of confidence
+    slope: float  # force over strain
+
+
+@dataclass(frozen=True)
+class Tested:
+    """What is known of a test: what is subtracted from its force, and the tension at its start."""
+
+    zero: Zero | None = None
+    preload: float | None = None  # [N]
+
+    def __post_init__(self) -> None:
+        zero, preload = self.zero, self.preload
+        number = isinstance(zero, int | float) and math.isfinite(zero)
+        if not (zero in (None, "none", "start") or number):
+            raise fault("zero", f"is {shown(zero)}; give none, start, or a number of newtons")
+        if preload is not None and not 0 < preload < math.inf:
+            raise fault("preload", f"is {preload:g} N; give a tension above 0")
+
+    @property
+    def in_newtons(self) -> str:
+        """The argument that is a number of newtons, if any."""
+        return "preload" if self.preload else "zero" if isinstance(self.zero, float | int) else ""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is done to the repeats of a record, by their names, and the sentences that say so."""
+
+    offsets: dict[str, float]  # subtracted from the force
+    stretched: float = 0.0  # strain of the relaxed length at which they began
+    summary: tuple[str, ...] = ()
+
+
+def start_of(strain: Points, force: Points) -> Start | None:
+    """The start of a first loading, at strains of at least 0; None if it is not recorded.
+
+    The force at zero strain is the mean of the readings there. If there are fewer than three, it is
+    that of a parabola through the first readings, unless these disagree, as with friction, which
+    lets a curve rise steeply at first. The noise is that of the readings at zero strain; without
+    any, that of the parabola, or its difference from a line if that is larger.
+    """
+    if len(strain) < LEAST_POINTS or strain.min() > FIRST * strain.max():
+        return None
+    reach = max(FIRST * strain.max(), np.sort(strain)[min(FEWEST, len(strain)) - 1])
+    near = strain <= reach
+    if len(np.unique(strain[near])) < LEAST_POINTS:
+        return None
+    at, pulled = strain[near] / reach, force[near]
+    parabola, line = _polynomial(at, pulled, 2), _polynomial(at, pulled, 1)
+    slope = (parabola if parabola.curved else line).slope  # a line's has less noise
+    resting = force[strain <= AT_REST * strain.max()]
+    floor = RESOLUTION * float(np.abs(force).max())
+    if len(resting) >= FEWEST_AT_REST:
+        error = float(resting.std(ddof=1)) / math.sqrt(len(resting))
+        noise = max(_quantile(len(resting) - 1) * error, floor)
+        return Start(float(resting.mean()), noise, slope / float(reach))
+    value, error, least = parabola.value, parabola.error, abs(parabola.value - line.value)
+    if len(resting):
+        error, least = parabola.noise / math.sqrt(len(resting)), 0.0
+    noise = max(_quantile(len(at) - 3) * error, least, floor)
+    if len(resting) and abs(resting.mean() - value) > noise:
+        value = float(resting.mean())
+    return Start(value, noise, slope / float(reach))
+
+
+class _Polynomial(NamedTuple):
+    value: float  # at 0
+    slope: float
+    error: float  # standard error of the value
+    noise: float  # standard deviation of a reading
+    curved: bool  # whether its last term is beyond the noise
+
+
+def _polynomial(at: Points, values: Points, degree: int) -> _Polynomial:
+    """A polynomial through readings, by least squares."""
+    powers = at[:, None] ** np.arange(degree + 1)
+    coefficients = np.linalg.lstsq(powers, values)[0]
+    freedom = len(at) - degree - 1
+    noise = math.sqrt(np.sum((values - powers @ coefficients) ** 2) / freedom)
+    errors = noise * np.sqrt(np.diag(np.linalg.pinv(powers.T @ powers)))
+    curved = bool(abs(coefficients[-1]) > _quantile(freedom) * errors[-1])
+    value, slope = coefficients[:2].tolist()
+    return _Polynomial(value, slope, float(errors[0]), noise, curved)
+
+
+def _quantile(freedom: int) -> float:
+    return float(student_t.ppf((1 + CONFIDENCE) / 2, freedom))
+
+
+def correction_of(
+    where: str, starts: Mapping[str, Start | None], tested: Tested, unit: str
+) -> Correction:
+    """What to do to repeats by the starts of their first loadings, and by what is known of a test.
+
+    Forces are in one unit. BadInput if a force at zero strain is above the noise and nothing is
+    known of it, or if it contradicts what is known.
+    """
+    known = {name: start for name, start in starts.items() if start is not None}
+    zero, preload = tested.zero, tested.preload
+    if len(known) < len(starts) and (zero == "start" or preload is not None):
+        problem = "has too few readings near zero strain for zero start or a preload"
+        raise fault(where, f"{problem}; give the whole record, or zero as a number")
+    if zero is None and preload is None:
+        _refuse_ambiguous(where, known, unit)
+        return Correction(dict.fromkeys(starts, 0.0))
+    if zero == "start":
+        offsets = {name: start.force - (preload or 0.0) for name, start in known.items()}
+    else:
+        offsets = dict.fromkeys(starts, float(zero) if isinstance(zero, float | int) else 0.0)
+    slope = float(np.mean([start.slope for start in known.values()])) if known else math.nan
+    summary = [_amount([*offsets.values()], slope, unit) + " is subtracted from the force"]
+    if zero == "none" and known:
+        kept = _amount([start.force for start in known.values()], slope, unit)
+        summary = [f"{kept} is kept at zero strain"]
+    elif zero is None:
+        summary = []
+    if preload is None:
+        return Correction(offsets, summary=tuple(summary))
+    for name, start in known.items():
+        left = start.force - offsets[name]
+        if abs(left - preload) > max(start.noise, NEAR_PRELOAD * preload):
+            problem = (
+                f"is {left:.3g} {unit} at zero strain, not the preload of {preload:.3g} {unit}"
+            )
+            remedy = "if the load cell was zeroed under it, also give zero = start; else correct it"
+            raise fault(_named(where, name, starts), f"{problem}; {remedy}")
+    if not slope > preload:
+        problem = f"rises by {slope:.3g} {unit} per strain of 1 at its start, so that no relaxed"
+        problem += f" length follows from a preload of {preload:.3g} {unit}; give a smaller one"
+        raise fault(where, problem)
+    stretched = _stretched(preload, slope)
+    summary.append(
+        f"begins under a preload of {preload:.3g} {unit}, which stretches by {_percent(stretched)};"
+        " strains are counted from the relaxed length"
+    )
+    return Correction(offsets, stretched, tuple(summary))
+
+
+def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> None:
+    """BadInput if the force at zero strain of a repeat, or its mean, is above the noise."""
+    for name, start in {**starts, **_mean_of(starts)}.items():
+        if abs(start.force) <= start.noise:
+            continue
+        begins = f"is {start.force:.3g} {unit} at zero strain, above its noise of {start.noise:.2g}"
+        remedy = "if that is an offset of the load cell, give zero = start"
+        if start.force > 0:
+            stretch = "more than doubles its length"
+            if start.slope > 2 * start.force:
+                stretch = f"stretches by {_percent(_stretched(start.force, start.slope))}"
+            remedy += f"; if it is a preload, which {stretch}, give preload = {start.force:.3g}"
+        remedy += "; to keep it, give zero = none"
+        raise fault(_named(where, name, starts), f"{begins} {unit}; {remedy}")
+
+
+def _mean_of(starts: Mapping[str, Start]) -> dict[str, Start]:
+    """The mean start of several repeats, by a name for it: an offset is common to them."""
+    if len(starts) < 2:
+        return {}
+    forces, noises, slopes = np.array([*starts.values()]).T
+    noise = float(np.sqrt(np.sum(noises**2))) / len(starts)
+    return {"mean": Start(float(forces.mean()), noise, float(slopes.mean()))}
+
+
+def _named(where: str, name: str, starts: Mapping[str, object]) -> str:
+    if name not in starts:
+        return f"{where}, mean of {len(starts)} repeats"
+    return f"{where}, repeat {name}" if len(starts) > 1 else where
+
+
+def _amount(forces: list[float], slope: float, unit: str) -> str:
+    """Forces of repeats, and the strain that pulls as much as their mean."""
+    least, most = min(forces), max(forces)
+    amount = f"{least:.3g} to {most:.3g}" if most - least > 0.01 * abs(most) else f"{most:.3g}"
+    as_strain = f" ({_percent(float(np.mean(forces)) / slope)} strain by the first slope)"
+    return f"{amount} {unit}{as_strain if slope > 0 else ''}"
+
+
+def _stretched(preload: float, slope: float) -> float:
+    """Strain of the relaxed length at which a record began that rises by this slope from there.
+
+    Both strains refer to another length.
+    """
+    return preload / (slope - preload)
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.3g} %"
