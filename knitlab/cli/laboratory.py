@@ -146,7 +146,8 @@ def calibrate(
     if along is not None:
         other = {"width": along_width, "gauge_length": along_gauge_length}
         sizes = {name: size for name, size in other.items() if size is not None}
-        pulled = read_tension_record(along, **(swatch | sizes))
+        # A preload is that of the other record.
+        pulled = read_tension_record(along, **(swatch | sizes | {"preload": None}))
         if pulled.per_width != per_width:
             raise fault(str(along), "has a force and the other record a stress; give one kind")
         ridges = pulled.strain, pulled.force.mean(axis=0)

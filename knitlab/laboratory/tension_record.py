@@ -128,10 +128,18 @@ def read_tension_record(
     end = min(float(branch[0].max()) for branch in branches)
     edges = np.linspace(start, end, CURVE_POINTS + 1)
     at = (edges[1:] + edges[:-1]) / 2
-    curves = np.array([resampled(at, *branch).values for branch in branches])
+    curves = np.array([_filled(at, resampled(at, *branch).values) for branch in branches])
     known = np.isfinite(curves).all(axis=0)
     lines.append(f"{known.sum()} points, up to strain {at[known].max():.3g}, of every repeat")
     return TensionRecord(at[known], curves[:, known], per_width, tuple(lines))
+
+
+def _filled(
+    at: Float[np.ndarray, " point"], force: Float[np.ndarray, " point"]
+) -> Float[np.ndarray, " point"]:
+    """Forces, with those between two known ones where a repeat has no readings."""
+    known = np.isfinite(force)
+    return np.interp(at, at[known], force[known], left=np.nan, right=np.nan)
 
 
 def read_cycles(

@@ -56,6 +56,7 @@ USELESS_ERROR = 0.5
 MODEL_ERROR, INDEPENDENT = 0.01, 10
 """Error of any model, over the largest force, and how many independent ones a curve has: without
 noise, too, a curve that ends before the springs stretch does not determine them."""
+OF_SPRINGS = ("k_s", "stiffening_strain")
 BEYOND_OPEN = 1.1  # of the length of open folds, to which a curve should go
 LEAST_REPEATS = 3
 """Repeats from which on their scatter, and not that of the points, gives the errors."""
@@ -440,14 +441,14 @@ def _undetermined(
             warnings.append(f"{name} is at its bound ({low:g} to {high:g})")
         elif error > USELESS_ERROR:
             warnings.append(f"{name} is uncertain by more than half")
-        elif model_error > USELESS_ERROR:
+        elif name in OF_SPRINGS and model_error > USELESS_ERROR:
             error_of = f"an error of {MODEL_ERROR:.0%} of the largest force"
             warnings.append(f"{error_of} changes {name} by more than half")
         else:
             continue
         unknown[name] = None
     for one, other in itertools.combinations(range(len(fitted)), 2):
-        vague = max(*errors[[one, other]], *of_model[[one, other]]) > VAGUE_ERROR
+        vague = max(errors[one], errors[other]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:
             warnings.append(
                 f"the curve cannot separate {fitted[one]} and {fitted[other]} (correlation"
