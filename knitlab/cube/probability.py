@@ -1,4 +1,7 @@
-"""Probabilities that uncertain designs meet targets, by samples of what is linear in deviates."""
+"""Probabilities that uncertain designs meet targets, by samples of what is linear in deviates.
+
+Deviates of a stripe are multivariate t: each linear function of them follows Student's t.
+"""
 
 from collections.abc import Sequence
 from functools import cache
@@ -15,20 +18,34 @@ from knitlab.io.errors import fault
 
 LOG2_SAMPLES = 13  # of the deviates of a design
 DEVIATES = 2 * len(NUMBERS)
+FREEDOMS = "rib_degrees_of_freedom", "garter_degrees_of_freedom"
 
 
 def with_deviations(cubes: Sequence[xr.Dataset], stripes: Stripes) -> list[xr.Dataset]:
-    """Cubes with the change of each quantity with each deviate, as variables of their own."""
-    return [
-        cube.assign(
-            {
-                column(name, number): each.isel({DEVIATE: number}).transpose(*cube[name].dims)
-                for name, each in deviations(cube, stripes).items()
-                for number in range(DEVIATES)
-            }
-        )
-        for cube in cubes
-    ]
+    """Cubes with the change of each quantity with each deviate, as variables of their own.
+
+    The degrees of freedom of the deviates of rib and garter are variables of their own too.
+    """
+    made = []
+    for cube in cubes:
+        by_name, freedom = deviations(cube, stripes)
+        changes = {
+            column(name, number): each.isel({DEVIATE: number}).transpose(*cube[name].dims)
+            for name, each in by_name.items()
+            for number in range(DEVIATES)
+        }
+        of_designs = freedom.broadcast_like(cube["status"]).transpose(*cube["status"].dims, ...)
+        freedoms = {
+            name: of_designs.isel({DEVIATE: half * len(NUMBERS)})
+            for half, name in enumerate(FREEDOMS)
+        }
+        made.append(cube.assign(changes | freedoms))
+    return made
+
+
+def freedoms_of(designs: pd.DataFrame) -> Float[np.ndarray, "design 2"]:
+    """Degrees of freedom of the deviates of rib and garter of designs."""
+    return designs[list(FREEDOMS)].to_numpy(float)
 
 
 def column(name: str, deviate: int) -> str:
@@ -44,12 +61,35 @@ def check_tolerance(target: Target) -> None:
 
 
 @cache
-def _deviates() -> Float[np.ndarray, "sample deviate"]:
-    """Independent normal numbers that fill space evenly, always the same."""
-    from scipy.stats import norm, qmc
+def _uniform() -> Float[np.ndarray, "sample number"]:
+    """Numbers that fill space evenly, always the same: of the deviates, of rib, and of garter."""
+    from scipy.stats import qmc
 
-    uniform = qmc.Sobol(DEVIATES, rng=np.random.default_rng(0)).random_base2(LOG2_SAMPLES)
-    return norm.ppf(uniform)
+    sobol = qmc.Sobol(DEVIATES + len(FREEDOMS), rng=np.random.default_rng(0))
+    return sobol.random_base2(LOG2_SAMPLES)
+
+
+@cache
+def _deviates(rib: float, garter: float) -> Float[np.ndarray, "sample deviate"]:
+    """Deviates of the stripes of a design, multivariate t with these degrees of freedom."""
+    from scipy.stats import norm
+
+    scales = [
+        chi_scale(_uniform()[:, DEVIATES + half], freedom)
+        for half, freedom in enumerate((rib, garter))
+    ]
+    return norm.ppf(_uniform()[:, :DEVIATES]) * np.repeat(scales, len(NUMBERS), axis=0).T
+
+
+def chi_scale(
+    uniform: Float[np.ndarray, " sample"], degrees_of_freedom: float
+) -> Float[np.ndarray, " sample"]:
+    """What normal deviates are multiplied by to be multivariate t: √(ν/χ²), at its quantiles."""
+    from scipy.stats import chi2
+
+    if np.isinf(degrees_of_freedom):
+        return np.ones_like(uniform)
+    return np.sqrt(degrees_of_freedom / chi2.ppf(uniform, degrees_of_freedom))
 
 
 def is_met(
@@ -57,11 +97,15 @@ def is_met(
     at: Float[np.ndarray, " point"],
     values: Float[np.ndarray, "design strain"],
     changes: Float[np.ndarray, "deviate design strain"],
+    freedoms: Float[np.ndarray, "design 2"],
 ) -> np.ndarray:
-    """Whether samples of designs (design, sample) meet a target at its strains; NaN if unknown."""
+    """Whether samples of designs (design, sample) meet a target at its strains; NaN if unknown.
+
+    ``freedoms`` are the degrees of freedom of the deviates of rib and garter.
+    """
     met = np.empty((len(values), 2**LOG2_SAMPLES))
     for row, curve in enumerate(values):
-        sampled = curve + _deviates() @ changes[:, row]
+        sampled = curve + _deviates(*freedoms[row].tolist()) @ changes[:, row]
         if target.reduction is not None:
             sampled = REDUCTIONS[target.reduction](at, sampled)[:, None]
         excess = abs(target.departure(sampled, at))

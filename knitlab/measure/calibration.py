@@ -12,13 +12,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
-from scipy.stats import t as student_t
 
 from knitlab.fabric.settings import CellSize
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
-from knitlab.measure.fit_statistics import CONFIDENCE, Comparison, compare
+from knitlab.measure.fit_statistics import (
+    Comparison,
+    FitErrors,
+    compare,
+    covariance_of_unit_noise,
+    errors_by_residuals,
+    errors_by_scatter,
+)
+from knitlab.measure.stripe_covariance import LEAST_REPEATS, StripeCovariance
 
 Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""
@@ -45,8 +52,10 @@ ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
 """Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
-LEAST_REPEATS = 3
-"""Repeats from which on their scatter, and not that of the points, gives the errors."""
+CORRELATED = 0.5
+"""Correlation of neighbouring residuals from which on it is a warning."""
+ROUND_OFF = 1e-6
+"""Misfit over the largest force up to which residuals say nothing."""
 AT_BOUND = 1e-3
 """Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
 
@@ -77,7 +86,9 @@ class Calibration:
     warnings: tuple[str, ...]  # about parameters that the curve does not determine
     law: Law = "linear"
     per_width: bool = False
-    repeats: int = 1  # from 3 on, errors are those of the mean of their own fits
+    repeats: int = 1  # from 2 on, errors are those of the mean of their own fits
+    degrees_of_freedom: float = math.inf  # of the errors
+    autocorrelation: float = 0.0  # of neighbouring residuals, if errors come from these
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -113,8 +124,11 @@ class Calibration:
         return "N/mm" if self.per_width else "N"
 
     @property
-    def covariance(self) -> dict[str, dict[str, float]]:
-        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name."""
+    def covariance(self) -> StripeCovariance:
+        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name.
+
+        It is that of the mean stripe, with the repeats and degrees of freedom behind it.
+        """
         errors = np.array(
             [
                 error / (1.0 if name == "theta_0" else self.values[name])
@@ -122,10 +136,12 @@ class Calibration:
             ]
         )
         rows = self.correlations * np.outer(errors, errors)
-        return {
+        table = {
             name: dict(zip(self.values, row, strict=True))
             for name, row in zip(self.values, rows.tolist(), strict=True)
         }
+        repeats = self.repeats if self.repeats >= LEAST_REPEATS else None
+        return StripeCovariance(table, self.degrees_of_freedom, repeats)
 
     @property
     def residuals(self) -> Points:
@@ -150,8 +166,9 @@ def calibrate(
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
-    used. Standard errors and correlations are those of the linearised fit, with the noise taken
-    from the residual, or, of three repeats or more, those of the mean of a fit to each. The curve
+    used. Standard errors and correlations are those of the mean of a fit to each of two repeats or
+    more, by their scatter. Of one curve they are those of the linearised fit, with the noise and
+    its correlation along the curve taken from the residuals. The curve
     is the force on one row of the network [N], which is as wide as a cell is long, or over the
     width [N/mm], over strains of the relaxed period, w or h [mm]. ValueError if it has too few
     points, or no tension.
@@ -188,41 +205,36 @@ def calibrate(
     fits = [fit_to(mean, start) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
     if len(repeats) >= LEAST_REPEATS:
-        own = np.array([fit_to(each, best.x).x for each in repeats])
-        freedom, covariance = len(repeats) - 1, np.cov(own.T) / len(repeats)
+        errors = errors_by_scatter(np.array([fit_to(each, best.x).x for each in repeats]))
     else:
-        freedom = len(strain) - len(fitted)
-        _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
-        # Round-off must not count as information.
-        singular = np.maximum(singular, np.finfo(float).eps * singular[0])
-        covariance = 2 * best.cost / freedom * (right.T / singular**2) @ right
-    errors = np.sqrt(np.diag(covariance))
-    correlations = covariance / np.outer(errors, errors)
-    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, freedom)
-    limits = best.x + np.outer([-1, 0, 1], reach)
+        order = np.argsort(strain, kind="stable")
+        errors = errors_by_residuals(best.jac[order], best.fun[order])
+    limits = best.x + np.outer([-1, 0, 1], errors.halfwidths)
     with np.errstate(over="ignore"):
         limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
     lows, values, highs = limits
     intervals = np.stack([lows, highs], axis=-1)
     # An interior angle of a fold is between 0 and π.
     intervals[2] = np.clip(intervals[2], 0, np.pi)
-    standard_errors = errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
+    standard_errors = errors.standard_errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
     return Calibration(
         period,
         dict(zip(fitted, values.tolist(), strict=True)),
         dict(zip(fitted, standard_errors.tolist(), strict=True)),
         dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
-        correlations,
+        errors.correlations,
         strain,
         mean,
         forces(best.x),
         starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
-        warnings=_warnings(best, errors, correlations),
+        warnings=(*_warnings(best, errors), *_correlation_warnings(best, errors)),
         law=law,
         per_width=per_width,
         repeats=len(repeats),
+        degrees_of_freedom=errors.degrees_of_freedom,
+        autocorrelation=errors.autocorrelation,
     )
 
 
@@ -253,10 +265,23 @@ def report(calibration: Calibration) -> list[str]:
                 enumerate(calibration.values), 2
             )
         ),
+        f"errors   {_source_of_errors(calibration)}",
         f"misfit   {calibration.misfit:.2g} {calibration.force_unit} rms over"
         f" {len(calibration.strain)} points; {agreeing} of {tried} starts agree,"
         f" {calibration.iterations} steps",
     ]
+
+
+def _source_of_errors(calibration: Calibration) -> str:
+    freedom = f"Student's t with {calibration.degrees_of_freedom:.3g} degrees of freedom"
+    if calibration.repeats >= LEAST_REPEATS:
+        count = calibration.repeats
+        return (
+            f"of the mean of {count} repeats, by their scatter, as of {count} swatches; {freedom}"
+        )
+    correlation = f"neighbours correlated by {calibration.autocorrelation:.2f}"
+    unknown = "nothing is known about the scatter of new swatches"
+    return f"of the points of one curve, {correlation}; {freedom}; {unknown}"
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
@@ -334,16 +359,30 @@ def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "
     return np.array(starts)
 
 
-def _warnings(
-    fit: OptimizeResult, errors: Unknowns, correlations: Float[np.ndarray, "fitted fitted"]
-) -> tuple[str, ...]:
+def _correlation_warnings(fit: OptimizeResult, errors: FitErrors) -> list[str]:
+    """Whether the residuals of one curve count as fewer points than there are."""
+    rho, misfit = errors.autocorrelation, math.sqrt(2 * fit.cost / len(fit.fun))
+    if rho < CORRELATED or misfit < ROUND_OFF:
+        return []
+    independent = len(fit.fun) * (1 - rho) / (1 + rho)
+    return [
+        f"neighbouring residuals are correlated by {rho:.2f}: {len(fit.fun)} points count as about"
+        f" {independent:.0f}, and errors are enlarged; measure three repeats, whose scatter gives"
+        " the errors"
+    ]
+
+
+def _warnings(fit: OptimizeResult, errors: FitErrors) -> list[str]:
     warnings = []
+    # Whether a curve separates two numbers is not a matter of the scatter of a few repeats.
+    separable = FitErrors(covariance_of_unit_noise(fit.jac), math.inf).correlations
+    standard_errors = errors.standard_errors
     fitted = FITTED_IF_STIFFENING[: len(fit.x)]
     if not fit.success:
         warnings.append(f"the fit did not converge ({fit.message}); do not use it")
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
     to_bound = np.abs(bounds - fit.x).min(axis=0)
-    for name, error, distance in zip(fitted, errors, to_bound, strict=True):
+    for name, error, distance in zip(fitted, standard_errors, to_bound, strict=True):
         undetermined = "the curve does not determine it"
         if distance < AT_BOUND:
             low, high = BOUNDS[name]
@@ -351,11 +390,11 @@ def _warnings(
         if error > USELESS_ERROR:
             warnings.append(f"{name} is uncertain by more than half; {undetermined}")
     for one, other in itertools.combinations(range(len(fitted)), 2):
-        vague = max(errors[one], errors[other]) > VAGUE_ERROR
-        if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:
+        vague = max(standard_errors[one], standard_errors[other]) > VAGUE_ERROR
+        if vague and abs(separable[one, other]) > ALIKE_CORRELATION:
             warnings.append(
                 f"the curve cannot separate {fitted[one]} and {fitted[other]} (correlation"
-                f" {correlations[one, other]:+.4f}); their standard errors are not reliable;"
+                f" {separable[one, other]:+.4f}); their standard errors are not reliable;"
                 " measure to larger strain"
             )
-    return tuple(warnings)
+    return warnings

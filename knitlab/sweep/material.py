@@ -15,6 +15,7 @@ from knitlab.fabric.stripe import STRIPE_QUANTITIES, Knit, Stripe
 from knitlab.io.errors import ErrorCollector, Fault, naming, raise_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
+from knitlab.measure.stripe_covariance import Covariance, StripeCovariance
 from knitlab.sweep.declared_fields import declared, entries, unit_of, with_fields
 from knitlab.sweep.parameters import KNITS, UNITS, Parameters, StripeRow, StripeTable, StripeTables
 from knitlab.sweep.workflow import SETTINGS
@@ -32,7 +33,6 @@ SCALED = {
 UNIT_OF = dict.fromkeys(SCALED, "mm") | {"surface_density": "g/mm^2"}
 """Numbers of a yarn beside its stripes, and their units."""
 MATERIAL = "model.material"
-Covariance = Mapping[str, Mapping[str, float]]
 DIGITS = 6
 """Digits of the numbers of a calibrated stripe in a file."""
 
@@ -61,7 +61,9 @@ class Material:
         source: where the numbers come from.
         covariances: of the numbers of stripes, by knit and stitches, for
             :func:`knitlab.uncertainty`: ``{("rib", 4): fitted.covariance}``. They are those of
-            ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact.
+            ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact. A
+            :class:`knitlab.StripeCovariance` also has repeats and degrees of freedom; another
+            mapping is a normal covariance of the mean stripe.
 
     Raises:
         BadInput: if a number is out of range, or a stripe is there twice.
@@ -170,10 +172,10 @@ class MaterialFile(StrictModel):
             interpolate=self.interpolate,
             source="; ".join(dict.fromkeys(sources)),
             covariances={
-                (knit, n): row.covariance
+                (knit, n): covariance
                 for knit in KNITS
                 for n, row in stripes.rows(knit).items()
-                if row.covariance is not None
+                if (covariance := row.stripe_covariance) is not None
             },
             **{number: entry.value for number, entry in entries.items()},
         )
@@ -202,7 +204,7 @@ def _add_row(
     if stripe.stiffening_strain is not None:
         own["unit"]["stiffening_strain"] = "1"
     if covariance:
-        row["covariance"] = {name: dict(each) for name, each in covariance.items()}
+        row |= StripeRow.entries_of(StripeCovariance.of(covariance))
     own["n"][str(stripe.n)] = row
 
 

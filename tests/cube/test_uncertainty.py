@@ -10,7 +10,7 @@ from scipy.stats import norm
 import knitlab as kl
 from knitlab.cube.sampled import saltelli_design, sampled_uncertainty
 from knitlab.cube.schema import Status, described
-from knitlab.cube.uncertainty import NUMBERS, UncertainStripe, uncertainty_of
+from knitlab.cube.uncertainty import NUMBERS, Stripes, UncertainStripe, first_order
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.sweep.stripe_samples import latin_hypercube, saltelli
@@ -58,7 +58,8 @@ def cube(slopes, ratio=-0.3, force=2.0):
 
 
 def pair(rib, garter):
-    return lambda n: (UncertainStripe(RIB, rib), UncertainStripe(GARTER, garter))
+    both = UncertainStripe(RIB, rib), UncertainStripe(GARTER, garter)
+    return Stripes(lambda n: both, "mean", "of the mean stripe")
 
 
 def material(rib=None, garter=None, **changes):
@@ -84,7 +85,7 @@ matrices = st.lists(st.floats(-1, 1), min_size=16, max_size=16).map(
 
 @given(matrices, matrices, st.lists(st.floats(-2, 2), min_size=8, max_size=8))
 def test_the_variance_is_that_of_a_linear_function(rib, garter, slopes):
-    found = uncertainty_of(cube(slopes), pair(rib, garter)).isel(n_stripe=0, n_subunit=0)
+    found = first_order(cube(slopes), pair(rib, garter)).isel(n_stripe=0, n_subunit=0)
     covariance = np.zeros((8, 8))
     covariance[:4, :4], covariance[4:, 4:] = rib, garter
     variance = slopes @ covariance @ slopes
@@ -105,7 +106,7 @@ def test_the_variance_is_that_of_a_linear_function(rib, garter, slopes):
 
 
 def test_units_and_designs_without_a_result():
-    found = uncertainty_of(cube(np.ones(8)), pair(np.eye(4), np.eye(4)))
+    found = first_order(cube(np.ones(8)), pair(np.eye(4), np.eye(4)))
     assert found["reaction_force_sd"].attrs["units"] == "N"
     assert found["poisson_ratio_sd"].attrs["units"] == "1"
     failed = found.isel(n_stripe=0, n_subunit=1)
