@@ -1,6 +1,6 @@
 """Probabilities that uncertain designs meet targets, by samples of what is linear in deviates.
 
-Deviates of a stripe are multivariate t: each linear function of them follows Student's t.
+A linear function of the numbers of stripes follows Student's t; one χ² is common to all functions.
 """
 
 from collections.abc import Sequence
@@ -61,24 +61,18 @@ def check_tolerance(target: Target) -> None:
 
 
 @cache
-def _uniform() -> Float[np.ndarray, "sample number"]:
-    """Numbers that fill space evenly, always the same: of the deviates, of rib, and of garter."""
-    from scipy.stats import qmc
+def _samples() -> tuple[Float[np.ndarray, "sample deviate"], Float[np.ndarray, " sample"]]:
+    """Independent normal numbers that fill space evenly, and uniform ones; always the same."""
+    from scipy.stats import norm, qmc
 
-    sobol = qmc.Sobol(DEVIATES + len(FREEDOMS), rng=np.random.default_rng(0))
-    return sobol.random_base2(LOG2_SAMPLES)
+    uniform = qmc.Sobol(DEVIATES + 1, rng=np.random.default_rng(0)).random_base2(LOG2_SAMPLES)
+    return norm.ppf(uniform[:, :DEVIATES]), uniform[:, DEVIATES]
 
 
 @cache
-def _deviates(rib: float, garter: float) -> Float[np.ndarray, "sample deviate"]:
-    """Deviates of the stripes of a design, multivariate t with these degrees of freedom."""
-    from scipy.stats import norm
-
-    scales = [
-        chi_scale(_uniform()[:, DEVIATES + half], freedom)
-        for half, freedom in enumerate((rib, garter))
-    ]
-    return norm.ppf(_uniform()[:, :DEVIATES]) * np.repeat(scales, len(NUMBERS), axis=0).T
+def _scale(hundredths: int) -> Float[np.ndarray, " sample"]:
+    """What makes Student's t of normal samples, by 100/ν."""
+    return chi_scale(_samples()[1], 100 / hundredths if hundredths else np.inf)
 
 
 def chi_scale(
@@ -90,6 +84,18 @@ def chi_scale(
     if np.isinf(degrees_of_freedom):
         return np.ones_like(uniform)
     return np.sqrt(degrees_of_freedom / chi2.ppf(uniform, degrees_of_freedom))
+
+
+def _sampled(
+    changes: Float[np.ndarray, "deviate strain"], freedoms: Float[np.ndarray, " stripe"]
+) -> Float[np.ndarray, "sample strain"]:
+    """Samples of a linear function: Student's t by Welch and Satterthwaite, as its interval."""
+    of_stripes = (changes**2).reshape(len(freedoms), len(NUMBERS), -1).sum(axis=1)
+    square = of_stripes.sum(axis=0) ** 2
+    inverse = (of_stripes**2 / freedoms[:, None]).sum(axis=0) / np.where(square > 0, square, 1)
+    hundredths = np.rint(100 * np.nan_to_num(inverse)).astype(int)
+    scales = np.array([_scale(each) for each in hundredths.tolist()]).T
+    return scales * (_samples()[0] @ changes)
 
 
 def is_met(
@@ -105,7 +111,7 @@ def is_met(
     """
     met = np.empty((len(values), 2**LOG2_SAMPLES))
     for row, curve in enumerate(values):
-        sampled = curve + _deviates(*freedoms[row].tolist()) @ changes[:, row]
+        sampled = curve + _sampled(changes[:, row], freedoms[row])
         if target.reduction is not None:
             sampled = REDUCTIONS[target.reduction](at, sampled)[:, None]
         excess = abs(target.departure(sampled, at))
