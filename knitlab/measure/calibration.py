@@ -166,12 +166,12 @@ def calibrate(
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
-    used. Standard errors and correlations are those of the mean of a fit to each of two repeats or
-    more, by their scatter. Of one curve they are those of the linearised fit, with the noise and
-    its correlation along the curve taken from the residuals. The curve
-    is the force on one row of the network [N], which is as wide as a cell is long, or over the
-    width [N/mm], over strains of the relaxed period, w or h [mm]. ValueError if it has too few
-    points, or no tension.
+    used. Of two repeats or more, numbers are the mean of those of a fit to each (of logarithms, and
+    of the angle), and errors and correlations those of this mean, by their scatter. Of one curve
+    errors are those of the linearised fit, with the noise and its correlation along the curve
+    taken from the residuals. The curve is the force on one row of the network [N], which is as wide
+    as a cell is long, or over the width [N/mm], over strains of the relaxed period, w or h [mm].
+    ValueError if it has too few points, or no tension.
     """
     repeats = np.atleast_2d(force)
     mean = repeats.mean(axis=0)
@@ -205,11 +205,13 @@ def calibrate(
     fits = [fit_to(mean, start) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
     if len(repeats) >= LEAST_REPEATS:
-        errors = errors_by_scatter(np.array([fit_to(each, best.x).x for each in repeats]))
+        # The fit to the mean curve is biased where repeats scatter, as folds open at other strains.
+        own = np.array([fit_to(each, best.x).x for each in repeats])
+        fitted_at, errors = own.mean(axis=0), errors_by_scatter(own)
     else:
         order = np.argsort(strain, kind="stable")
-        errors = errors_by_residuals(best.jac[order], best.fun[order])
-    limits = best.x + np.outer([-1, 0, 1], errors.halfwidths)
+        fitted_at, errors = best.x, errors_by_residuals(best.jac[order], best.fun[order])
+    limits = fitted_at + np.outer([-1, 0, 1], errors.halfwidths)
     with np.errstate(over="ignore"):
         limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
     lows, values, highs = limits
@@ -225,7 +227,7 @@ def calibrate(
         errors.correlations,
         strain,
         mean,
-        forces(best.x),
+        forces(fitted_at),
         starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
