@@ -90,7 +90,7 @@ def covariance_of(
         raise fault(where, f"has no covariance; {remedy}")
     known_by = StripeCovariance.of(table)
     if math.isnan(factor := known_by.factor(subject)):
-        remedy = "calibrate repeats of several swatches, or ask for the uncertainty of the mean"
+        remedy = "calibrate repeats of several swatches, or choose uncertainty_of mean"
         raise fault(where, f"has no scatter of repeats, so a new swatch is not known; {remedy}")
     where, names = f"{where}: covariance", list(table)
     known = [*NUMBERS, *([] if stripe.stiffening_strain is None else [STIFFENING])]

@@ -68,7 +68,7 @@ def uncertainty_map(
 
     figure, axes = subplots(max(2.4, 1.2 + 0.55 * row_count(cells.designs_of(shown))))
     what = VARIABLES[name].long_name + (f"\nat {cube[STRAIN].item():.0%}" if single else "")
-    label = f"half the 95 % interval of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
+    label = f"95 % half-width of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
     said = wrap(f"uncertainty {known.attrs['comment']}", LINE)
     marked = draw_map(axes, [shown], f"{name}_halfwidth", label, text)
     cells.marks_legend(figure, marked, "no derivative, or no value", (*NOTES, *said))
