@@ -118,7 +118,6 @@ def test_intervals_of_few_repeats_cover(repeats, subject):
         ]
         covered.append(np.abs(off_by) <= found)
     shares = dict(zip(SLOPES, np.mean(covered, axis=0), strict=True))
-    print(repeats, subject, shares)
     assert 0.92 <= np.mean(covered) <= 0.98, shares
     assert all(0.9 <= each <= 0.99 for each in shares.values()), shares
 
@@ -141,7 +140,6 @@ def test_intervals_of_one_curve_cover_the_curve_with_correlated_noise(rho):
         covered.append((low <= truth) & (truth <= high))
         warned.append(any("correlated" in warning for warning in fit.warnings))
         assert fit.covariance.repeats is None
-    print(rho, np.mean(covered, axis=0), np.mean(warned))
     assert 0.92 <= np.mean(covered) <= 0.985
     assert np.mean(warned) < 0.05 if rho == 0 else np.mean(warned) > 0.8
 
@@ -156,5 +154,4 @@ def test_errors_of_a_linear_fit_cover_with_correlated_residuals(rho):
         fitted, *_ = np.linalg.lstsq(model, noise)
         errors = errors_by_residuals(model, noise - model @ fitted)
         covered.append(abs(fitted) <= errors.halfwidths)
-    print(rho, np.mean(covered))
     assert 0.92 <= np.mean(covered) <= 0.99
