@@ -68,11 +68,10 @@ def errors_by_residuals(
     """Errors of a least-squares fit by its residuals, whose neighbours may be correlated.
 
     Residuals at points in order are taken as V_ij = σ² ρ^|i−j|. The covariance B V Bᵀ, with the
-    pseudoinverse B of the Jacobian, is the mean over ρ, weighed by the restricted likelihood of
+    pseudoinverse B of the Jacobian, is averaged over ρ, weighed by the restricted likelihood of
     ρ (Harville, JASA 72, 320, 1977), which is not biased by the fitted numbers as the correlation
-    of residuals is. The scatter of ln v of each variance v over ρ takes from the n − p degrees of
-    freedom, 2/ν = 2/(n − p) + var(ln v)/2, as for the variance of a sample; half of it, since the
-    mean of v is already above its middle. Simulated, 95 % intervals then cover 94 to 98 %.
+    of residuals is. Variances v are geometric means. The scatter of ln v over ρ takes from the
+    n − p degrees of freedom: 2/ν = 2/(n − p) + var(ln v), as for the variance of a sample.
     """
     count, fitted = jacobian.shape
     span, inverse = _inverse(jacobian)
@@ -96,10 +95,13 @@ def errors_by_residuals(
     weights = np.exp(np.array(log_weights) - max(log_weights))
     weights /= weights.sum()
     variances = np.log(np.diagonal(covariances, axis1=1, axis2=2))
-    scatter = weights @ (variances - weights @ variances) ** 2
+    middle = weights @ variances
+    scatter = weights @ (variances - middle) ** 2
+    covariance = np.tensordot(weights, covariances, 1)
+    scale = np.sqrt(np.exp(middle) / np.diag(covariance))
     return FitErrors(
-        np.tensordot(weights, covariances, 1),
-        2 / (2 / spare + float(scatter.mean()) / 2),
+        covariance * np.outer(scale, scale),
+        2 / (2 / spare + float(scatter.mean())),
         float(weights @ TRIED_CORRELATIONS),
     )
 
