@@ -70,8 +70,9 @@ def errors_by_residuals(
     Residuals at points in order are taken as V_ij = σ² ρ^|i−j|. The covariance B V Bᵀ, with the
     pseudoinverse B of the Jacobian, is averaged over ρ, weighed by the restricted likelihood of
     ρ (Harville, JASA 72, 320, 1977), which is not biased by the fitted numbers as the correlation
-    of residuals is. Variances v are geometric means. The scatter of ln v over ρ takes from the
-    n − p degrees of freedom: 2/ν = 2/(n − p) + var(ln v), as for the variance of a sample.
+    of residuals is. Beforehand, no correlation is as likely as all others from 0 to 0.99 together.
+    Variances v are geometric means. The scatter of ln v over ρ takes from the n − p degrees of
+    freedom: 2/ν = 2/(n − p) + var(ln v), as for the variance of a sample.
     """
     count, fitted = jacobian.shape
     span, inverse = _inverse(jacobian)
@@ -86,13 +87,15 @@ def errors_by_residuals(
         left = left - basis @ (basis.T @ left)
         square = max(float(left @ left), np.finfo(float).tiny)
         log_weights.append(
-            1.5 * math.log(1 - rho**2)  # of V, and of the spacing of the trials
+            0.5 * math.log(1 - rho**2)
             - float(np.log(np.abs(np.diag(triangle))).sum())
             - spare / 2 * math.log(square)
         )
         correlated = matmul_toeplitz(rho ** np.arange(count), inverse.T)
         covariances.append(square / spare / (1 - rho**2) * inverse @ correlated)
-    weights = np.exp(np.array(log_weights) - max(log_weights))
+    spacing = 1 - TRIED_CORRELATIONS**2
+    prior = spacing / spacing.sum() + (TRIED_CORRELATIONS == 0)
+    weights = prior * np.exp(np.array(log_weights) - max(log_weights))
     weights /= weights.sum()
     variances = np.log(np.diagonal(covariances, axis1=1, axis2=2))
     middle = weights @ variances
