@@ -44,6 +44,7 @@ from .laboratory.tension_record import read_cycles as read_cycles
 from .laboratory.tension_record import read_tension_record as read_tension_record
 from .measure.capacitance.capacitor import Capacitor as Capacitor
 from .measure.knit_size import Gauge as Gauge
+from .measure.stripe_covariance import StripeCovariance as StripeCovariance
 from .sweep.material import Material as Material
 from .sweep.parameters import Model as Model
 from .sweep.parameters import defaults as defaults

@@ -16,7 +16,7 @@ from knitlab.cube.query import query_cubes
 from knitlab.cube.schema import STRAIN
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.target import Target, read_target
-from knitlab.io.errors import ErrorCollector, fault, raise_any
+from knitlab.io.errors import ErrorCollector, fault, raise_any, shortened
 from knitlab.io.names import check_suffix
 from knitlab.meshes import formats
 from knitlab.meshes.chosen_case import chosen_case, chosen_strains
@@ -77,6 +77,7 @@ def find(
     subject_to: Wanted | Sequence[Wanted] = (),
     most: int | None = None,
     material: "str | Path | Material | None" = None,
+    uncertainty_of: str | None = None,
 ) -> Found:
     """Find the designs that come closest to targets; nothing is simulated.
 
@@ -96,6 +97,8 @@ def find(
         material: material with the covariances of its stripes, to rank by the probability that a
             design meets all targets and ``subject_to``, of cubes with sensitivities. What has no
             sensitivities counts as exact; a single value needs a tolerance.
+        uncertainty_of: whether this is the probability of a new ``"swatch"`` or of the ``"mean"``
+            stripe, as of :func:`knitlab.uncertainty`; ``uncertainty`` of the result says it.
 
     Returns:
         The designs, the nearest first, or with a material the most probable. For target 1
@@ -114,10 +117,13 @@ def find(
     """
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
     stripes = None
+    if uncertainty_of is not None and material is None:
+        problem = "is that of a material, but none is given; give the file with its covariances"
+        raise fault(f"uncertainty_of {shortened(uncertainty_of)}", problem)
     if material is not None:
         from knitlab.sweep.stripe_covariance import uncertain_stripes  # which imports JAX
 
-        stripes = uncertain_stripes(material)
+        stripes = uncertain_stripes(material, uncertainty_of)
     read = [opened(cube, lazily=True) for cube in cubes]
     return find_designs(read, wanted, required, most, stripes)
 

@@ -7,8 +7,8 @@ import xarray as xr
 from knitlab.api.cubes import Cube, opened
 from knitlab.cube.sampled import sampled_uncertainty
 from knitlab.cube.schema import SAMPLE
-from knitlab.cube.uncertainty import uncertainty_of
-from knitlab.io.errors import fault
+from knitlab.cube.uncertainty import first_order
+from knitlab.io.errors import fault, shortened
 from knitlab.io.names import check_suffix
 from knitlab.io.toml import TOML
 from knitlab.sweep.cube import joined_cubes
@@ -17,33 +17,42 @@ from knitlab.sweep.stripe_covariance import uncertain_stripes
 from knitlab.sweep.stripe_samples import write_samples
 
 
-def uncertainty(*cubes: Cube, material: str | Path | Material | None = None) -> xr.Dataset:
+def uncertainty(
+    *cubes: Cube,
+    material: str | Path | Material | None = None,
+    uncertainty_of: str | None = None,
+) -> xr.Dataset:
     """Standard deviations of Poisson's ratio and force, and the stripe numbers they are due to.
 
     They are those of first order, J Σ Jᵀ, by the sensitivities J of the cubes and the covariance Σ
-    of the stripes; nothing is simulated. They are too small or too large where a quantity is not
-    linear within the uncertainty, as near a snap. Those of samples (:func:`sample_stripes`) are
-    the statistics of these.
+    of the stripes: of new swatches, or of the mean of all. Their 95 % intervals are those of
+    Student's t, as scatter is known from a few repeats. Nothing is simulated. They are too small or
+    too large where a quantity is not linear within the uncertainty, as near a snap. Those of
+    samples (:func:`sample_stripes`) are the statistics of these.
 
     Args:
         cubes: cubes of designs along the same dimensions, run with ``sensitivities = true`` and
             the same material; or of samples.
         material: material file, as ``knitlab calibrate`` writes it, or a material with covariances;
             none for samples.
+        uncertainty_of: ``"swatch"``, of fabric that is knitted anew, or ``"mean"``, of the mean
+            stripe. By default a new swatch, if repeats are known of all stripes of the material.
 
     Returns:
         For each design ``poisson_ratio_sd`` [1] and ``reaction_force_sd`` [N] along
-        ``applied_strain``, and ``poisson_ratio_min_sd``. For each of these, along
+        ``applied_strain``, and ``poisson_ratio_min_sd``; ``…_halfwidth``, half the 95 % interval,
+        and the ``…_degrees_of_freedom`` of its Student's t. The attribute ``uncertainty_of`` says
+        what is uncertain, and ``comment`` how it is known. For each quantity, along
         ``stripe_parameter``, ``…_share`` in the variance (all sum to 1; with correlated numbers,
         some may be negative) and ``…_explained``, the part of the variance that would vanish if
         this number were known exactly; and ``…_leading``, the number that explains most, which
-        is the one to measure better. Of samples, ``…_mean`` and ``…_sd`` of every variable, the
-        number of ``samples`` that are ok, and of those for Sobol indices ``…_first_order`` and
-        ``…_total``.
+        is the one to measure better. Of samples, ``…_mean`` and ``…_sd`` of every variable,
+        from 40 samples on ``…_halfwidth`` by their quantiles, the number of ``samples`` that
+        are ok, and of those for Sobol indices ``…_first_order`` and ``…_total``.
 
     Raises:
-        BadInput: if a cube has no sensitivities or other stripes, or a covariance is missing, or
-            is not positive semidefinite.
+        BadInput: if a cube has no sensitivities or other stripes, or a covariance is missing, is
+            not positive semidefinite, or is of one curve and a new swatch is asked for.
 
     Example:
         >>> acrylic = "docs/examples/swatches/acrylic.toml"
@@ -56,10 +65,13 @@ def uncertainty(*cubes: Cube, material: str | Path | Material | None = None) -> 
     read = [opened(cube) for cube in cubes]
     cube = joined_cubes(read) if len(read) > 1 else read[0]
     if SAMPLE in cube.dims:
+        if uncertainty_of is not None:
+            problem = "is that of the samples, as they were drawn; leave it out"
+            raise fault(f"uncertainty_of {shortened(uncertainty_of)}", problem)
         return sampled_uncertainty(cube)
     if material is None:
         raise fault("material", "is not given; give the file with the covariances of its stripes")
-    return uncertainty_of(cube, uncertain_stripes(material))
+    return first_order(cube, uncertain_stripes(material, uncertainty_of))
 
 
 def sample_stripes(
@@ -71,11 +83,13 @@ def sample_stripes(
     sobol: bool = False,
     workflow: str | Path = "periodic",
     seed: int = 0,
+    uncertainty_of: str | None = None,
 ) -> Path:
     """Write a workflow that simulates designs with samples of the stripe numbers of a material.
 
-    The samples are a Latin hypercube of the normal distribution of the fit, along the dimension
-    ``sample`` of the cube. Run as any workflow, they are kept and continued.
+    The samples are a Latin hypercube along the dimension ``sample`` of the cube, of normal
+    deviates or, where the covariance has degrees of freedom, of the multivariate t. Run as any
+    workflow, they are kept and continued.
 
     Args:
         material: material file with covariances, as ``knitlab calibrate`` writes it.
@@ -84,15 +98,18 @@ def sample_stripes(
         samples: number of samples; for Sobol indices a power of 2, of which each of the d uncertain
             numbers takes one more set, and two: (d + 2) times as many are simulated.
         sobol: whether to sample for Sobol indices, by Saltelli's design. These are defined for
-            independent numbers: correlations of the fit are left out.
+            independent numbers of finite variance: correlations of the fit are left out, and
+            deviates are normal.
         workflow: name or path of the workflow that all else is taken from.
         seed: of the random numbers.
+        uncertainty_of: ``"swatch"`` or ``"mean"``, as of :func:`knitlab.uncertainty`.
 
     Returns:
         The path of the workflow, for :func:`knitlab.run` and then :func:`knitlab.uncertainty`.
 
     Raises:
-        BadInput: if the material lacks a covariance, or a number is at fault.
+        BadInput: if the material lacks a covariance, or has one of two repeats, whose deviates are
+            too large to be simulated; or if a number is at fault.
 
     Example:
         >>> acrylic = "docs/examples/swatches/acrylic.toml"
@@ -102,5 +119,5 @@ def sample_stripes(
     """
     material, output = Path(material), Path(output)
     check_suffix(output, TOML, "a workflow")
-    write_samples(material, output, n_stripe, samples, str(workflow), seed, sobol)
+    write_samples(material, output, n_stripe, samples, str(workflow), seed, sobol, uncertainty_of)
     return output

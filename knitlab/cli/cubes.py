@@ -11,6 +11,12 @@ from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
 from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 
+uncertainty_of = option(
+    "--uncertainty-of",
+    "What is uncertain: a new swatch, or the mean stripe. [default: swatch, if repeats are known]",
+    ["swatch", "mean"],
+)
+
 
 @click.command()
 @options.cubes
@@ -69,6 +75,7 @@ def query(
     "Rank by the probability of meeting the targets, by the covariances in FILE.",
     FILE,
 )
+@uncertainty_of
 @options.table_format
 @options.output("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
 def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any) -> None:
@@ -88,6 +95,8 @@ def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any
     if style == "table":
         for number, reached in enumerate(nearest.reached, start=1):
             click.echo(f"target {number}: {reached.target.text}")
+    if nearest.uncertainty:
+        click.echo(f"probability: {nearest.uncertainty}", err=style != "table")
     options.show(nearest.table, style, marks=nearest.marks)
     for reason, count in nearest.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)
@@ -130,6 +139,7 @@ def compare(
 @option("--of NAME", "Variable whose values grid and swept show.")
 @option("--window STRAIN:STRAIN", "Strains over which sensor shows slope and linearity.")
 @option("--material FILE", "Material file with the covariances of stripes, for uncertainty.", FILE)
+@uncertainty_of
 @options.select
 def draw_map(
     kind: str,

@@ -14,6 +14,7 @@ from knitlab.cube.probability import (
     DEVIATES,
     check_tolerance,
     column,
+    freedoms_of,
     is_met,
     numbers_of,
     with_deviations,
@@ -78,6 +79,7 @@ class Found:
     reached: tuple[Reached, ...]  # for each target, in the order of the table
     passed_over: dict[str, int]  # designs that were not considered, by reason
     marks: tuple[str, ...] = ()  # of the rows of the table: the signs of what not to rely on
+    uncertainty: str = ""  # what probabilities are of, in a sentence
 
     def __repr__(self) -> str:
         return f"<Found: {len(self.table)} designs, {len(self.reached)} targets>"
@@ -153,7 +155,8 @@ def find_designs(
         table[constraint.target.label] = constraint.obtained[order]
     table.attrs["units"] = _units(designs.attrs["units"], targets, subject_to)
     counted = {reason: count for reason, count in passed_over.items() if count}
-    return Found(table, ordered, counted, tuple(marks[ok].iloc[order]))
+    note = "" if stripes is None else stripes.note
+    return Found(table, ordered, counted, tuple(marks[ok].iloc[order]), note)
 
 
 def _units(
@@ -180,7 +183,11 @@ def _reached(
         off_by = abs(target.departure(values, none))
         in_spread = np.full(len(values), "unknown")
         changes = numbers_of(designs, target.name)
-        met = is_met(target, none, values[:, None], changes) if sampled else None
+        met = (
+            is_met(target, none, values[:, None], changes, freedoms_of(designs))
+            if sampled
+            else None
+        )
         return Reached(target, none, values[:, None], values, off_by, off_by, in_spread, (), met)
     target.window.check_within(cubes, target.name, source)
     at, curves = _curves(cubes, target.name, target.window)
@@ -212,7 +219,7 @@ def _reached(
         read = [
             _curves(cubes, name, target.window)[1] if uncertain else 0 * curves for name in names
         ]
-        met = is_met(target, at, curves, np.array(read))
+        met = is_met(target, at, curves, np.array(read), freedoms_of(designs))
     return Reached(target, at, curves, obtained, off_by, worst, in_spread, tuple(band), met)
 
 

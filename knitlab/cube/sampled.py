@@ -5,15 +5,26 @@ import xarray as xr
 
 from knitlab.cube.cube_file import design_dims
 from knitlab.cube.schema import SAMPLE, STRAIN, Status
-from knitlab.cube.uncertainty import LOWEST, NUMBERS, PARAMETER, QUANTITIES, with_label
+from knitlab.cube.uncertainty import (
+    HALFWIDTH,
+    LOWEST,
+    NUMBERS,
+    PARAMETER,
+    QUANTITIES,
+    with_label,
+)
 
+LEAST_SAMPLES = 40
+"""Samples from which on the ends of a 95 % interval lie within them."""
+TAILS = [0.025, 0.975]
 STRIPE_NUMBERS = [f"{knit}_{name}" for knit in ("rib", "garter") for name in NUMBERS]
 
 
 def sampled_uncertainty(cube: xr.Dataset) -> xr.Dataset:
     """Mean and standard deviation of every variable over the samples; see `kl.uncertainty`.
 
-    Of samples as for Sobol indices, these of Poisson's ratio and force too, which need all samples.
+    From 40 samples on, half the 95 % interval is half the distance of its two quantiles. Of
+    samples as for Sobol indices, these of Poisson's ratio and force too, which need all samples.
     """
     ok = cube["status"] == Status.ok
     design = saltelli_design(cube)
@@ -27,6 +38,9 @@ def sampled_uncertainty(cube: xr.Dataset) -> xr.Dataset:
         if known and each.dtype.kind == "f":
             variables[f"{name}_mean"] = each.mean(SAMPLE).assign_attrs(cube[name].attrs)
             variables[f"{name}_sd"] = with_label(each.std(SAMPLE, ddof=1), cube[name])
+            if count >= LEAST_SAMPLES:
+                ends = each.quantile(TAILS, SAMPLE).diff("quantile").isel(quantile=0, drop=True)
+                variables[f"{name}_halfwidth"] = with_label(ends / 2, cube[name], HALFWIDTH)
     if design is not None:
         for name in (LOWEST, *QUANTITIES):
             if name in cube:

@@ -1,5 +1,6 @@
 """Uncertainty: what the covariance of stripe numbers makes of a cube's quantities, linearly."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from knitlab.cube.cube_file import parameters_of
 from knitlab.cube.schema import STRAIN, Status
 from knitlab.io.errors import fault
+from knitlab.measure.stripe_covariance import Subject
 
 if TYPE_CHECKING:  # which imports JAX
     from knitlab.fabric.stripe import Stripe
@@ -21,19 +23,35 @@ PARAMETER = "stripe_parameter"
 DEVIATE = "deviate"
 QUANTITIES = ("poisson_ratio", "reaction_force")
 LOWEST = "poisson_ratio_min"
+HALFWIDTH = "half the 95 % interval of"
+SUBJECT = "uncertainty_of"
+"""Attribute that says what is uncertain: a new swatch, or the mean."""
 SAME = 1e-5  # relative difference up to which a stripe of a cube is that of a material
 
 
 @dataclass(frozen=True)
 class UncertainStripe:
-    """A stripe, and the covariance of relative changes of its :data:`NUMBERS` [1]."""
+    """A stripe, and the covariance of relative changes of its :data:`NUMBERS` [1].
+
+    Linear functions of these follow Student's t, with this many degrees of freedom.
+    """
 
     stripe: "Stripe"
     covariance: Float[np.ndarray, "4 4"]
+    degrees_of_freedom: float = math.inf
 
 
-Stripes = Callable[[int], tuple[UncertainStripe, UncertainStripe]]
-"""Rib and garter of the designs with this ``n_stripe``; BadInput if there is none."""
+@dataclass(frozen=True)
+class Stripes:
+    """Uncertain stripes of designs.
+
+    ``pair`` gives rib and garter of the designs with an ``n_stripe``; BadInput if there is none.
+    They are those of a new swatch or of the mean, as ``note`` says in a sentence.
+    """
+
+    pair: Callable[[int], tuple[UncertainStripe, UncertainStripe]]
+    subject: Subject
+    note: str
 
 
 def slopes(cube: xr.Dataset) -> dict[str, xr.DataArray]:
@@ -56,28 +74,33 @@ def slopes(cube: xr.Dataset) -> dict[str, xr.DataArray]:
     return by_name
 
 
-def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> xr.DataArray:
+def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> tuple[xr.DataArray, xr.DataArray]:
     """L, along n_stripe, parameter and deviate: L Lᵀ is the covariance of stripe numbers.
 
-    Deviates are independent, of unit variance. BadInput if a design has stripes other than these.
+    Deviates are those of rib and garter, each of Student's t; returned are also their degrees of
+    freedom, along n_stripe and deviate. BadInput if a design has stripes other than these.
     """
     names = [str(name) for name in cube[PARAMETER].values]
     sizes = cube["n_stripe"].values.tolist()
     root = np.zeros((len(sizes), len(names), 2 * len(NUMBERS)))
+    freedom = np.full((len(sizes), 2 * len(NUMBERS)), np.inf)
     for row, n in enumerate(sizes):
         designs = cube.sel(n_stripe=n)
         ok = designs["status"] == Status.ok
-        for half, uncertain in enumerate(stripes(n) if ok.any() else ()):
+        for half, uncertain in enumerate(stripes.pair(n) if ok.any() else ()):
             knit = uncertain.stripe.knit
             _check_same(designs, ok, uncertain.stripe)
             variances, directions = np.linalg.eigh(uncertain.covariance)
             of_stripe = directions * np.sqrt(np.maximum(variances, 0))
             columns = slice(half * len(NUMBERS), (half + 1) * len(NUMBERS))
+            freedom[row, columns] = uncertain.degrees_of_freedom
             for number, of_number in zip(NUMBERS, of_stripe, strict=True):
                 if f"{knit}_{number}" in names:
                     root[row, names.index(f"{knit}_{number}"), columns] = of_number
     dims = ("n_stripe", PARAMETER, DEVIATE)
-    return xr.DataArray(root, {"n_stripe": sizes, PARAMETER: names}, dims)
+    sized = {"n_stripe": sizes}
+    of_deviates = xr.DataArray(freedom, sized, ("n_stripe", DEVIATE))
+    return xr.DataArray(root, sized | {PARAMETER: names}, dims), of_deviates
 
 
 def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None:
@@ -92,26 +115,53 @@ def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None
             raise fault(f"{name} of n_stripe {int(designs['n_stripe'])}", f"{given}; {remedy}")
 
 
-def deviations(cube: xr.Dataset, stripes: Stripes) -> dict[str, xr.DataArray]:
-    """Change of each quantity with each of the independent deviates of stripe numbers."""
-    by_name, root = slopes(cube), root_of_covariance(cube, stripes)
-    return {name: (slope * root).sum(PARAMETER, skipna=False) for name, slope in by_name.items()}
+def deviations(cube: xr.Dataset, stripes: Stripes) -> tuple[dict[str, xr.DataArray], xr.DataArray]:
+    """Change of each quantity with each deviate of stripe numbers, and their degrees of freedom."""
+    by_name, (root, freedom) = slopes(cube), root_of_covariance(cube, stripes)
+    changes = {name: (slope * root).sum(PARAMETER, skipna=False) for name, slope in by_name.items()}
+    return changes, freedom
 
 
-def uncertainty_of(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
-    """Standard deviations to first order, and the stripe numbers that they are due to.
+def interval(
+    by_deviate: xr.DataArray, freedom: xr.DataArray
+) -> tuple[xr.DataArray, xr.DataArray, xr.DataArray]:
+    """Variance, degrees of freedom, and half the 95 % interval of a sum of deviates.
+
+    Rib and garter are measured apart. Student's t of their sum has the degrees of freedom of Welch
+    and Satterthwaite, v²/Σ(v_i²/ν_i) for the variances v_i; of one stripe alone it is exact.
+    """
+    from knitlab.measure.fit_statistics import quantile  # which imports scipy.stats
+
+    variance = share = xr.zeros_like(by_deviate.isel({DEVIATE: 0}))
+    for first in (0, len(NUMBERS)):
+        own = by_deviate.isel({DEVIATE: slice(first, first + len(NUMBERS))})
+        of_stripe = (own**2).sum(DEVIATE, skipna=False)
+        variance = variance + of_stripe
+        share = share + of_stripe**2 / freedom.isel({DEVIATE: first})
+    effective = xr.where(share > 0, variance**2 / share.where(share > 0), np.inf)
+    effective = effective.where(variance.notnull())
+    factor = xr.apply_ufunc(quantile, effective)
+    return variance, effective, factor * variance**0.5
+
+
+def first_order(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
+    """Standard deviations to first order, intervals, and the stripe numbers they are due to.
 
     BadInput if the cube has no sensitivities, or designs with stripes other than these.
     """
     by_name: dict[str, xr.DataArray] = {}
-    derivatives, root = slopes(cube), root_of_covariance(cube, stripes)
+    derivatives, (root, freedom) = slopes(cube), root_of_covariance(cube, stripes)
     for name, slope in derivatives.items():
         by_deviate = (slope * root).sum(PARAMETER, skipna=False)
-        variance = (by_deviate**2).sum(DEVIATE, skipna=False)
+        variance, effective, half = interval(by_deviate, freedom)
         with_number = (by_deviate * root).sum(DEVIATE, skipna=False)
         both = (root**2).sum(DEVIATE) * variance
         explained = (with_number**2 / both.where(both > 0)).where((both > 0) | both.isnull(), 0.0)
         by_name[f"{name}_sd"] = with_label(variance**0.5, cube[name])
+        by_name[f"{name}_halfwidth"] = with_label(half, cube[name], HALFWIDTH)
+        by_name[f"{name}_degrees_of_freedom"] = effective.assign_attrs(
+            units="1", long_name="degrees of freedom of Student's t"
+        )
         share = slope * with_number / variance.where(variance > 0)
         by_name[f"{name}_share"] = share.assign_attrs(
             units="1",
@@ -123,12 +173,15 @@ def uncertainty_of(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
         by_name[f"{name}_leading"] = leading(explained)
     kept = {name: cube[name] for name in ("status", LOWEST, *QUANTITIES) if name in cube}
     dims = cube["status"].dims
-    return xr.Dataset({name: each.transpose(*dims, ...) for name, each in (kept | by_name).items()})
+    variables = {name: each.transpose(*dims, ...) for name, each in (kept | by_name).items()}
+    return xr.Dataset(variables, attrs={SUBJECT: stripes.subject, "comment": stripes.note})
 
 
-def with_label(deviation: xr.DataArray, of: xr.DataArray) -> xr.DataArray:
-    """A standard deviation in the unit of its quantity, with a label."""
-    label = f"standard deviation of {of.attrs.get('long_name', of.name)}"
+def with_label(
+    deviation: xr.DataArray, of: xr.DataArray, what: str = "standard deviation of"
+) -> xr.DataArray:
+    """A deviation in the unit of its quantity, with a label."""
+    label = f"{what} {of.attrs.get('long_name', of.name)}"
     return deviation.assign_attrs(units=of.attrs.get("units", "1"), long_name=label)
 
 

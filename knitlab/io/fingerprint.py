@@ -33,6 +33,7 @@ OF_NO_CASE = (
     "measure/knit_size.py",
     "measure/marker_grid.py",
     "measure/records.py",
+    "measure/stripe_covariance.py",
 )
 """Modules of these that compute nothing of a case."""
 DIGITS = 12

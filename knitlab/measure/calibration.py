@@ -17,7 +17,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
-from scipy.stats import t as student_t
 
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.pure_stripe import PureStripe, tension_across
@@ -26,7 +25,15 @@ from knitlab.fabric.spring_law import CurveLaw, SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import law_of_one
 from knitlab.measure.along_ridges import AlongRidges, springs_along
-from knitlab.measure.fit_statistics import CONFIDENCE, Comparison, compare
+from knitlab.measure.fit_statistics import (
+    Comparison,
+    FitErrors,
+    compare,
+    covariance_of_unit_noise,
+    errors_by_residuals,
+    errors_by_scatter,
+)
+from knitlab.measure.stripe_covariance import LEAST_REPEATS, StripeCovariance
 
 Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""
@@ -58,8 +65,10 @@ MODEL_ERROR, INDEPENDENT = 0.01, 10
 noise, too, a curve that ends before the springs stretch does not determine them."""
 OF_SPRINGS = ("k_s", "stiffening_strain")
 BEYOND_OPEN = 1.1  # of the length of open folds, to which a curve should go
-LEAST_REPEATS = 3
-"""Repeats from which on their scatter, and not that of the points, gives the errors."""
+CORRELATED = 0.5
+"""Correlation of neighbouring residuals from which on it is a warning."""
+ROUND_OFF = 1e-6
+"""Misfit over the largest force up to which residuals say nothing."""
 AT_BOUND = 1e-3
 """Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
 ALTERNATIONS = 6  # at most, of fits across the ridges and along them
@@ -93,7 +102,9 @@ class Calibration:
     warnings: tuple[str, ...]
     law: Law = "linear"
     per_width: bool = False
-    repeats: int = 1  # from 3 on, errors are those of the mean of their own fits
+    repeats: int = 1  # from 2 on, errors are those of the mean of their own fits
+    degrees_of_freedom: float = math.inf  # of the errors
+    autocorrelation: float = 0.0  # of neighbouring residuals, if errors come from these
     along: AlongRidges | None = None  # springs along the ridges, if a curve of these was given
 
     def __repr__(self) -> str:
@@ -145,8 +156,11 @@ class Calibration:
         return "N/mm" if self.per_width else "N"
 
     @property
-    def covariance(self) -> dict[str, dict[str, float]]:
-        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name."""
+    def covariance(self) -> StripeCovariance:
+        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name.
+
+        It is that of the mean stripe, with the repeats and degrees of freedom behind it.
+        """
         errors = np.array(
             [
                 error / (1.0 if name == "theta_0" else self.values[name])
@@ -154,10 +168,12 @@ class Calibration:
             ]
         )
         rows = self.correlations * np.outer(errors, errors)
-        return {
+        table = {
             name: dict(zip(self.values, row, strict=True))
             for name, row in zip(self.values, rows.tolist(), strict=True)
         }
+        repeats = self.repeats if self.repeats >= LEAST_REPEATS else None
+        return StripeCovariance(table, self.degrees_of_freedom, repeats)
 
     @property
     def residuals(self) -> Points:
@@ -213,11 +229,12 @@ def _across(
     """Fit k_s, k_t and θ0 of a sheet to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
-    used. Standard errors and correlations are those of the linearised fit, with the noise taken
-    from the residual, or, of three repeats or more, those of the mean of a fit to each. The curve
-    is the force on one row of the network [N], which is as wide as a cell is long, or over the
-    width [N/mm], over strains of the relaxed period, w or h [mm]. ValueError if it has too few
-    points, or no tension.
+    used. Of two repeats or more, numbers are the mean of those of a fit to each (of logarithms, and
+    of the angle), and errors and correlations those of this mean, by their scatter. Of one curve
+    errors are those of the linearised fit, with the noise and its correlation along the curve
+    taken from the residuals. The curve is the force on one row of the network [N], which is as wide
+    as a cell is long, or over the width [N/mm], over strains of the relaxed period, w or h [mm].
+    ValueError if it has too few points, or no tension.
     """
     repeats = np.atleast_2d(force)
     mean = repeats.mean(axis=0)
@@ -257,43 +274,40 @@ def _across(
     fits = [fit_to(mean, start) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
     if len(repeats) >= LEAST_REPEATS:
+        # The fit to the mean curve is biased where repeats scatter, as folds open at other strains.
         own = np.array([fit_to(each, best.x).x for each in repeats])
-        freedom, covariance = len(repeats) - 1, np.cov(own.T) / len(repeats)
+        fitted_at, errors = own.mean(axis=0), errors_by_scatter(own)
     else:
-        freedom = len(strain) - len(fitted)
-        _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
-        # Round-off must not count as information.
-        singular = np.maximum(singular, np.finfo(float).eps * singular[0])
-        covariance = 2 * best.cost / freedom * (right.T / singular**2) @ right
-    errors = np.sqrt(np.diag(covariance))
-    correlations = covariance / np.outer(errors, errors)
-    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, freedom)
-    limits = best.x + np.outer([-1, 0, 1], reach)
+        order = np.argsort(strain, kind="stable")
+        fitted_at, errors = best.x, errors_by_residuals(best.jac[order], best.fun[order])
+    limits = fitted_at + np.outer([-1, 0, 1], errors.halfwidths)
     with np.errstate(over="ignore"):
         limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
     lows, values, highs = limits
     intervals = np.stack([lows, highs], axis=-1)
     # An interior angle of a fold is between 0 and π.
     intervals[2] = np.clip(intervals[2], 0, np.pi)
-    standard_errors = errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
-    undetermined, warnings = _undetermined(best, errors, correlations)
+    standard_errors = errors.standard_errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
+    undetermined, warnings = _undetermined(best, errors)
     return Calibration(
         period,
         dict(zip(fitted, values.tolist(), strict=True)),
         dict(zip(fitted, standard_errors.tolist(), strict=True)),
         dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
-        correlations,
+        errors.correlations,
         strain,
         mean,
-        forces(best.x),
+        forces(fitted_at),
         starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
         undetermined=undetermined,
-        warnings=warnings,
+        warnings=(*warnings, *_correlation_warnings(best, errors)),
         law=law,
         per_width=per_width,
         repeats=len(repeats),
+        degrees_of_freedom=errors.degrees_of_freedom,
+        autocorrelation=errors.autocorrelation,
     )
 
 
@@ -324,6 +338,7 @@ def report(calibration: Calibration) -> list[str]:
                 enumerate(calibration.values), 2
             )
         ),
+        f"errors   {_source_of_errors(calibration)}",
         f"misfit   {calibration.misfit:.2g} {calibration.force_unit} rms over"
         f" {len(calibration.strain)} points; {agreeing} of {tried} starts agree,"
         f" {calibration.iterations} steps",
@@ -339,6 +354,18 @@ def _report_along(calibration: Calibration) -> Iterator[str]:
             f" {len(along.curve.strain)} points; misfit {along.misfit:.2g} {calibration.force_unit}"
             f" rms over {len(along.strain)} points"
         )
+
+
+def _source_of_errors(calibration: Calibration) -> str:
+    freedom = f"Student's t with {calibration.degrees_of_freedom:.3g} degrees of freedom"
+    if calibration.repeats >= LEAST_REPEATS:
+        count = calibration.repeats
+        return (
+            f"of the mean of {count} repeats, by their scatter, as of {count} swatches; {freedom}"
+        )
+    correlation = f"neighbours correlated by {calibration.autocorrelation:.2f}"
+    unknown = "nothing is known about the scatter of new swatches"
+    return f"of the points of one curve, {correlation}; {freedom}; {unknown}"
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
@@ -418,8 +445,21 @@ def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "
     return np.array(starts)
 
 
+def _correlation_warnings(fit: OptimizeResult, errors: FitErrors) -> list[str]:
+    """Whether the residuals of one curve count as fewer points than there are."""
+    rho, misfit = errors.autocorrelation, math.sqrt(2 * fit.cost / len(fit.fun))
+    if rho < CORRELATED or misfit < ROUND_OFF:
+        return []
+    independent = len(fit.fun) * (1 - rho) / (1 + rho)
+    return [
+        f"neighbouring residuals are correlated by {rho:.2f}: {len(fit.fun)} points count as about"
+        f" {independent:.0f}, and errors are enlarged; measure three repeats, whose scatter gives"
+        " the errors"
+    ]
+
+
 def _undetermined(
-    fit: OptimizeResult, errors: Unknowns, correlations: Float[np.ndarray, "fitted fitted"]
+    fit: OptimizeResult, errors: FitErrors
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Parameters that a curve does not determine, and sentences on what is wrong with a fit.
 
@@ -427,14 +467,17 @@ def _undetermined(
     model is off by, and if another one acts alike.
     """
     warnings, unknown = [], dict[str, None]()
+    # Whether a curve separates two numbers is not a matter of the scatter of a few repeats.
+    separable = FitErrors(covariance_of_unit_noise(fit.jac), math.inf).correlations
+    standard_errors = errors.standard_errors
     fitted = FITTED_IF_STIFFENING[: len(fit.x)]
     if not fit.success:
         warnings.append(f"the fit did not converge ({fit.message}); do not use it")
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
     to_bound = np.abs(bounds - fit.x).min(axis=0)
     spread = MODEL_ERROR * math.sqrt(len(fit.fun) / INDEPENDENT)
-    of_model = spread * np.sqrt(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)))
-    largest = zip(fitted, errors, of_model, to_bound, strict=True)
+    of_model = spread * np.sqrt(np.diag(covariance_of_unit_noise(fit.jac)))
+    largest = zip(fitted, standard_errors, of_model, to_bound, strict=True)
     for name, error, model_error, distance in largest:
         if distance < AT_BOUND:
             low, high = BOUNDS[name]
@@ -448,11 +491,11 @@ def _undetermined(
             continue
         unknown[name] = None
     for one, other in itertools.combinations(range(len(fitted)), 2):
-        vague = max(errors[one], errors[other]) > VAGUE_ERROR
-        if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:
+        vague = max(standard_errors[one], standard_errors[other]) > VAGUE_ERROR
+        if vague and abs(separable[one, other]) > ALIKE_CORRELATION:
             warnings.append(
                 f"the curve cannot separate {fitted[one]} and {fitted[other]} (correlation"
-                f" {correlations[one, other]:+.4f}); their standard errors are not reliable"
+                f" {separable[one, other]:+.4f}); their standard errors are not reliable"
             )
             unknown |= {fitted[one]: None, fitted[other]: None}
     return tuple(unknown), tuple(warnings)

@@ -1,4 +1,4 @@
-"""Statistics of fits: confidence intervals of slopes, and whether data justify a parameter more."""
+"""Statistics of fits: errors, intervals of slopes, and whether data justify a parameter more."""
 
 import math
 from collections.abc import Sequence
@@ -7,11 +7,116 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
+from scipy.linalg import matmul_toeplitz
 
 CONFIDENCE = 0.95
 WORTH = 2.0  # AICc by which a fit is preferred: about the penalty of one parameter
 
 Points = Float[np.ndarray, " point"]
+Matrix = Float[np.ndarray, "fitted fitted"]
+TRIED_CORRELATIONS = np.tanh(np.linspace(0, 2.65, 54))
+"""Autocorrelations of residuals that are weighed, from 0 to 0.99."""
+
+
+@dataclass(frozen=True)
+class FitErrors:
+    """How uncertain the numbers of a fit are: errors are those of Student's t.
+
+    ``autocorrelation`` is that of neighbouring residuals, if errors come from these.
+    """
+
+    covariance: Matrix
+    degrees_of_freedom: float
+    autocorrelation: float = 0.0
+
+    @property
+    def standard_errors(self) -> Float[np.ndarray, " fitted"]:
+        """Square roots of the variances."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlations(self) -> Matrix:
+        """Correlations of the errors; 0 with a number that has no error."""
+        scale = np.outer(self.standard_errors, self.standard_errors)
+        return np.divide(self.covariance, scale, np.zeros_like(scale), where=scale > 0)
+
+    @property
+    def halfwidths(self) -> Float[np.ndarray, " fitted"]:
+        """Half the 95 % intervals."""
+        return self.standard_errors * quantile(self.degrees_of_freedom)
+
+
+def quantile(degrees_of_freedom: Float[np.ndarray, "*any"] | float) -> Float[np.ndarray, "*any"]:
+    """Half the 95 % interval of Student's t over the standard error."""
+    return stats.t.ppf((1 + CONFIDENCE) / 2, degrees_of_freedom)
+
+
+def errors_by_scatter(repeats: Float[np.ndarray, "repeat fitted"]) -> FitErrors:
+    """Errors of the mean of the numbers of repeats, by their scatter."""
+    return FitErrors(np.cov(repeats.T) / len(repeats), len(repeats) - 1)
+
+
+def covariance_of_unit_noise(jacobian: Float[np.ndarray, "point fitted"]) -> Matrix:
+    """Covariance of fitted numbers if all residuals are independent, with variance 1."""
+    inverse = _inverse(jacobian)[1]
+    return inverse @ inverse.T
+
+
+def errors_by_residuals(
+    jacobian: Float[np.ndarray, "point fitted"], residuals: Points
+) -> FitErrors:
+    """Errors of a least-squares fit by its residuals, whose neighbours may be correlated.
+
+    Residuals at points in order are taken as V_ij = σ² ρ^|i−j|. The covariance B V Bᵀ, with the
+    pseudoinverse B of the Jacobian, is averaged over ρ, weighed by the restricted likelihood of
+    ρ (Harville, JASA 72, 320, 1977), which is not biased by the fitted numbers as the correlation
+    of residuals is. Beforehand, no correlation is as likely as all others from 0 to 0.99 together.
+    Variances v are geometric means. The scatter of ln v over ρ takes from the n − p degrees of
+    freedom: 2/ν = 2/(n − p) + var(ln v), as for the variance of a sample.
+    """
+    count, fitted = jacobian.shape
+    span, inverse = _inverse(jacobian)
+    spare = count - fitted
+    log_weights, covariances = [], []
+    for rho in TRIED_CORRELATIONS:
+        # Innovations of unit variance, of the model and of the residuals.
+        first = math.sqrt(1 - rho**2)
+        model = np.concatenate([first * span[:1], span[1:] - rho * span[:-1]])
+        left = np.concatenate([first * residuals[:1], residuals[1:] - rho * residuals[:-1]])
+        basis, triangle = np.linalg.qr(model)
+        left = left - basis @ (basis.T @ left)
+        square = max(float(left @ left), np.finfo(float).tiny)
+        log_weights.append(
+            0.5 * math.log(1 - rho**2)
+            - float(np.log(np.abs(np.diag(triangle))).sum())
+            - spare / 2 * math.log(square)
+        )
+        correlated = matmul_toeplitz(rho ** np.arange(count), inverse.T)
+        covariances.append(square / spare / (1 - rho**2) * inverse @ correlated)
+    spacing = 1 - TRIED_CORRELATIONS**2
+    prior = spacing / spacing.sum() + (TRIED_CORRELATIONS == 0)
+    weights = prior * np.exp(np.array(log_weights) - max(log_weights))
+    weights /= weights.sum()
+    variances = np.log(np.diagonal(covariances, axis1=1, axis2=2))
+    middle = weights @ variances
+    scatter = weights @ (variances - middle) ** 2
+    covariance = np.tensordot(weights, covariances, 1)
+    scale = np.sqrt(np.exp(middle) / np.diag(covariance))
+    return FitErrors(
+        covariance * np.outer(scale, scale),
+        2 / (2 / spare + float(scatter.mean())),
+        float(weights @ TRIED_CORRELATIONS),
+    )
+
+
+def _inverse(
+    jacobian: Float[np.ndarray, "point fitted"],
+) -> tuple[Float[np.ndarray, "point fitted"], Float[np.ndarray, "fitted point"]]:
+    """An orthonormal basis of the columns of a Jacobian, and its pseudoinverse."""
+    span, singular, right = np.linalg.svd(jacobian, full_matrices=False)
+    # Round-off must not count as information.
+    singular = np.maximum(singular, np.finfo(float).eps * singular[0])
+    return span, (right.T / singular) @ span.T
 
 
 @dataclass(frozen=True)
@@ -89,11 +194,10 @@ def linear_fit(x: Points, y: Points) -> LinearFit:
     if len(x) < 3:
         raise ValueError(f"{len(x)} points give no confidence interval of a slope; give 3 at least")
     line = stats.linregress(x, y)
-    quantile = stats.t.ppf((1 + CONFIDENCE) / 2, len(x) - 2)
     return LinearFit(
         slope=float(line.slope),
         intercept=float(line.intercept),
-        slope_halfwidth=float(quantile * line.stderr),
+        slope_halfwidth=float(quantile(len(x) - 2) * line.stderr),
         r_squared=float(line.rvalue**2),
         x=np.asarray(x, float),
         y=np.asarray(y, float),

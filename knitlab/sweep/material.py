@@ -16,6 +16,7 @@ from knitlab.io.errors import ErrorCollector, Fault, fault, naming, raise_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
 from knitlab.measure.knit_size import Gauge
+from knitlab.measure.stripe_covariance import Covariance, StripeCovariance
 from knitlab.sweep.declared_fields import checked, declared, entries, optional, unit_of, with_fields
 from knitlab.sweep.parameters import (
     KNITS,
@@ -42,7 +43,6 @@ STITCH = "stitch_width", "stitch_height"
 UNIT_OF = dict.fromkeys((*SCALED, *STITCH), "mm") | {"surface_density": "g/mm^2"}
 """Numbers of a yarn beside its stripes, and their units."""
 MATERIAL = "model.material"
-Covariance = Mapping[str, Mapping[str, float]]
 DIGITS = 6
 """Digits of the numbers of a calibrated stripe in a file."""
 
@@ -76,7 +76,9 @@ class Material:
         source: where the numbers come from.
         covariances: of the numbers of stripes, by knit and stitches, for
             :func:`knitlab.uncertainty`: ``{("rib", 4): fitted.covariance}``. They are those of
-            ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact.
+            ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact. A
+            :class:`knitlab.StripeCovariance` also has repeats and degrees of freedom; another
+            mapping is a normal covariance of the mean stripe.
         yarn: the yarn in words, for :func:`knitlab.knit`; what is None is not given.
         conductive_yarn: the yarn of electrodes in words.
         stitch_size: size of a stitch, in units of the machine.
@@ -234,10 +236,10 @@ class MaterialFile(StrictModel):
             interpolate=self.interpolate,
             source="; ".join(dict.fromkeys(sources)),
             covariances={
-                (knit, n): row.covariance
+                (knit, n): covariance
                 for knit in KNITS
                 for n, row in stripes.rows(knit).items()
-                if row.covariance is not None
+                if (covariance := row.stripe_covariance) is not None
             },
             **{number: entry.value for number, entry in entries.items()},
             **{each.name: getattr(self, each.name) for each in fields(YarnOnMachine)},
@@ -281,7 +283,7 @@ def _add_row(
         row["source"] = source
     own["unit"] |= {name: unit for name, unit in OPTIONAL.items() if name in row}
     if covariance:
-        row["covariance"] = {name: dict(each) for name, each in covariance.items()}
+        row |= StripeRow.entries_of(StripeCovariance.of(covariance))
     own["n"][str(stripe.n)] = row
 
 

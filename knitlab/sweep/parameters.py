@@ -1,5 +1,6 @@
 """Parameters: schemas of ``params/*.toml``, each value with its unit and source, and defaults."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -28,6 +29,7 @@ from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
+from knitlab.measure.stripe_covariance import LEAST_REPEATS, StripeCovariance
 from knitlab.sweep.declared_fields import (
     ParameterValue,
     checked,
@@ -79,8 +81,9 @@ class SpringCurveRow(StrictModel):
 class StripeRow(StrictModel):
     """Fitted values of one stripe (paper, Tables 1 and 2), and the law of its springs.
 
-    A source of its own replaces that of the table. The covariance of the fit is that of
-    ``ln k_s``, ``ln k_t`` and ``theta_0``.
+    A source of its own replaces that of the table. The covariance of the mean stripe is that of
+    ``ln k_s``, ``ln k_t`` and ``theta_0``, by the scatter of ``repeats`` if these are given, with
+    normal deviates unless it has ``degrees_of_freedom``.
     """
 
     stiffening_strain: PositiveFloat | None = None
@@ -90,6 +93,8 @@ class StripeRow(StrictModel):
     curve_along: SpringCurveRow | None = None
     source: str | None = Field(default=None, exclude=True)
     covariance: dict[str, dict[str, float]] | None = Field(default=None, exclude=True)
+    degrees_of_freedom: PositiveFloat | None = Field(default=None, exclude=True)
+    repeats: int | None = Field(default=None, ge=LEAST_REPEATS, exclude=True)
 
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeRow":
@@ -99,6 +104,29 @@ class StripeRow(StrictModel):
         return cls.model_validate(
             {name: numbers[name] for name in (*QUANTITIES, *OPTIONAL, *CURVES)}
         )
+
+    @property
+    def stripe_covariance(self) -> StripeCovariance | None:
+        """The covariance with its repeats and degrees of freedom, if there is one."""
+        if self.covariance is None:
+            return None
+        return StripeCovariance(self.covariance, self.degrees_of_freedom or math.inf, self.repeats)
+
+    @staticmethod
+    def entries_of(covariance: StripeCovariance) -> dict[str, Any]:
+        """The entries of a covariance in the file, of which :attr:`stripe_covariance` is made."""
+        row: dict[str, Any] = {}
+        if covariance.repeats is not None:
+            row["repeats"] = covariance.repeats
+        if math.isfinite(covariance.degrees_of_freedom):
+            row["degrees_of_freedom"] = covariance.degrees_of_freedom
+        return row | {"covariance": {name: dict(each) for name, each in covariance.items()}}
+
+    @model_validator(mode="after")
+    def _has_a_covariance(self) -> "StripeRow":
+        if self.covariance is None and (self.degrees_of_freedom or self.repeats):
+            raise ValueError("has degrees_of_freedom or repeats of no covariance; give it too")
+        return self
 
     @model_validator(mode="after")
     def _has_one_law(self) -> "StripeRow":

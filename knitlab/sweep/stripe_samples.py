@@ -1,5 +1,7 @@
 """Samples of uncertain stripes, as the paired settings of a workflow."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,20 +10,40 @@ from jaxtyping import Float
 from scipy.linalg import block_diag
 from scipy.stats import norm, qmc
 
+from knitlab.cube.probability import chi_scale
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit
 from knitlab.io.errors import fault
 from knitlab.io.toml import read_toml, write_toml
+from knitlab.measure.stripe_covariance import Subject
 from knitlab.sweep.material import SCALED, Material, with_material_file
 from knitlab.sweep.parameters import defaults
-from knitlab.sweep.stripe_covariance import covariance_of
+from knitlab.sweep.stripe_covariance import MEANING, covariance_of, subject_of
 from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
 from knitlab.sweep.workflow_text import PAIRED, read_workflow
 
+LEAST_FREEDOM = 2.0
+"""Degrees of freedom below which samples are too far apart to be simulated."""
+
 
 def latin_hypercube(count: int, numbers: int, seed: int) -> Float[np.ndarray, "sample number"]:
     """Independent normal numbers, each of which has one in every of ``count`` equal quantiles."""
-    return norm.ppf(qmc.LatinHypercube(numbers, rng=seed).random(count))
+    return student_hypercube(count, (numbers,), (math.inf,), seed)
+
+
+def student_hypercube(
+    count: int, numbers: Sequence[int], freedoms: Sequence[float], seed: int
+) -> Float[np.ndarray, "sample number"]:
+    """A Latin hypercube of the numbers of stripes, each multivariate t with its freedom."""
+    finite = [freedom for freedom in freedoms if math.isfinite(freedom)]
+    uniform = qmc.LatinHypercube(sum(numbers) + len(finite), rng=seed).random(count)
+    normal, of_scales = np.split(uniform, [sum(numbers)], axis=1)
+    columns = iter(of_scales.T)
+    scales = [
+        chi_scale(next(columns), freedom) if math.isfinite(freedom) else np.ones(count)
+        for freedom in freedoms
+    ]
+    return norm.ppf(normal) * np.repeat(scales, numbers, axis=0).T
 
 
 def saltelli(count: int, numbers: int, seed: int) -> Float[np.ndarray, "sample number"]:
@@ -32,27 +54,36 @@ def saltelli(count: int, numbers: int, seed: int) -> Float[np.ndarray, "sample n
     return np.concatenate([a, b, *exchanged])
 
 
+def root_of(covariance: Float[np.ndarray, "number number"]) -> Float[np.ndarray, "number number"]:
+    """L with L Lᵀ = Σ, also of a singular Σ."""
+    variances, directions = np.linalg.eigh(covariance)
+    return directions * np.sqrt(np.maximum(variances, 0))
+
+
 def sampled_numbers(
-    material: Material, n_stripe: int, count: int, seed: int, sobol: bool
+    material: Material, n_stripe: int, count: int, seed: int, sobol: bool, subject: Subject
 ) -> dict[str, list[float]]:
     """Samples of the stripe numbers of designs with this ``n_stripe``, by setting."""
     knits: tuple[tuple[Knit, int], ...]
     knits = ("rib", n_stripe), ("garter", GARTER_STITCHES_PER_RIB_STITCH * n_stripe)
-    names, middles, matrices = list[str](), list[float](), []
+    names, middles, matrices, freedoms = list[str](), list[float](), [], []
     for knit, n in knits:
-        stripe, own, matrix = covariance_of(material, knit, n)
+        stripe, own, matrix, freedom = covariance_of(material, knit, n, subject)
+        if freedom < LEAST_FREEDOM:
+            problem = f"has {freedom:g} degrees of freedom, whose samples have no bounds"
+            remedy = f"calibrate {math.ceil(LEAST_FREEDOM) + 1} repeats or more"
+            raise fault(f"material {material.name}: {knit} {n}: covariance", f"{problem}; {remedy}")
         names += [f"{knit}_{name}" for name in own]
         middles += [getattr(stripe, name) for name in own]
         matrices.append(matrix)
-    covariance = block_diag(*matrices)
+        freedoms.append(freedom)
     if sobol:
-        root = np.diag(np.sqrt(np.diag(covariance)))
+        roots = [np.diag(np.sqrt(np.diag(matrix))) for matrix in matrices]
         deviates = saltelli(count, len(names), seed)
     else:
-        variances, directions = np.linalg.eigh(covariance)
-        root = directions * np.sqrt(np.maximum(variances, 0))
-        deviates = latin_hypercube(count, len(names), seed)
-    changes = deviates @ root.T
+        roots = [root_of(matrix) for matrix in matrices]
+        deviates = student_hypercube(count, [len(each) for each in matrices], freedoms, seed)
+    changes = deviates @ block_diag(*roots).T
     return {
         name: (middle + change if name.endswith("theta_0") else middle * np.exp(change)).tolist()
         for name, middle, change in zip(names, middles, changes.T, strict=True)
@@ -60,7 +91,14 @@ def sampled_numbers(
 
 
 def write_samples(
-    material: Path, output: Path, n_stripe: int, count: int, workflow: str, seed: int, sobol: bool
+    material: Path,
+    output: Path,
+    n_stripe: int,
+    count: int,
+    workflow: str,
+    seed: int,
+    sobol: bool,
+    subject: str | None,
 ) -> int:
     """Write a workflow that samples a material; returns the number of samples."""
     if count < 2 or (sobol and count & (count - 1)):
@@ -68,7 +106,9 @@ def write_samples(
         raise fault(f"samples {count}", f"is not {needed}; give {needed}")
     base = workflow_file(workflow)
     table: dict[str, Any] = read_toml(base)
-    numbers = sampled_numbers(Material.read(material), n_stripe, count, seed, sobol)
+    read = Material.read(material)
+    chosen = subject_of(read, subject)
+    numbers = sampled_numbers(read, n_stripe, count, seed, sobol, chosen)
     if "design" not in table:
         raise fault(workflow, "has no designs, but pure stripes; name one with [design]")
     # Lengths of the workflow are those of the paper's yarn.
@@ -84,10 +124,8 @@ def write_samples(
     table.setdefault("model", {})["material"] = str(material.resolve())
     # Siblings would add their own changes of the same numbers.
     table.setdefault("protocol", {})["robustness"] = 0
-    table |= {
-        "title": f"Samples of {material.name}: {table.get('title', base.stem)}",
-        "figures": [],
-    }
+    title = f"Samples of {MEANING[chosen]} of {material.name}: {table.get('title', base.stem)}"
+    table |= {"title": title, "figures": []}
     table[PAIRED] = numbers
     write_toml(output, table)
     return len(next(iter(numbers.values())))

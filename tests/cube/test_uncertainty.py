@@ -6,11 +6,12 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
+from scipy.stats import t as student_t
 
 import knitlab as kl
 from knitlab.cube.sampled import saltelli_design, sampled_uncertainty
 from knitlab.cube.schema import Status, described
-from knitlab.cube.uncertainty import NUMBERS, UncertainStripe, uncertainty_of
+from knitlab.cube.uncertainty import NUMBERS, Stripes, UncertainStripe, first_order
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.sweep.stripe_samples import latin_hypercube, saltelli
@@ -58,7 +59,8 @@ def cube(slopes, ratio=-0.3, force=2.0):
 
 
 def pair(rib, garter):
-    return lambda n: (UncertainStripe(RIB, rib), UncertainStripe(GARTER, garter))
+    both = UncertainStripe(RIB, rib), UncertainStripe(GARTER, garter)
+    return Stripes(lambda n: both, "mean", "of the mean stripe")
 
 
 def material(rib=None, garter=None, **changes):
@@ -84,7 +86,7 @@ matrices = st.lists(st.floats(-1, 1), min_size=16, max_size=16).map(
 
 @given(matrices, matrices, st.lists(st.floats(-2, 2), min_size=8, max_size=8))
 def test_the_variance_is_that_of_a_linear_function(rib, garter, slopes):
-    found = uncertainty_of(cube(slopes), pair(rib, garter)).isel(n_stripe=0, n_subunit=0)
+    found = first_order(cube(slopes), pair(rib, garter)).isel(n_stripe=0, n_subunit=0)
     covariance = np.zeros((8, 8))
     covariance[:4, :4], covariance[4:, 4:] = rib, garter
     variance = slopes @ covariance @ slopes
@@ -105,7 +107,7 @@ def test_the_variance_is_that_of_a_linear_function(rib, garter, slopes):
 
 
 def test_units_and_designs_without_a_result():
-    found = uncertainty_of(cube(np.ones(8)), pair(np.eye(4), np.eye(4)))
+    found = first_order(cube(np.ones(8)), pair(np.eye(4), np.eye(4)))
     assert found["reaction_force_sd"].attrs["units"] == "N"
     assert found["poisson_ratio_sd"].attrs["units"] == "1"
     failed = found.isel(n_stripe=0, n_subunit=1)
@@ -207,6 +209,71 @@ def test_designs_are_ranked_by_the_normal_probability_of_the_target():
     ].item() == pytest.approx(0.5, abs=0.005)
     with pytest.raises(BadInput, match="is one value, which is met with probability 0; add a tol"):
         kl.find(cube(slopes), targets="poisson_ratio = -0.32 @ 0.1", material=material())
+
+
+def repeated(repeats, garter_repeats=None):
+    """A material whose covariances are those of repeats."""
+    counts = {("rib", 4): repeats, ("garter", 8): garter_repeats or repeats}
+    tables = material().covariances
+    return kl.Material(
+        (RIB, GARTER),
+        covariances={
+            key: kl.StripeCovariance(tables[key], count - 1, count) for key, count in counts.items()
+        },
+    )
+
+
+def test_a_new_swatch_is_less_certain_than_the_mean_by_students_t():
+    # Only the rib counts, so that the interval is exact.
+    slopes = np.where([name in ("rib_k_s", "rib_k_t") for name in PARAMETERS], 1.0, 0)
+    asked = cube(slopes)
+    found = {
+        subject: kl.uncertainty(asked, material=repeated(5), uncertainty_of=subject)
+        for subject in (None, "swatch", "mean")
+    }
+    at = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}
+    mean, swatch = (found[subject].sel(at) for subject in ("mean", "swatch"))
+    assert mean["poisson_ratio_sd"].item() == pytest.approx(np.sqrt(2e-4))
+    assert swatch["poisson_ratio_sd"].item() == pytest.approx(np.sqrt(6 * 2e-4))
+    for each in (mean, swatch):
+        wanted = student_t.ppf(0.975, 4) * each["poisson_ratio_sd"].item()
+        assert each["poisson_ratio_halfwidth"].item() == pytest.approx(wanted)
+        assert each["poisson_ratio_degrees_of_freedom"].item() == pytest.approx(4)
+    assert found[None].attrs == found["swatch"].attrs
+    assert found[None].attrs["uncertainty_of"] == "swatch"
+    assert "new swatch" in found[None].attrs["comment"]
+    assert "mean stripe" in found["mean"].attrs["comment"]
+
+
+def test_what_is_known_of_one_curve_is_said_and_no_new_swatch():
+    asked, one = cube(np.ones(8)), material()
+    found = kl.uncertainty(asked, material=one)
+    assert found.attrs["uncertainty_of"] == "mean"
+    assert all(word in found.attrs["comment"] for word in ("mean", "not known", "rib 4", "garter"))
+    nearest = kl.find(asked, targets="poisson_ratio < -0.3 @ 0.1", material=one)
+    assert nearest.uncertainty == found.attrs["comment"]
+    with pytest.raises(BadInput, match=r"rib 4: .*new swatch.*calibrate repeats"):
+        kl.uncertainty(asked, material=one, uncertainty_of="swatch")
+    with pytest.raises(BadInput, match=r"uncertainty_of mena: .*mean"):
+        kl.uncertainty(asked, material=one, uncertainty_of="mena")
+    with pytest.raises(BadInput, match=r"uncertainty_of mean: .*material"):
+        kl.find(asked, targets="poisson_ratio < -0.3 @ 0.1", uncertainty_of="mean")
+
+
+@pytest.mark.parametrize("repeats", [(2, 2), (3, 10), (5, 5)])
+def test_a_probability_agrees_with_the_interval(repeats):
+    asked, known = cube(np.ones(8)), repeated(*repeats)
+    half = kl.uncertainty(asked, material=known).sel(n_stripe=4, n_subunit=16, applied_strain=0.1)
+    target = f"poisson_ratio = -0.3 ± {half['poisson_ratio_halfwidth'].item()} @ 0.1"
+    found = kl.find(asked, targets=target, material=known)
+    assert found.table["probability"].item() == pytest.approx(0.95, abs=0.005)
+
+
+@pytest.mark.parametrize("wrong", [{"degrees_of_freedom": 0.0}, {"repeats": 1}])
+def test_degrees_of_freedom_and_repeats_are_checked(wrong):
+    (name,) = wrong
+    with pytest.raises(BadInput, match=f"{name}: is .*give"):
+        kl.StripeCovariance({"k_s": {"k_s": 1.0}}, **wrong)
 
 
 def sampled(deviates, ratio):

@@ -30,7 +30,7 @@ def test_a_cell_has_the_value_its_deviation_and_the_number_to_measure_better(str
         float(part.replace("−", "-")) for part in written.splitlines()[0].split(" ± ")
     )
     assert value == pytest.approx(known[name].item(), rel=0.01)
-    assert deviation == pytest.approx(known[f"{name}_sd"].item(), rel=0.05)
+    assert deviation == pytest.approx(known[f"{name}_halfwidth"].item(), rel=0.05)
     knit, symbol = known[f"{name}_leading"].item().split("_", 1)
     assert written.splitlines()[1].startswith(f"{knit} ${symbol}$")
     explained = known[f"{name}_explained"].max().item()

@@ -1,16 +1,21 @@
 """Samples of stripes: their covariance, paired settings, and first order against Monte Carlo."""
 
+import math
 import re
 
 import numpy as np
 import pytest
+from scipy.stats import kstest, norm
+from scipy.stats import t as student_t
 
 import knitlab as kl
 from knitlab.cube.uncertainty import NUMBERS
 from knitlab.io.errors import BadInput
+from knitlab.io.toml import read_toml
 from knitlab.measure.calibration import FITTED
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.stripe_covariance import with_period
+from knitlab.sweep.stripe_samples import student_hypercube
 
 TABLES = kl.defaults().stripes
 ERRORS = {"k_s": 0.02, "k_t": 0.012, "theta_0": 0.004, "period": 0.004}
@@ -34,6 +39,56 @@ def yarn(tmp_path_factory):
     kl.Material(tuple(stripes), name="yarn", covariances=covariances).write(path)
     assert kl.Material.read(path).covariances == covariances
     return path
+
+
+def test_repeats_and_degrees_of_freedom_travel_with_the_material(tmp_path):
+    stripe, path = TABLES.stripe("rib", 4), tmp_path / "yarn.toml"
+    known = kl.StripeCovariance(table(), 4, 5)
+    of_curve = kl.StripeCovariance(table(), 7.5)
+    for each in (known, of_curve):
+        kl.Material((stripe,), name="yarn", covariances={("rib", 4): each}).write(path)
+        read = kl.Material.read(path).covariances["rib", 4]
+        assert (read, read.degrees_of_freedom) == (each, each.degrees_of_freedom)
+        assert read.repeats == each.repeats
+        assert with_period(read, stripe.theta_0).repeats == each.repeats
+    text = path.read_text()
+    path.write_text(text.replace("degrees_of_freedom = 7.5", "repeats = 1"))
+    with pytest.raises(BadInput, match="repeats"):
+        kl.Material.read(path)
+    kl.Material((stripe,), name="yarn").write(path)
+    path.write_text(path.read_text().replace("[rib.n.4]", "[rib.n.4]\nrepeats = 5"))
+    with pytest.raises(BadInput, match=r"rib.*covariance; give it"):
+        kl.Material.read(path)
+
+
+def test_samples_of_few_repeats_are_those_of_the_multivariate_t():
+    deviates = student_hypercube(4000, (4, 4), (4.0, math.inf), 0)
+    along = deviates @ np.array([0.6, 0, 0.8, 0, 0, 0, 0, 0])
+    assert kstest(along, student_t(4).cdf).pvalue > 0.01
+    assert kstest(deviates[:, 5], norm.cdf).pvalue > 0.01
+    # The deviates of one stripe are small and large together.
+    assert np.corrcoef(abs(deviates[:, 0]), abs(deviates[:, 1]))[0, 1] > 0.1
+    assert abs(np.corrcoef(abs(deviates[:, 0]), abs(deviates[:, 5]))[0, 1]) < 0.05
+
+
+def test_samples_are_of_a_new_swatch_by_default_and_not_of_two_repeats(tmp_path):
+    stripes = TABLES.stripe("rib", 4), TABLES.stripe("garter", 8)
+
+    def sampled(repeats, **asked):
+        known = kl.StripeCovariance(table(), repeats - 1, repeats)
+        covariances = {(each.knit, each.n): known for each in stripes}
+        kl.Material(stripes, name="yarn", covariances=covariances).write(tmp_path / "yarn.toml")
+        path = tmp_path / "s.toml"
+        kl.sample_stripes(tmp_path / "yarn.toml", path, n_stripe=4, samples=64, **asked)
+        return read_toml(path)
+
+    swatch, mean = sampled(5), sampled(5, uncertainty_of="mean")
+    ratio = np.log(swatch["paired"]["rib_k_s"]).std() / np.log(mean["paired"]["rib_k_s"]).std()
+    assert ratio == pytest.approx(np.sqrt(6), rel=1e-6)
+    assert "a new swatch" in swatch["title"]
+    assert "the mean stripe" in mean["title"]
+    with pytest.raises(BadInput, match=r"rib 4: .*1 degrees of freedom.*3 repeats"):
+        sampled(2)
 
 
 def changes_of(sampled, knit, n):
@@ -152,7 +207,7 @@ def test_a_flat_period_varies_with_the_angle_from_which_it_follows():
         one: dict(zip(FITTED, row, strict=True))
         for one, row in zip(FITTED, matrix.tolist(), strict=True)
     }
-    found = with_period(fitted, theta)
+    found = with_period(kl.StripeCovariance(fitted), theta)
     names = [*FITTED, "period"]
     samples = np.random.default_rng(0).multivariate_normal(np.zeros(3), matrix, 100_000)
     period = -np.log(np.sin((theta + samples[:, 2]) / 2) / np.sin(theta / 2))

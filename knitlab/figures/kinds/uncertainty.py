@@ -2,6 +2,7 @@
 
 from math import floor, log10
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.schema import STRAIN, VARIABLES
-from knitlab.cube.uncertainty import LOWEST, PARAMETER, QUANTITIES, uncertainty_of
+from knitlab.cube.uncertainty import LOWEST, PARAMETER, QUANTITIES, first_order
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.design_map import draw_map, row_count
@@ -21,20 +22,25 @@ if TYPE_CHECKING:  # which imports JAX
     from knitlab.sweep.material import Material
 
 NOTES = (
-    "in each cell: (n_stripe, n_subunit), value ± standard deviation, and the number to measure",
-    "better, with the part of the variance that would vanish if this number were known exactly",
+    "in each cell: (n_stripe, n_subunit), value ± half its 95 % interval, the number to measure",
+    "better, and the part of the variance that would vanish if this number were known exactly",
 )
+LINE = 90  # characters
 MOST_PLACES = 4  # decimal places of a value at most
 
 
 def uncertainty_map(
-    cube: xr.Dataset, material: "str | Path | Material | None" = None, of: str = "poisson_ratio"
+    cube: xr.Dataset,
+    material: "str | Path | Material | None" = None,
+    of: str = "poisson_ratio",
+    uncertainty_of: str | None = None,
 ) -> Figure:
-    """Poisson's ratio of every design ± its standard deviation, and the number to measure better.
+    """Poisson's ratio of every design ± half its 95 % interval, and the number to measure better.
 
     Both follow from the covariance of the stripes of a material, to first order: the lowest ratio,
-    or with one applied strain selected the ratio, or the force, there. The colour is the standard
-    deviation; the number explains most of the variance.
+    or with one applied strain selected the ratio, or the force, there. The colour is half the
+    interval; the number explains most of the variance. The interval is that of a new ``"swatch"``,
+    or of the ``"mean"`` stripe, as the figure says.
     """
     from knitlab.sweep.stripe_covariance import uncertain_stripes
 
@@ -46,7 +52,7 @@ def uncertainty_map(
     if of != "poisson_ratio" and not single:
         raise fault(f"of {of}", "varies with the strain; select one applied_strain")
     name = of if single else LOWEST
-    known = uncertainty_of(cube, uncertain_stripes(material))
+    known = first_order(cube, uncertain_stripes(material, uncertainty_of))
     shown = known.isel({STRAIN: 0}) if single else known
     unit = VARIABLES[of].units
 
@@ -62,12 +68,15 @@ def uncertainty_map(
 
     figure, axes = subplots(max(2.4, 1.2 + 0.55 * row_count(cells.designs_of(shown))))
     what = VARIABLES[name].long_name + (f"\nat {cube[STRAIN].item():.0%}" if single else "")
-    label = f"standard deviation of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
-    marked = draw_map(axes, [shown], f"{name}_sd", label, text)
-    cells.marks_legend(figure, marked, "no derivative, or no value", NOTES)
+    label = f"95 % half-width of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
+    said = wrap(f"uncertainty {known.attrs['comment']}", LINE)
+    marked = draw_map(axes, [shown], f"{name}_halfwidth", label, text)
+    cells.marks_legend(figure, marked, "no derivative, or no value", (*NOTES, *said))
     return figure
 
 
 FIGURES = {
-    "uncertainty": FigureKind(uncertainty_map, coordinates=(STRAIN,), options=("material", "of"))
+    "uncertainty": FigureKind(
+        uncertainty_map, coordinates=(STRAIN,), options=("material", "of", "uncertainty_of")
+    )
 }

@@ -1,0 +1,73 @@
+"""The covariance of the numbers of a stripe, with the repeats and degrees of freedom behind it."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from knitlab.io.errors import fault
+
+Covariance = Mapping[str, Mapping[str, float]]
+Subject = Literal["swatch", "mean"]
+"""What is uncertain: a newly knitted swatch, or the mean stripe of all swatches."""
+SUBJECTS: tuple[Subject, ...] = ("swatch", "mean")
+LEAST_REPEATS = 2
+"""Repeats from which on their scatter is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class StripeCovariance(Covariance):
+    """Covariance of the numbers of a mean stripe, as a table of rows by name.
+
+    With the covariance S of single swatches, that of the mean of R is S/R, which the table holds.
+    A new swatch differs from this mean by S(1 + 1/R), which is (R + 1) times the table. A linear
+    function of the numbers is uncertain by Student's t, which is exact for normal swatches.
+
+    Attributes:
+        table: covariance of the mean: of ``ln k_s``, ``ln k_t``, ``theta_0`` [rad], ``ln period``.
+        degrees_of_freedom: of Student's t; by default infinite: normal deviates.
+        repeats: number R of swatches whose scatter the table was computed from. Without it, as
+            of one curve, nothing is known about a new swatch.
+
+    Raises:
+        BadInput: if the degrees of freedom are not above 0, or there are fewer than two repeats.
+
+    Example:
+        >>> import knitlab as kl
+        >>> table = {"k_s": {"k_s": 0.0004}}
+        >>> five = kl.StripeCovariance(table, degrees_of_freedom=4, repeats=5)
+        >>> five["k_s"]["k_s"], round(five.factor("swatch"), 1)
+        (0.0004, 6.0)
+    """
+
+    table: Covariance
+    degrees_of_freedom: float = math.inf
+    repeats: int | None = None
+
+    def __post_init__(self) -> None:
+        if not self.degrees_of_freedom > 0:
+            problem = f"is {self.degrees_of_freedom!r}; give a number above 0"
+            raise fault("degrees_of_freedom", problem)
+        if self.repeats is not None and self.repeats < LEAST_REPEATS:
+            problem = f"is {self.repeats!r}; give {LEAST_REPEATS} at least, or leave it out"
+            raise fault("repeats", problem)
+
+    @classmethod
+    def of(cls, table: Covariance) -> "StripeCovariance":
+        """A table as it is, or with normal deviates if it is a plain mapping."""
+        return table if isinstance(table, cls) else cls(table)
+
+    def factor(self, subject: Subject) -> float:
+        """Covariance of this subject over the table; NaN if it is not known."""
+        if subject == "mean":
+            return 1.0
+        return math.nan if self.repeats is None else self.repeats + 1.0
+
+    def __getitem__(self, name: str) -> Mapping[str, float]:
+        return self.table[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.table)
+
+    def __len__(self) -> int:
+        return len(self.table)
