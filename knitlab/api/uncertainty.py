@@ -58,7 +58,7 @@ def uncertainty(
         >>> acrylic = "docs/examples/swatches/acrylic.toml"
         >>> spread = kl.uncertainty("results/reference/acrylic", material=acrylic)
         >>> spread["poisson_ratio_min_leading"].sel(n_stripe=4, n_subunit=16).item()
-        'garter_k_s'
+        'garter_theta_0'
     """
     if not cubes:
         raise fault("cubes", "none is given; name a cube or its results folder")

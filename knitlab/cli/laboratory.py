@@ -125,13 +125,21 @@ def calibrate(
     if friction:
         if law != "linear":
             raise fault("--friction", "is fitted with linear springs; leave out --law")
+        if along is not None:
+            raise fault("--friction", "is fitted across the ridges alone; leave out --along")
         del swatch["cycle"]
         passages = read_cycles(record, **swatch)
         fit = calibrate_friction(passages, period=period)
         read = [f"record        {line}" for line in passages.summary]
         options.echo_report([*read, *friction_report(fit)])
+        if fit.undetermined and not accept:
+            unknown = f"the cycles do not determine {', '.join(fit.undetermined)}"
+            remedy = "measure to larger strain, or give --accept"
+            options.echo_problem(f"no stripe is written, as {unknown}; {remedy}")
+            options.exit_unless(False)
         stripe = fit.stripe(knit, stitches, used_size)
-        add_stripe(output, stripe, f"knitlab calibrate {record.name} --friction")
+        source = f"knitlab calibrate {record.name} --friction"
+        add_stripe(output, stripe, source, cell_size=used_size)
         click.echo(f"stripe        {knit} {stitches} in {output}")
         click.echo(f"settings      {' '.join(f'--set {each}' for each in fit.settings)}")
         return

@@ -46,9 +46,28 @@ class Swatch:
 
 
 def simulated_swatches(calibration: Calibration) -> list[Swatch]:
-    """The swatches of a calibration in the network: across the ridges, and along them if measured.
+    """Simulate the swatches of a calibration: across the ridges, and along them if measured.
 
-    Their strains are some of those of the records.
+    The network of an endless pure sheet is relaxed and pulled to some strains of each record.
+
+    Args:
+        calibration: the fit, as :func:`knitlab.calibrate` returns it.
+
+    Returns:
+        A swatch for each direction, with its ``strain`` [1], the measured ``force`` and the
+        ``simulated`` one, in the unit of the records; ``apart`` is their largest difference over
+        the largest force.
+
+    Example:
+        >>> import numpy as np
+        >>> from knitlab.fabric.pure_stripe import PureStripe, tension_across
+        >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
+        >>> strain = np.linspace(0.05, 2.5, 40)
+        >>> force = tension_across(PureStripe.of(stripe), strain)
+        >>> fitted = kl.calibrate(strain, force, period=1.41)
+        >>> [swatch] = kl.simulated_swatches(fitted)
+        >>> bool(swatch.apart < 1e-3)
+        True
     """
     stripe = calibration.stripe("rib", 1, "relaxed")
     records: list[tuple[Direction, Points, Points]] = [

@@ -78,6 +78,12 @@ class FrictionFit:
         return [f"{name}={self.values[name]:.4g}" for name in ("fold_friction", "fold_drift")]
 
     @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Parameters of the stripe that the cycles hardly determine."""
+        errors, values = self.standard_errors, self.values
+        return tuple(name for name in ELASTIC if errors[name] > VAGUE * values[name])
+
+    @property
     def misfit(self) -> float:
         """Root mean square difference between records and fit."""
         measured = np.concatenate([each.force for each in self.cycles.passages])
@@ -260,7 +266,6 @@ def friction_report(fit: FrictionFit) -> list[str]:
     else:
         verdict = "the cycles do not decide whether there is friction or drift"
     points = sum(len(each.strain) for each in passages)
-    vague = [name for name in ELASTIC if fit.standard_errors[name] > VAGUE * fit.values[name]]
     return [
         *(
             f"{name:13s} {value:.4g} ± {fit.standard_errors[name]:.2g} {units[name]}"
@@ -270,5 +275,4 @@ def friction_report(fit: FrictionFit) -> list[str]:
         f" passages, {fit.iterations} steps",
         f"friction      {verdict} (AICc {gain.gain:+.1f}, {gain.gain_if_correlated:+.1f} if"
         " neighbours are correlated)",
-        *(f"warning       {name} is hardly determined; measure to larger strain" for name in vague),
     ]

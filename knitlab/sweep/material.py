@@ -258,7 +258,7 @@ def add_stripe(
     if path.exists():
         if (there := read_checked(MaterialFile, path).cell_size) != cell_size:
             problem = f"has periods of {there} stripes, and this one is of a {cell_size} stripe"
-            raise fault(str(path), f"{problem}; calibrate all with --cell-size {there}")
+            raise fault(str(path), f"{problem}; calibrate all for cell_size {there}")
         table |= read_toml(path)
     numbers = {name: getattr(stripe, name) for name in (*STRIPE_QUANTITIES, *OPTIONAL)}
     rounded: dict[str, Any] = {name: each and _rounded(each) for name, each in numbers.items()}

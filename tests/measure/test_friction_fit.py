@@ -145,7 +145,7 @@ def test_cycles_are_of_one_swatch_and_friction_at_a_late_start_is_no_offset(tmp_
 
 def test_friction_from_zero_strain_on_is_no_offset(tmp_path):
     strain = np.linspace(0.0, 2.2, 300)
-    (force,) = zigzag_forces(PERIOD, NUMBERS, [Passage(strain, strain, loading=True)])
+    (force,) = sheet_forces(PERIOD, NUMBERS, [Passage(strain, strain, loading=True)])
     path = tmp_path / "loading.csv"
     rows = [f"{one},{other}" for one, other in zip(strain, force, strict=True)]
     path.write_text("\n".join(["strain [1],force [N]", *rows]))
