@@ -158,8 +158,9 @@ def lengths_ratio(stripe: Stripe, sheet: Sheet, options: ModelOptions) -> float:
     """
     rib = stripe.knit == "rib"
     cloth = sheet.cloth_stitch_width if rib else sheet.cloth_stitch_height
-    network = options.length_scale * flat_stitch(stripe, options.cell_size)
-    return network / cloth if cloth else 1.0
+    # In this order of operations, as identifiers of cases have its last digit.
+    flat_period = options.cells_per_period * float(cell_length(stripe, options))
+    return flat_period / (2 * stripe.n * cloth) if cloth else 1.0
 
 
 def periods_per_patch(n_stripe: int, n_subunit: int) -> int:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import knitlab as kl
+from knitlab.fabric.pure_stripe import PureStripe, tension_across
 from knitlab.fabric.spring_law import SpringCurve
-from knitlab.fabric.zigzag import tension, zigzag
 from knitlab.inverse.request import checked_request
 from tests.laboratory.recorded import Laboratory
 
@@ -18,7 +18,7 @@ STRAIN = np.linspace(0.05, 2.5, 37)
 
 def calibrated(folder):
     stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
-    force = np.asarray(tension(zigzag(stripe), STRAIN))
+    force = np.asarray(tension_across(PureStripe.of(stripe), STRAIN))
     return [kl.calibrate(STRAIN, force, period=1.41)], ["Calibration", "k_s 0.817", "37 points"]
 
 

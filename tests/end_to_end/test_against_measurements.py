@@ -80,37 +80,35 @@ def test_the_numbers_in_the_text_follow_from_the_kept_cases(script, cases):
         found = script.computed(cases, swatch, sample)
         return found[found.index <= script.measured(swatch).index.max()].to_numpy()
 
-    assert of("rib_across").min() > 0
-    assert of("rib_across").max() < 0.005
-    assert of("garter_across").max() == pytest.approx(0.02, abs=0.005)
-    for swatch, sample, first, last in (
-        ("garter_along", "10mm", 0.22, 0.14),
-        ("rib_along", "10mm", 0.07, 0.02),
-        ("garter_along", "long", 0.50, 0.42),
-        ("rib_along", "long", 0.43, 0.25),
+    for swatch in script.NAMES:
+        assert of(swatch).min() > 0
+        assert of(swatch).max() < 0.02
+    # Off over the middle half of the strains, as the text says.
+    for swatch, strains, errors in (
+        ("rib_across", (0.5, 1.5), (0.07, 0.17)),
+        ("garter_across", (0.2, 0.5), (0.09, 0.13)),
     ):
-        ratio = of(swatch, sample)
-        assert ratio[[0, -1]] == pytest.approx([first, last], abs=0.005)
-        assert (np.diff(ratio) < 0).all()
+        own = script.measured(swatch)["poisson_ratio [1]"]
+        found = script.computed(cases, swatch, "10mm")
+        off = [own[strain] - found[strain] for strain in strains]
+        assert off == pytest.approx(errors, abs=0.01)
     for knit in ("rib", "garter"):
         positions = script.positions_of(cases[f"{knit}_along_long"])[0]
         aspect = script.width_at_mid_height(positions) / script.clamp_distance(positions)
         assert aspect == pytest.approx(0.11, abs=0.005)
-        own = script.measured(f"{knit}_along").iloc[0]
-        off = of(f"{knit}_along")[0] - own["poisson_ratio [1]"]
-        assert abs(off) < own["standard_deviation [1]"]
 
 
-def test_forces_are_within_a_fifth_of_the_records(script, cases):
+def test_forces_are_off_as_the_text_says(script, cases):
     for swatch in script.NAMES:
         case, width = cases[f"{swatch}_10mm"], script.size_of(swatch)["pin_width [mm]"]
         own = script.width_at_mid_height(script.positions_of(case))[0]
         strains = [*script.FORCE_STRAINS]
-        force = (
-            case.reaction_force.sel(applied_strain=strains, method="nearest").values * width / own
-        )
+        found = case.reaction_force.sel(applied_strain=strains, method="nearest").values
         measured = np.array([mean for mean, _ in script.measured_force(swatch)])
-        assert np.abs(force / measured - 1).max() < 0.2
+        off = np.abs(found * width / own / measured - 1)
+        assert off[-1] < 0.07
+        if swatch.endswith("along"):
+            assert off.max() < 0.05
 
 
 @pytest.mark.slow

@@ -209,6 +209,9 @@ def test_a_plan_records_everything_it_resolved(tmp_path):
         "k_t": 0.045,
         "stiffening_strain": None,
         "spring_curve": None,
+        "row_width": None,
+        "stretch_along": None,
+        "curve_along": None,
     }
     assert case["options"]["fold_phase"] == "stripe_border"
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.json"]

@@ -6,7 +6,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from knitlab.dynamics.settings import Dynamics
 from knitlab.equilibrium.settings import Solver
-from knitlab.fabric.stripe import SPRING_LAWS, STRIPE_QUANTITIES, Stripe
+from knitlab.fabric.stripe import OF_OWN_YARN, SPRING_LAWS, STRIPE_QUANTITIES, Stripe
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.sweep.declared_fields import declared, unit_of
@@ -42,7 +42,12 @@ def test_no_two_sections_have_a_setting_of_the_same_name():
 
 
 def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_both():
-    assert set(STRIPE_QUANTITIES) == set(declared(Stripe)) - {"knit", "n", *SPRING_LAWS}
+    assert set(STRIPE_QUANTITIES) == set(declared(Stripe)) - {
+        "knit",
+        "n",
+        *SPRING_LAWS,
+        *OF_OWN_YARN,
+    }
     for name in STRIPE_QUANTITIES:
         assert SETTINGS[f"{name}_factor"].factor_on == name
         for knit in ("rib", "garter"):
