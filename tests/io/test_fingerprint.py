@@ -43,6 +43,7 @@ OLDER = {
     "options_stripes",
     "paper",
     "periodic",
+    "preview",
     "relaxation",
     "sensor",
     "sensor_contact",
@@ -52,9 +53,8 @@ OLDER = {
     "stripes",
 }
 """Kept cubes of earlier code (issues 63 and 64). Stripes of own yarns now have springs along their
-ridges; those without, as the paper's, have the same springs to the last digit, and the preview of
-this code the same numbers. Before that, contact in time changed: it moves ν of samples by at most
-0.008."""
+ridges; fabrics of the paper's stripes are the same to the last digit. Before that, contact in time
+changed: it moves ν of samples by at most 0.008."""
 
 
 def imported(name):
