@@ -13,7 +13,7 @@ from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
 
 uncertainty_of = option(
     "--uncertainty-of",
-    "What is uncertain: a new swatch, or the mean stripe. [default: swatch, if repeats are known]",
+    "Uncertainty of a new swatch, or of the mean stripe. [default: swatch, if repeats are known]",
     ["swatch", "mean"],
 )
 

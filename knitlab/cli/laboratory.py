@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class Zero(click.ParamType):
-    """What is subtracted from a force: ``none``, ``start``, or a number of newtons."""
+    """The force to subtract: ``none``, ``start``, or a number of newtons."""
 
     name = "none|start|N"
 
     def convert(self, value: Any, *about: Any) -> Any:
-        """The number, or one of the words."""
+        """Return the word, or the number of newtons."""
         try:
             return value if value in ("none", "start") else float(value)
         except ValueError:
@@ -41,12 +41,12 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 @option("--gauge-stitches", "Stitches along the gauge length; they give the period.", POSITIVE)
 @option("--width", "Width of the swatch that the force pulls [mm].", MILLIMETRES)
 @option("--along", "Record of the same fabric pulled along its ridges. CSV.", FILE)
-@option("--along-width", "Width of that swatch. [default: --width]", MILLIMETRES)
-@option("--along-gauge-length", "Its length. [default: --gauge-length]", MILLIMETRES)
+@option("--along-width", "Width of the swatch of --along [mm]. [default: --width]", MILLIMETRES)
+@option("--along-gauge-length", "Its gauge length [mm]. [default: --gauge-length]", MILLIMETRES)
 @option("--thickness", "Thickness of the fabric, for stress over area [mm].", MILLIMETRES)
 @option(
     "--zero",
-    "Subtract nothing, the force at zero strain, or N newtons from the force.",
+    "Subtract from the force: nothing, the force at zero strain, or N newtons.",
     Zero(),
     metavar="none|start|N",
 )
@@ -68,7 +68,7 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
     "Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
     FILE,
 )
-@click.option("--accept", is_flag=True, help="Write a stripe that the record does not determine.")
+@click.option("--accept", is_flag=True, help="Write the stripe even if it is undetermined.")
 @click.option("--friction", is_flag=True, help="Fit friction and drift to all cycles and repeats.")
 @options.output(
     "Material file to write, or to add the stripe to, .toml, with figures beside it.",
@@ -99,8 +99,8 @@ def calibrate(
     repeats give one curve; of cycles, one loading branch is taken. Without --width, the force is
     that on one row of the network. Pull until the folds are open and the springs stretch, to about
     200 % strain: below that the three cannot be determined separately. --along adds the springs
-    along the ridges, which are otherwise those of the other knit and far too stiff. The swatch is
-    then simulated and compared with its record.
+    along the ridges; without it they are those of the other knit, and far too stiff. After the fit
+    the swatch is simulated and compared with its record.
     """
     from knitlab.api.laboratory import calibrate_friction
     from knitlab.fabric.spring_law import SpringCurve
@@ -126,7 +126,7 @@ def calibrate(
         if law != "linear":
             raise fault("--friction", "is fitted with linear springs; leave out --law")
         if along is not None:
-            raise fault("--friction", "is fitted across the ridges alone; leave out --along")
+            raise fault("--friction", "is fitted across the ridges only; leave out --along")
         del swatch["cycle"]
         passages = read_cycles(record, **swatch)
         fit = calibrate_friction(passages, period=period)

@@ -65,7 +65,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
 )
 @repeatable(
     "--machine KEY=VALUE",
-    "Machine of params/machine.toml, as model=Kniterate, or a value in place of its own.",
+    "Machine of params/machine.toml, such as model=Kniterate, or a value of it, such as end=drop.",
     callback=options.machine_values,
 )
 @repeatable(

@@ -108,7 +108,7 @@ class FabricLayout:
     def _of_rows(
         self, stripes: StripePair, sides: tuple[Any, Any], k_s: list[Any], k_t: list[Any]
     ) -> tuple[list[Any], list[Any]]:
-        """Stiffnesses across the ridges in rows as wide as the grid's, if those of a row are given.
+        """Stiffnesses across the ridges in the rows of the grid, scaled from given row widths.
 
         A row of rib springs is as wide as its cells are high, one of garter springs as its cells
         are wide.
@@ -127,7 +127,7 @@ class FabricLayout:
         return k_s, k_t
 
     def _with_along(self, stripes: StripePair, shape: Any, k_s: list[Any]) -> list[Any]:
-        """Stiffnesses with those along the ridges: of rib along the warp, of garter along the weft.
+        """Stiffnesses with given ones along the ridges: along the warp in rib, the weft in garter.
 
         ``shape`` is the height of grid cells over their width.
         """
@@ -170,7 +170,7 @@ def _stiffening_strains(stripes: StripeNumbers) -> list[Float[Array | np.ndarray
 
 
 def _or_nan(numbers: Sequence[float | None]) -> Float[np.ndarray, " stripe"]:
-    """Numbers that stripes may have, NaN of those without."""
+    """Optional numbers of stripes, NaN where a stripe has none."""
     return np.array([np.nan if number is None else number for number in numbers])
 
 

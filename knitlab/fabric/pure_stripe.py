@@ -1,9 +1,10 @@
 """The endless sheet of one stripe, pulled across its ridges or along them, with three unknowns.
 
-A pure stripe folds alike everywhere, so that a state is given by the interior angle θ of its folds
-and by the length ℓ across the ridges and height h along them of a grid cell (paper, Sec. "3D
-model"). A cell has a spring of each direction and two diagonals, which have the smaller stiffness
-and its law. Diagonals couple ℓ and h; without them the sheet is the zigzag of the paper's 2D model.
+A pure stripe folds alike everywhere, so that three numbers describe its state: the interior angle
+θ of its folds, and the length ℓ across the ridges and the height h along them of a grid cell
+(paper, Sec. "3D model"). A cell has a spring in each direction and two diagonals, which have the
+stiffness and the law of the softer one. Diagonals couple ℓ and h; without them the sheet is the
+zigzag of the paper's 2D model.
 """
 
 from typing import Any
@@ -19,7 +20,7 @@ from knitlab.fabric.spring_law import LINEAR, CurveLaw, SpringLaw
 from knitlab.fabric.stripe import Stripe
 from knitlab.fabric.zigzag import LARGEST_LOG_TILT, law_of_one
 
-NEWTON_STEPS = 15  # of a side of a cell in balance; the last ones change nothing
+NEWTON_STEPS = 15  # to the side of a cell in balance; the last ones change nothing
 
 Value = Float[Array, ""]
 
@@ -32,7 +33,7 @@ class PureStripe(eqx.Module):
     k_t: Value  # of a fold along one cell [N mm]
     theta_0: Value  # [rad]
     law: SpringLaw = LINEAR
-    stretch_along: Value | None = None  # of springs along the ridges, or as those across [N/mm]
+    stretch_along: Value | None = None  # of springs along the ridges; None: as across [N/mm]
     law_along: SpringLaw | CurveLaw = LINEAR
 
     @classmethod
@@ -75,11 +76,11 @@ class PureStripe(eqx.Module):
 
 
 def tension_across(sheet: PureStripe, strain: Float[Array, " point"]) -> Float[Array, " point"]:
-    """Force across the ridges on one row at strains of the period [N]; it has a cell's width.
+    """Force across the ridges on one row, as wide as a cell, at strains of the period [N].
 
-    All folds open equally, and heights are free. The root is the tilt of cells, as in
-    :func:`knitlab.fabric.zigzag.tension`, and for every tilt the height at which a cell is in
-    balance. It is differentiable by the numbers of the sheet and by the strain, which must not be
+    All folds open equally, and heights are free. The unknown is the tilt of cells, as in
+    :func:`knitlab.fabric.zigzag.tension`; for every tilt the height is that of a cell in balance.
+    The force is differentiable in the numbers of the sheet and in the strain, which must not be
     negative.
     """
 

@@ -48,12 +48,12 @@ class Stripe:
             None for another law [1].
         spring_curve: table of a measured curve of the springs, instead of a stiffening strain.
             With neither, springs are linear, as in the paper.
-        row_width: flat width of the row of springs and hinges that k_s and k_t are those of; in a
-            wider or narrower row they are in proportion. None if they are those of every row, as
-            in the paper [mm].
-        stretch_along: force along the ridges over flat width and strain, diagonals not counted.
-            None if springs along the ridges are those of the other stripe of the fabric, as in the
-            paper [N/mm].
+        row_width: flat width of the row of springs and hinges that k_s and k_t belong to; in a
+            wider or narrower row they are in proportion. None if they apply to every row, as in
+            the paper [mm].
+        stretch_along: stiffness of springs along the ridges, their force over flat width and
+            strain, without that of diagonals. None if they are those of the other stripe of the
+            fabric, as in the paper [N/mm].
         curve_along: table of a measured curve of the springs along the ridges; None if linear.
     """
 
@@ -143,7 +143,7 @@ def cell_length(
 
 
 def flat_stitch(stripe: Stripe, cell_size: CellSize) -> float:
-    """Flat length of a stitch across the ridges, of which a period has 2n [mm].
+    """Flat length of a stitch across the ridges [mm]; a period has 2n stitches.
 
     ``cell_size`` says whether the period of the stripe is that of relaxed or of flat fabric.
     """
@@ -158,7 +158,7 @@ def lengths_ratio(stripe: Stripe, sheet: Sheet, options: ModelOptions) -> float:
     """
     rib = stripe.knit == "rib"
     cloth = sheet.cloth_stitch_width if rib else sheet.cloth_stitch_height
-    # In this order of operations, as identifiers of cases have its last digit.
+    # Keep this order of operations: identifiers of cases depend on its last digit.
     flat_period = options.cells_per_period * float(cell_length(stripe, options))
     return flat_period / (2 * stripe.n * cloth) if cloth else 1.0
 

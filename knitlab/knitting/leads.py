@@ -1,8 +1,8 @@
 """Lead-outs of electrodes: where a program brings the yarn of each in, and takes it out.
 
 The yarn of an electrode is one piece, from its first stitch to its last; its two ends contact it.
-An end at an edge of the fabric leaves there. One inside must be led to an edge over the back,
-which takes yarn that is no part of the model.
+An end at an edge of the fabric leaves there. An end inside must be led to an edge over the back;
+the model does not contain this piece of yarn.
 """
 
 from collections.abc import Iterator
@@ -22,10 +22,10 @@ class Lead(NamedTuple):
     """An end of the yarn of an electrode: its stitch, and the way from there to an edge."""
 
     electrode: int  # 1 A, 2 B
-    enters: bool  # where the yarn is brought in, or else where it is taken out
+    enters: bool  # whether the yarn is brought in here, or taken out
     course: int  # of its stitch, from 0
     wale: int
-    edge: Edge  # that it leaves the fabric at
+    edge: Edge  # where it leaves the fabric
     distance: int  # stitches between its stitch and this edge, 0 if it leaves where it is
 
     @property
@@ -67,7 +67,7 @@ def _formed(program: str) -> Iterator[tuple[int, tuple[int, ...], int]]:
 
 
 def _way_out(chart: StitchChart, electrode: int, course: int, wale: int) -> tuple[Edge, int]:
-    """The nearest edge that is reached in a line without the other electrode, and how far it is."""
+    """The nearest edge in a straight line clear of the other electrode, and its distance."""
     along_wale, along_course = chart.plated[:, wale], chart.plated[course]
     ways: dict[Edge, np.ndarray] = {
         "lower": along_wale[:course],

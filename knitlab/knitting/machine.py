@@ -63,7 +63,7 @@ class Machine:
     electrode_carriers: tuple[PositiveInt, PositiveInt]  # of the conductors of A and B
     plating: Literal["face_first", "reverse_first"]  # yarn that a plated stitch names first
     longest_float: PositiveInt  # needles that a float may pass without a remark
-    body_yarn: Line | None  # of yarns and sizes, None is not given
+    body_yarn: Line | None  # None in yarns and sizes: not given
     conductive_yarn: Line | None
     waste_yarn: Line
     body_stitch_size: PositiveFloat | None  # in the machine's unit; numbers are rows of its tables
@@ -114,10 +114,10 @@ def paper_yarn() -> YarnOnMachine:
 def read_machine(
     changes: Mapping[str, Any] | None = None, yarn: YarnOnMachine | None = None
 ) -> Machine:
-    """A machine of ``params/machine.toml``, as it knits a yarn, by default that of the paper.
+    """A machine of ``params/machine.toml``, set up for a yarn, by default that of the paper.
 
-    Its model is that of the changes, or of the yarn, or of the paper. Stitch sizes of a yarn count
-    on its own machine only. BadInput has everything wrong in the changes.
+    The changes name its model, else the yarn, else the paper. Stitch sizes of a yarn apply only to
+    its own machine. BadInput has everything wrong in the changes.
     """
     tables, changes = read_toml(shipped("params") / "machine.toml"), dict(changes or {})
     paper = paper_yarn()
@@ -173,7 +173,7 @@ def _values(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _known(kind: str, name: str, table: Mapping[str, Any]) -> str:
-    """The name in a table, whatever its case; BadInput with all names if it is not there."""
+    """The name as the table spells it, in any case; BadInput with all names if it is missing."""
     for each in table:
         if same_model(each, name):
             return each

@@ -43,7 +43,7 @@ class Specification:
     program: str
     prediction: Prediction | None = None
     assumed: tuple[tuple[str, str], ...] = ()  # yarn, stripes and gauge that it counts on
-    differences: tuple[str, ...] = ()  # of what it needs from the yarn and the machine
+    differences: tuple[str, ...] = ()  # from the yarn and the machine that it needs
 
     @cached_property
     def operations(self) -> list[Operation]:

@@ -1,7 +1,7 @@
-"""Whether the size of a stitch in cloth can be that of a machine.
+"""Whether a machine can knit stitches of a given size.
 
 Every needle makes a stitch, so that a stitch is about as wide as two needles are apart. Sizes in
-cloth always follow from the gauge; a gauge that contradicts the machine is remarked on.
+cloth always follow from the gauge; a gauge that contradicts the machine gives a warning.
 """
 
 from knitlab.knitting.machine import Machine
@@ -14,7 +14,7 @@ HEIGHTS = 0.3, 1.5  # of a stitch over its width; the paper's 0.6
 def implausible_size(gauge: Gauge, machine: Machine) -> str | None:
     """How the size of a stitch contradicts the machine or the shape of a stitch; None if neither.
 
-    With a width that contradicts the needles, the shape is left out: it follows from the width.
+    If the width contradicts the needles, the shape, which depends on it, is not checked.
     """
     width, height, pitch = gauge.stitch_width, gauge.stitch_height, machine.pitch
     if not WIDTHS[0] <= width / pitch <= WIDTHS[1]:

@@ -1,6 +1,6 @@
-"""The start of a tensile record: an offset of its load cell, or a preload, but never a guess.
+"""The start of a tensile record: an offset of its load cell, or a preload.
 
-Both show as a force at zero strain. Above the noise, the user says which it is.
+Both show as a force at zero strain. If it is above the noise, the user must say which it is.
 """
 
 import math
@@ -18,27 +18,27 @@ Zero = Literal["none", "start"] | float
 """What is subtracted from the force: nothing, the force at zero strain, or a number [N]."""
 Points = Float[np.ndarray, " point"]
 
-FIRST = 0.1  # of the range of strain: what the start is read from
+FIRST = 0.1  # of the range of strain, that the start is read from
 FEWEST = 8  # readings that it is read from, if there are as many
 LEAST_POINTS = 4  # different strains among them
 AT_REST = 1e-3  # of the range of strain, up to which readings are at zero strain
 FEWEST_AT_REST = 3  # of these, so that their own scatter gives their noise
 CONFIDENCE = 0.99
-RESOLUTION = 1e-3  # of the largest force, below which no force is told from 0
+RESOLUTION = 1e-3  # of the largest force, below which a force counts as 0
 NEAR_PRELOAD = 0.1  # of a preload, by which the force at zero strain may differ from it
 
 
 class Start(NamedTuple):
-    """The force at zero strain, what it may be of noise alone, and how it rises from there."""
+    """The force at zero strain, its noise, and its slope there."""
 
     force: float
-    noise: float  # half width of its interval of confidence
+    noise: float  # half-width of its confidence interval
     slope: float  # force over strain
 
 
 @dataclass(frozen=True)
 class Tested:
-    """What is known of a test: what is subtracted from its force, and the tension at its start."""
+    """What the user says of a test: the force to subtract, and the tension at its start."""
 
     zero: Zero | None = None
     preload: float | None = None  # [N]
@@ -59,20 +59,21 @@ class Tested:
 
 @dataclass(frozen=True)
 class Correction:
-    """What is done to the repeats of a record, by their names, and the sentences that say so."""
+    """Corrections of the repeats of a record, by name, and the sentences that report them."""
 
     offsets: dict[str, float]  # subtracted from the force
-    stretched: float = 0.0  # strain of the relaxed length at which they began
+    stretched: float = 0.0  # strain at which they began, of the relaxed length
     summary: tuple[str, ...] = ()
 
 
 def start_of(strain: Points, force: Points) -> Start | None:
     """The start of a first loading, at strains of at least 0; None if it is not recorded.
 
-    The force at zero strain is the mean of the readings there. If there are fewer than three, it is
-    that of a parabola through the first readings, unless these disagree, as with friction, which
-    lets a curve rise steeply at first. The noise is that of the readings at zero strain; without
-    any, that of the parabola, or its difference from a line if that is larger.
+    The force at zero strain is the mean of the readings there, if there are three or more. With
+    fewer, it is that of a parabola through the first readings. Readings at zero strain take its
+    place if they disagree with it beyond the noise, as with friction, which lets a curve rise
+    steeply at first. The noise is that of the readings at zero strain, or, with fewer than three,
+    that of the parabola. Without any, it is at least the difference of the parabola from a line.
     """
     if len(strain) < LEAST_POINTS or strain.min() > FIRST * strain.max():
         return None
@@ -125,10 +126,10 @@ def _quantile(freedom: int) -> float:
 def correction_of(
     where: str, starts: Mapping[str, Start | None], tested: Tested, unit: str
 ) -> Correction:
-    """What to do to repeats by the starts of their first loadings, and by what is known of a test.
+    """Corrections of repeats, by the starts of their first loadings and what the user says.
 
-    Forces are in one unit. BadInput if a force at zero strain is above the noise and nothing is
-    known of it, or if it contradicts what is known.
+    All forces are in one unit. BadInput if a force at zero strain is above the noise and the user
+    does not say what it is, or if it contradicts what the user says.
     """
     known = {name: start for name, start in starts.items() if start is not None}
     zero, preload = tested.zero, tested.preload
@@ -165,8 +166,8 @@ def correction_of(
         raise fault(where, problem)
     stretched = _stretched(preload, slope)
     summary.append(
-        f"begins under a preload of {preload:.3g} {unit}, which stretches by {_percent(stretched)};"
-        " strains are counted from the relaxed length"
+        f"begins under a preload of {preload:.3g} {unit}, which stretches it by"
+        f" {_percent(stretched)}; strains are counted from the relaxed length"
     )
     return Correction(offsets, stretched, tuple(summary))
 
@@ -181,14 +182,14 @@ def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> Non
         if start.force > 0:
             stretch = "more than doubles its length"
             if start.slope > 2 * start.force:
-                stretch = f"stretches by {_percent(_stretched(start.force, start.slope))}"
+                stretch = f"stretches it by {_percent(_stretched(start.force, start.slope))}"
             remedy += f"; if it is a preload, which {stretch}, give preload = {start.force:.3g}"
         remedy += "; to keep it, give zero = none"
         raise fault(_named(where, name, starts), f"{begins} {unit}; {remedy}")
 
 
 def _mean_of(starts: Mapping[str, Start]) -> dict[str, Start]:
-    """The mean start of several repeats, by a name for it: an offset is common to them."""
+    """The mean start of several repeats, under the name mean: an offset is common to them."""
     if len(starts) < 2:
         return {}
     forces, noises, slopes = np.array([*starts.values()]).T
@@ -203,7 +204,7 @@ def _named(where: str, name: str, starts: Mapping[str, object]) -> str:
 
 
 def _amount(forces: list[float], slope: float, unit: str) -> str:
-    """Forces of repeats, and the strain that pulls as much as their mean."""
+    """Forces of repeats in words, with the strain that has their mean as its force."""
     least, most = min(forces), max(forces)
     amount = f"{least:.3g} to {most:.3g}" if most - least > 0.01 * abs(most) else f"{most:.3g}"
     as_strain = f" ({_percent(float(np.mean(forces)) / slope)} strain by the first slope)"
@@ -211,9 +212,9 @@ def _amount(forces: list[float], slope: float, unit: str) -> str:
 
 
 def _stretched(preload: float, slope: float) -> float:
-    """Strain of the relaxed length at which a record began that rises by this slope from there.
+    """Strain of the relaxed length at which a record began, by its slope from there.
 
-    Both strains refer to another length.
+    The slope refers to strains of the preloaded length.
     """
     return preload / (slope - preload)
 

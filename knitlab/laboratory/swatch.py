@@ -1,7 +1,7 @@
-"""A calibrated swatch simulated again: how far the network is from the records it was fitted to.
+"""Simulation of a calibrated swatch: how far the network is from the records of the fit.
 
 The network of an endless pure sheet is relaxed and pulled like any other fabric, so that this does
-not depend on the reduction to three unknowns of the fit.
+not depend on the three unknowns to which the fit reduces the sheet.
 """
 
 from collections.abc import Iterator
@@ -22,12 +22,12 @@ from knitlab.sweep.parameters import defaults
 Direction = Literal["across", "along"]
 Points = Float[np.ndarray, " point"]
 
-FAR = 0.05  # largest difference over the largest force from which on a swatch is warned of
+FAR = 0.05  # largest difference over the largest force, above which there is a warning
 STATES = 12  # strains of a simulated swatch, at most
 # Ridges lie along x: a swatch is pulled across them along the warp.
 LOADS: dict[Direction, Load] = {"across": WARP, "along": Load("weft")}
 ENDLESS = ModelOptions(cell_size="relaxed", boundary="periodic", fold_phase="stripe_centre")
-OUT_OF_REACH = 100.0  # of the walls, in periods: a swatch at a testing machine has none
+OUT_OF_REACH = 100.0  # distance of the walls, in periods: a testing machine has none
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def report(swatches: list[Swatch]) -> Iterator[str]:
 
 
 def warnings(swatches: list[Swatch]) -> Iterator[str]:
-    """Which simulated swatches do not come back."""
+    """Warnings of simulated swatches that are far from their records."""
     for swatch in swatches:
         if not swatch.apart <= FAR:
             where = swatch.strain[np.argmax(np.abs(swatch.simulated - swatch.force))]

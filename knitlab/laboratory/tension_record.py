@@ -137,7 +137,7 @@ def read_tension_record(
 def _filled(
     at: Float[np.ndarray, " point"], force: Float[np.ndarray, " point"]
 ) -> Float[np.ndarray, " point"]:
-    """Forces, with those between two known ones where a repeat has no readings."""
+    """Forces, interpolated between known ones where a repeat has no readings."""
     known = np.isfinite(force)
     return np.interp(at, at[known], force[known], left=np.nan, right=np.nan)
 
@@ -155,8 +155,8 @@ def read_cycles(
 
     The arguments are those of :func:`read_tension_record`. Each passage is resampled at evenly
     spaced strains; records at negative strain are left out. Offset and preload are those of the
-    first loading. BadInput has every fault of the file; columns other than ``repeat`` are of
-    several swatches, and refused.
+    first loading. BadInput has every fault of the file. A column of several swatches, such as
+    ``specimen``, is refused.
     """
     path, tested = Path(path), Tested(zero, preload)
     sizes = {"extension": gauge_length, "force": width, "stress": thickness}
@@ -212,7 +212,7 @@ def _columns(
         if kind in columns:
             first = columns[kind][2]
             problem = "occurs twice" if name == first else f"is {kind}, and so is {first}"
-            problem += "; keep one, and specimens below each other, in a column repeat"
+            problem += "; keep one; write specimens below each other, with a column repeat"
             faults.append(Fault(f"{path}: column {name}", problem))
         columns[kind] = number, unit, name
     along = "strain" if "strain" in columns else "extension"
@@ -295,7 +295,7 @@ def _correction(
     columns: dict[str, Record],
     width: float | None,
 ) -> Correction:
-    """What to do to the repeats, by their first loadings; offsets are in the unit of the record."""
+    """Corrections of the repeats, by their first loadings, with offsets in the record's unit."""
     if "stress" in columns and (name := tested.in_newtons):
         problem = "is in N, but the record holds stress; give a record of the force, or zero start"
         raise fault(f"{name} {getattr(tested, name):g}", problem)

@@ -1,4 +1,4 @@
-"""Springs along the ridges of a stripe, whose sheet has a measured force along them."""
+"""Springs along the ridges of a stripe, by the measured force of a sheet along them."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from knitlab.fabric.spring_law import CurveLaw, SpringCurve
 
 KNOTS = 12  # of the curve of the springs
 SWEEPS = 60  # in which the curve settles
-SHORTENED = 20  # of these, steps of Newton's method for lengths across the ridges
+SHORTENED = 20  # steps of Newton's method in each, for lengths across the ridges
 LEAST_SLOPE = 1e-3  # of the curve between knots, over its mean slope
 
 Points = Float[np.ndarray, " point"]
@@ -41,11 +41,11 @@ class AlongRidges:
 def springs_along(
     sheet: PureStripe, strain: Points, force: Points, *, per_width: bool
 ) -> AlongRidges:
-    """The springs along the ridges with which a sheet has a measured force along them.
+    """The springs along the ridges that give a sheet its measured force along them.
 
-    Diagonals have the same law, as the softer springs of a cell, and take a part of the force. What
-    is left for the springs is found at some strains in turn. Forces that do not increase with
-    strain are evened out, as a spring's must.
+    They are the softer springs of a cell, so that diagonals have their law and take part of the
+    force. The part of the springs is found at some strains by iteration. Measured forces that do
+    not increase with strain are evened out, because a spring's force must increase.
     """
     cell, k_s = float(sheet.cell), float(sheet.k_s)
     column = float(np.sin(sheet.theta_0 / 2)) if per_width else 1 / cell

@@ -1,7 +1,7 @@
 """Calibration: the stripe whose endless sheet has a measured tension curve.
 
 The paper fits the zigzag of its 2D model, which is a sheet without diagonals. A sheet with the
-numbers of a zigzag is stiffer once it is unfolded, so that a measured swatch would not come back.
+numbers of a zigzag is stiffer once it is unfolded, and would not reproduce a measured swatch.
 """
 
 import itertools
@@ -61,14 +61,14 @@ VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
 """Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
 MODEL_ERROR, INDEPENDENT = 0.01, 10
-"""Error of any model, over the largest force, and how many independent ones a curve has: without
-noise, too, a curve that ends before the springs stretch does not determine them."""
+"""Error of any model, over the largest force, and the number of independent errors in a curve.
+Even without noise, a curve that ends before the springs stretch does not determine them."""
 OF_SPRINGS = ("k_s", "stiffening_strain")
-BEYOND_OPEN = 1.1  # of the length of open folds, to which a curve should go
+BEYOND_OPEN = 1.1  # of the length of open folds, that a curve should reach
 CORRELATED = 0.5
-"""Correlation of neighbouring residuals from which on it is a warning."""
+"""Correlation of neighbouring residuals from which on there is a warning."""
 ROUND_OFF = 1e-6
-"""Misfit over the largest force up to which residuals say nothing."""
+"""Misfit over the largest force below which residuals are round-off."""
 AT_BOUND = 1e-3
 """Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
 ALTERNATIONS = 6  # at most, of fits across the ridges and along them
@@ -105,7 +105,7 @@ class Calibration:
     repeats: int = 1  # from 2 on, errors are those of the mean of their own fits
     degrees_of_freedom: float = math.inf  # of the errors
     autocorrelation: float = 0.0  # of neighbouring residuals, if errors come from these
-    along: AlongRidges | None = None  # springs along the ridges, if a curve of these was given
+    along: AlongRidges | None = None  # springs along the ridges, if a curve along them was given
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -118,7 +118,7 @@ class Calibration:
 
     @property
     def wanted_strain(self) -> float:
-        """Strain to which a curve should go: a tenth beyond open folds."""
+        """Strain that a curve should reach: a tenth beyond the length of open folds."""
         return BEYOND_OPEN / math.sin(self.values["theta_0"] / 2) - 1
 
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
@@ -198,9 +198,9 @@ def calibrate(
 ) -> Calibration:
     """Fit a stripe to tension curves across its ridges and, if there is one, along them.
 
-    Springs along the ridges and those across act on each other by the diagonals of the sheet, so
-    that each are fitted in turn until they settle. Without a curve ``along``, of strains and forces
-    as those across, springs along the ridges are those across, as in a pure sheet of the paper.
+    Diagonals couple the springs along the ridges and those across, so that the two are fitted in
+    turn until they settle. ``along`` has strains and forces, as the curve across. Without it,
+    springs along the ridges are those across, as in a pure sheet of the paper.
     """
     first = fitted = _across(period, strain, force, law, per_width)
     if along is None:
@@ -229,12 +229,12 @@ def _across(
     """Fit k_s, k_t and θ0 of a sheet to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
-    used. Of two repeats or more, numbers are the mean of those of a fit to each (of logarithms, and
-    of the angle), and errors and correlations those of this mean, by their scatter. Of one curve
-    errors are those of the linearised fit, with the noise and its correlation along the curve
-    taken from the residuals. The curve is the force on one row of the network [N], which is as wide
-    as a cell is long, or over the width [N/mm], over strains of the relaxed period, w or h [mm].
-    ValueError if it has too few points, or no tension.
+    used. Two repeats or more are fitted one by one: the numbers are the means of their fits (of
+    logarithms, and of the angle), and errors and correlations follow from the scatter. With one
+    curve, errors are those of the linearised fit, with the noise and its correlation along the
+    curve taken from the residuals. The curve is the force on one row of the network [N], which is
+    as wide as a cell is long, or over the width [N/mm], over strains of the relaxed period, w or h
+    [mm]. ValueError if it has too few points, or no tension.
     """
     repeats = np.atleast_2d(force)
     mean = repeats.mean(axis=0)
@@ -274,7 +274,7 @@ def _across(
     fits = [fit_to(mean, start) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
     if len(repeats) >= LEAST_REPEATS:
-        # The fit to the mean curve is biased where repeats scatter, as folds open at other strains.
+        # The fit to the mean curve is biased: folds of the repeats open at different strains.
         own = np.array([fit_to(each, best.x).x for each in repeats])
         fitted_at, errors = own.mean(axis=0), errors_by_scatter(own)
     else:
@@ -446,7 +446,7 @@ def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "
 
 
 def _correlation_warnings(fit: OptimizeResult, errors: FitErrors) -> list[str]:
-    """Whether the residuals of one curve count as fewer points than there are."""
+    """A warning if residuals of one curve are correlated, so that its points count as fewer."""
     rho, misfit = errors.autocorrelation, math.sqrt(2 * fit.cost / len(fit.fun))
     if rho < CORRELATED or misfit < ROUND_OFF:
         return []
@@ -463,8 +463,8 @@ def _undetermined(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Parameters that a curve does not determine, and sentences on what is wrong with a fit.
 
-    A parameter is undetermined on a bound, with a large error, from the noise or from what any
-    model is off by, and if another one acts alike.
+    A parameter is undetermined if it is on a bound, if its error is large, from the noise or from
+    the error of any model, or if another parameter has nearly the same effect.
     """
     warnings, unknown = [], dict[str, None]()
     # Whether a curve separates two numbers is not a matter of the scatter of a few repeats.

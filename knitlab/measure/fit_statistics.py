@@ -1,4 +1,4 @@
-"""Statistics of fits: errors, intervals of slopes, and whether data justify a parameter more."""
+"""Statistics of fits: errors, intervals of slopes, and whether data justify another parameter."""
 
 import math
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ WORTH = 2.0  # AICc by which a fit is preferred: about the penalty of one parame
 Points = Float[np.ndarray, " point"]
 Matrix = Float[np.ndarray, "fitted fitted"]
 TRIED_CORRELATIONS = np.tanh(np.linspace(0, 2.65, 54))
-"""Autocorrelations of residuals that are weighed, from 0 to 0.99."""
+"""Trial autocorrelations of residuals, from 0 to 0.99."""
 
 
 @dataclass(frozen=True)
 class FitErrors:
-    """How uncertain the numbers of a fit are: errors are those of Student's t.
+    """Errors of the numbers of a fit; their intervals are those of Student's t.
 
     ``autocorrelation`` is that of neighbouring residuals, if errors come from these.
     """
@@ -68,10 +68,10 @@ def errors_by_residuals(
     """Errors of a least-squares fit by its residuals, whose neighbours may be correlated.
 
     Residuals at points in order are taken as V_ij = σ² ρ^|i−j|. The covariance B V Bᵀ, with the
-    pseudoinverse B of the Jacobian, is averaged over ρ, weighed by the restricted likelihood of
-    ρ (Harville, JASA 72, 320, 1977), which is not biased by the fitted numbers as the correlation
-    of residuals is. Beforehand, no correlation is as likely as all others from 0 to 0.99 together.
-    Variances v are geometric means. The scatter of ln v over ρ takes from the n − p degrees of
+    pseudoinverse B of the Jacobian, is averaged over ρ, weighted by the restricted likelihood of
+    ρ (Harville, JASA 72, 320, 1977). Fitting does not bias this likelihood, but it does bias the
+    correlation of residuals. A priori, ρ = 0 is as likely as all other values up to 0.99 together.
+    Variances v are geometric means. The scatter of ln v over ρ reduces the n − p degrees of
     freedom: 2/ν = 2/(n − p) + var(ln v), as for the variance of a sample.
     """
     count, fitted = jacobian.shape

@@ -50,7 +50,7 @@ class LoadingCycles:
 
 @dataclass(frozen=True)
 class FrictionFit:
-    """Stripe and friction whose sheet has the measured cycles, with standard errors by name.
+    """Stripe and friction whose sheet reproduces the cycles, with standard errors by name.
 
     Errors are the larger of those of independent points and of passages that differ as wholes.
 
@@ -169,7 +169,7 @@ def _numbers(unknowns: Numbers) -> Numbers:
 
 @dataclass(frozen=True)
 class _Fold:
-    """The folds of a sheet since they were last reversed: angle and friction moment at that."""
+    """The folds of a sheet since their last reversal: angle and friction moment there."""
 
     k_s: float
     k_t: float

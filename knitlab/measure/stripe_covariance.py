@@ -12,20 +12,21 @@ Subject = Literal["swatch", "mean"]
 """What is uncertain: a newly knitted swatch, or the mean stripe of all swatches."""
 SUBJECTS: tuple[Subject, ...] = ("swatch", "mean")
 LEAST_REPEATS = 2
-"""Repeats from which on their scatter is known."""
+"""Smallest number of repeats whose scatter is known."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripeCovariance(Covariance):
     """Covariance of the numbers of a mean stripe, as a table of rows by name.
 
-    With the covariance S of single swatches, that of the mean of R is S/R, which the table holds.
-    A new swatch differs from this mean by S(1 + 1/R), which is (R + 1) times the table. A linear
-    function of the numbers is uncertain by Student's t, which is exact for normal swatches.
+    If S is the covariance of single swatches, that of the mean of R is S/R, which the table holds.
+    The covariance of a new swatch about this mean is S(1 + 1/R), which is (R + 1) times the table.
+    The error of a linear function of the numbers follows Student's t, exactly if swatches are
+    normal.
 
     Attributes:
         table: covariance of the mean: of ``ln k_s``, ``ln k_t``, ``theta_0`` [rad], ``ln period``.
-        degrees_of_freedom: of Student's t; by default infinite: normal deviates.
+        degrees_of_freedom: of Student's t; by default infinite, as of normal errors.
         repeats: number R of swatches whose scatter the table was computed from. Without it, as
             of one curve, nothing is known about a new swatch.
 
@@ -54,11 +55,11 @@ class StripeCovariance(Covariance):
 
     @classmethod
     def of(cls, table: Covariance) -> "StripeCovariance":
-        """A table as it is, or with normal deviates if it is a plain mapping."""
+        """A table as it is, or with normal errors if it is a plain mapping."""
         return table if isinstance(table, cls) else cls(table)
 
     def factor(self, subject: Subject) -> float:
-        """Covariance of this subject over the table; NaN if it is not known."""
+        """Covariance of the subject over the table; NaN if it is not known."""
         if subject == "mean":
             return 1.0
         return math.nan if self.repeats is None else self.repeats + 1.0

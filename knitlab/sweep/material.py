@@ -51,16 +51,16 @@ DIGITS = 6
 class Material:
     """One yarn on one machine: its stripes, and the lengths that go with them.
 
-    Nothing of the paper's yarn is used beside it: a design that needs another stripe is refused.
-    The size of its stitch, if it does not give it, follows from the periods of its stripes. Other
-    lengths that it does not give are those of the paper's yarn times the ratio of the stitches,
-    which the plan of a run states.
+    No stripe of the paper's yarn is mixed in: a design that needs another stripe is refused. If it
+    does not give the size of its stitch, that follows from the periods of its stripes. Other
+    lengths that it does not give are those of the paper's yarn times the ratio of the stitch
+    widths; the plan of a run states them.
 
     Attributes:
         stripes: calibrated stripes, one for each knit and number of stitches.
         name: name of the material.
         cell_size: whether the periods of its stripes are those of relaxed or of flat fabric. It
-            takes the place of the model option, and another one beside it is refused.
+            sets the model option; another value of that option is refused.
         z_max: half the gap between the walls [mm].
         thickness: thickness of the fabric, for contact [mm].
         stitch_width: width of a stitch before the fabric folds, along the course; by default that
@@ -77,13 +77,13 @@ class Material:
         covariances: of the numbers of stripes, by knit and stitches, for
             :func:`knitlab.uncertainty`: ``{("rib", 4): fitted.covariance}``. They are those of
             ``ln k_s``, ``ln k_t``, ``theta_0`` and ``ln period``; what is left out is exact. A
-            :class:`knitlab.StripeCovariance` also has repeats and degrees of freedom; another
-            mapping is a normal covariance of the mean stripe.
-        yarn: the yarn in words, for :func:`knitlab.knit`; what is None is not given.
+            :class:`knitlab.StripeCovariance` also has repeats and degrees of freedom; any other
+            mapping is the covariance of the mean stripe, with normal errors.
+        yarn: the yarn in words, for :func:`knitlab.knit`; None if it is not given.
         conductive_yarn: the yarn of electrodes in words.
         stitch_size: size of a stitch, in units of the machine.
         plated_stitch_size: size of a plated stitch, likewise.
-        machine: model of the machine that it was knitted on, one of ``params/machine.toml``.
+        machine: model of the machine that knitted the swatches, one of ``params/machine.toml``.
 
     Raises:
         BadInput: if a number is out of range, or a stripe is there twice.
@@ -151,15 +151,15 @@ class Material:
         )
 
     def implied_stitch(self, knit: Knit) -> float | None:
-        """Flat width of a stitch of its rib, or height of one of its garter stripes [mm].
+        """Flat width of a stitch of its rib, or height of a stitch of its garter stripes [mm].
 
-        It is the geometric mean over its stripes of a knit, None if it has none of this knit.
+        It is the geometric mean over its stripes of this knit; None if it has none.
         """
         own = [stripe for stripe in self.stripes if stripe.knit == knit]
         return geometric_mean(flat_stitch(each, self.cell_size) for each in own) if own else None
 
     def check(self, model: ModelOptions, where: str = "model") -> None:
-        """Raise BadInput, with a place in its message, if model options contradict the material."""
+        """Raise BadInput, with the place ``where``, if model options contradict the material."""
         if model.cell_size != self.cell_size:
             periods = f"whose periods are those of {self.cell_size} stripes"
             problem = (
