@@ -157,7 +157,9 @@ def calibrate(
         # A preload is that of the other record.
         pulled = read_tension_record(along, **(swatch | sizes | {"preload": None}))
         if pulled.per_width != per_width:
-            raise fault(str(along), "has a force and the other record a stress; give one kind")
+            kinds = {True: "force over width", False: "force on one row"}
+            problem = f"has a {kinds[pulled.per_width]}, and {record.name} a {kinds[per_width]}"
+            raise fault(str(along), f"{problem}; give the widths of both, or none")
         ridges = pulled.strain, pulled.force.mean(axis=0)
     with naming(str(record)):
         fitted = calibration.calibrate(*curve, springs, per_width=per_width, along=ridges)
