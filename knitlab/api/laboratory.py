@@ -18,6 +18,8 @@ from knitlab.measure.friction_fit import FrictionFit, LoadingCycles, fit_frictio
 from knitlab.sweep.plan import Plan, make_plan
 
 Curve = Sequence[float] | Float[np.ndarray, " point"]
+AlongStrain = Sequence[float] | Float[np.ndarray, " along"]
+AlongForce = AlongStrain | Float[np.ndarray, "repeat_along along"]
 
 
 def calibrate(
@@ -27,7 +29,7 @@ def calibrate(
     period: float,
     law: Law = "linear",
     per_width: bool = False,
-    along: tuple[Curve, Curve] | None = None,
+    along: tuple[AlongStrain, AlongForce] | None = None,
 ) -> Calibration:
     """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric.
 

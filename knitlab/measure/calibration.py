@@ -75,6 +75,7 @@ ALTERNATIONS = 6  # at most, of fits across the ridges and along them
 SETTLED = 0.01  # relative change of k_s, k_t and θ0 that ends them
 
 Points = Float[np.ndarray, " point"]
+AlongPoints = Float[np.ndarray, " along"]
 Unknowns = Float[np.ndarray, " fitted"]
 
 
@@ -194,7 +195,7 @@ def calibrate(
     law: Law = "linear",
     *,
     per_width: bool = False,
-    along: tuple[Points, Points] | None = None,
+    along: tuple[AlongPoints, AlongPoints] | None = None,
 ) -> Calibration:
     """Fit a stripe to tension curves across its ridges and, if there is one, along them.
 
