@@ -12,6 +12,7 @@ from knitlab.api.cubes import Cube, opened
 from knitlab.io.errors import fault, naming
 from knitlab.laboratory.curves import case_for, target_of
 from knitlab.laboratory.fit import Fit, Step, fit_stripes
+from knitlab.measure.along_ridges import check_along
 from knitlab.measure.calibration import Calibration, Law
 from knitlab.measure.calibration import calibrate as fit_sheet
 from knitlab.measure.friction_fit import FrictionFit, LoadingCycles, fit_friction
@@ -67,11 +68,13 @@ def calibrate(
         >>> round(fitted.values["k_s"], 3)
         0.817
     """
+    ridges = None
+    if along is not None:
+        ridges = np.asarray(along[0], float), np.atleast_2d(np.asarray(along[1], float)).mean(0)
+        with naming("along"):
+            check_along(*ridges)
     with naming("curve"):
         curve = np.asarray(strain, float), np.asarray(force, float)
-        ridges = None
-        if along is not None:
-            ridges = np.asarray(along[0], float), np.atleast_2d(np.asarray(along[1], float)).mean(0)
         return fit_sheet(float(period), *curve, law, per_width=per_width, along=ridges)
 
 

@@ -111,14 +111,20 @@ def calibrate(
     from knitlab.laboratory.swatch import warnings as swatch_warnings
     from knitlab.laboratory.tension_record import period_of, read_cycles, read_tension_record
     from knitlab.measure import calibration
+    from knitlab.measure.along_ridges import check_along
     from knitlab.measure.friction_fit import friction_report
-    from knitlab.sweep.material import add_stripe
+    from knitlab.sweep.material import add_stripe, check_added
     from knitlab.sweep.parameters import defaults
     from knitlab.sweep.stripe_covariance import with_period
 
     check_suffix(output, TOML, "a material")
     if (law == "tabulated") != (spring_curve is not None):
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
+    other = {"width": along_width, "gauge_length": along_gauge_length}
+    sizes = {name: size for name, size in other.items() if size is not None}
+    for name, size in sizes.items() if along is None else ():
+        option_name = f"--along-{name.replace('_', '-')} {size:g}"
+        raise fault(option_name, "is of the record along the ridges; give --along, or leave it out")
     period = period_of(stitches, period, gauge_length, gauge_stitches)
     used_size = cell_size or defaults().model.cell_size
     swatch |= {"gauge_length": gauge_length}
@@ -129,6 +135,7 @@ def calibrate(
             raise fault("--friction", "is fitted across the ridges only; leave out --along")
         del swatch["cycle"]
         passages = read_cycles(record, **swatch)
+        check_added(output, knit, stitches, used_size, passages.per_width)
         fit = calibrate_friction(passages, period=period)
         read = [f"record        {line}" for line in passages.summary]
         options.echo_report([*read, *friction_report(fit)])
@@ -150,10 +157,13 @@ def calibrate(
         with naming(str(spring_curve)):
             springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
     curve, per_width = (period, measured.strain, measured.force), measured.per_width
+    check_added(output, knit, stitches, used_size, per_width)
     ridges = None
     if along is not None:
-        other = {"width": along_width, "gauge_length": along_gauge_length}
-        sizes = {name: size for name, size in other.items() if size is not None}
+        if not per_width:
+            problem = "is missing, without which forces along and across cannot be compared"
+            remedy = f"give the width of the swatch of {record.name} in mm"
+            raise fault("--width", f"{problem}; {remedy}, and --along-width if the other differs")
         # A preload is that of the other record.
         pulled = read_tension_record(along, **(swatch | sizes | {"preload": None}))
         if pulled.per_width != per_width:
@@ -161,6 +171,8 @@ def calibrate(
             problem = f"has a {kinds[pulled.per_width]}, and {record.name} a {kinds[per_width]}"
             raise fault(str(along), f"{problem}; give the widths of both, or none")
         ridges = pulled.strain, pulled.force.mean(axis=0)
+        with naming(str(along)):
+            check_along(*ridges)
     with naming(str(record)):
         fitted = calibration.calibrate(*curve, springs, per_width=per_width, along=ridges)
         linear = None if law == "linear" else calibration.calibrate(*curve, per_width=per_width)

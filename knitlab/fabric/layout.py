@@ -88,7 +88,7 @@ class FabricLayout:
             cell_x=width,
             cell_y=height,
             fold_angle=options.fold_angle,
-            spring_law=self._spring_law(stripes, k_s[0] <= k_s[1], xp),
+            spring_law=self._spring_law(stripes, k_s, xp),
         )
 
     def _on_grid(self, weft: Any, warp: Any) -> tuple[Any, Any]:
@@ -139,9 +139,9 @@ class FabricLayout:
         warp = xp.where(self.rib_cells & ~np.isnan(of_rib), of_rib / shape, k_s[1])
         return [weft, warp]
 
-    def _spring_law(self, stripes: StripePair, weft_is_softer: Any, xp: Any) -> SpringLaw:
+    def _spring_law(self, stripes: StripePair, k_s: list[Any], xp: Any) -> SpringLaw:
         """The law of every spring: that of its stripe, linear within plain knit."""
-        sides = stripes.weft, stripes.warp
+        net, sides = self.net, (stripes.weft, stripes.warp)
         strains = [strain for side in sides for strain in _stiffening_strains(side)]
         curves = [curve for side in sides for curve in side.spring_curves]
         of_weft, count = len(stripes.weft.spring_curves), len(strains)
@@ -150,17 +150,28 @@ class FabricLayout:
         laws = spring_law(
             strains, [*curves, *(c for side in sides for c in side.curves_along), None]
         )
-        (row, column), (other_row, other_column) = self.net.spring_cells.transpose(1, 2, 0)
-        rib, garter = self.column_stripe[column], of_weft + self.row_stripe[row]
         own_rib, own_garter = (~np.isnan(_or_nan(side.stretches_along)) for side in sides)
-        along_rib = self.rib_cells[row, column] & own_rib[rib]
-        along_garter = self.garter_cells[row, column] & own_garter[garter - of_weft]
-        weft = np.where(along_garter, count + garter, rib)
-        warp = np.where(along_rib, count + rib, garter)
-        softer = xp.where(weft_is_softer[row, column], weft, warp)
-        number = xp.select([self.net.weft, self.net.warp], [weft, warp], softer)
-        plain = self.plain_cells[row, column] & self.plain_cells[other_row, other_column]
-        return laws.of(xp.where(plain, len(strains) - 1, number))
+        cells = net.spring_cells.transpose(1, 2, 0)
+        plain = np.all([self.plain_cells[row, column] for row, column in cells], axis=0)
+
+        def number_of(row: np.ndarray, column: np.ndarray) -> Any:
+            """Numbers of the laws of springs in cells."""
+            rib, garter = self.column_stripe[column], of_weft + self.row_stripe[row]
+            along_rib = self.rib_cells[row, column] & own_rib[rib]
+            along_garter = self.garter_cells[row, column] & own_garter[garter - of_weft]
+            weft = np.where(along_garter, count + garter, rib)
+            warp = np.where(along_rib, count + rib, garter)
+            softer = xp.where((k_s[0] <= k_s[1])[row, column], weft, warp)
+            number = xp.select([net.weft, net.warp], [weft, warp], softer)
+            return xp.where(plain, len(strains) - 1, number)
+
+        one, other = (tuple(cell) for cell in cells)
+        law = laws.of(number_of(*one))
+        if law.rate is None or not (own_rib.any() or own_garter.any()):
+            return law
+        # A spring on the border of two knits is half a spring of each.
+        halves = [xp.where(net.weft, k_s[0][cell], k_s[1][cell]) for cell in (one, other)]
+        return law.mixed_with(laws.of(number_of(*other)), halves[1] / (halves[0] + halves[1]))
 
 
 def _stiffening_strains(stripes: StripeNumbers) -> list[Float[Array | np.ndarray, ""] | None]:

@@ -139,6 +139,17 @@ class SpringLaw(eqx.Module):
         """The law of some of the springs, by their indices."""
         return jax.tree.map(lambda numbers: numbers[springs], self)
 
+    def mixed_with(
+        self, other: "SpringLaw", part: Float[Array | np.ndarray, " spring"]
+    ) -> "SpringLaw":
+        """The law of springs of which a part has another law of the same curves."""
+
+        def mixed(mine: Each, others: Each) -> Each:
+            of_other = part.reshape(part.shape + (1,) * (mine.ndim - 1))
+            return mine + of_other * (others - mine)
+
+        return jax.tree.map(mixed, self, other)
+
     def _derivative(self, order: int, length: Each, rest_length: Each) -> Each:
         """A derivative of the force over k_s with respect to length; order −1 is the energy."""
         stretch = length - rest_length

@@ -92,16 +92,17 @@ def simulated_swatches(calibration: Calibration) -> list[Swatch]:
 def report(swatches: list[Swatch]) -> Iterator[str]:
     """How far simulated swatches are from their records, in lines of text."""
     for swatch in swatches:
-        yield (
-            f"swatch   simulated {swatch.direction} the ridges at {len(swatch.strain)} strains: at"
-            f" most {swatch.apart:.1%} of the largest force from its record"
-        )
+        apart = f"at most {swatch.apart:.1%} of the largest force from its record"
+        if np.isnan(swatch.apart):
+            apart = "not every state converged"
+        strains = f"at {len(swatch.strain)} strains"
+        yield f"swatch   simulated {swatch.direction} the ridges {strains}: {apart}"
 
 
 def warnings(swatches: list[Swatch]) -> Iterator[str]:
     """Warnings of simulated swatches that are far from their records."""
     for swatch in swatches:
-        if not swatch.apart <= FAR:
+        if swatch.apart > FAR:
             where = swatch.strain[np.argmax(np.abs(swatch.simulated - swatch.force))]
             yield (
                 f"{swatch.direction} the ridges the simulated swatch is {swatch.apart:.0%} of the"

@@ -15,6 +15,8 @@ KNOTS = 12  # of the curve of the springs
 SWEEPS = 60  # in which the curve settles
 SHORTENED = 20  # steps of Newton's method in each, for lengths across the ridges
 LEAST_SLOPE = 1e-3  # of the curve between knots, over its mean slope
+LEAST_POINTS = 4  # of a record
+TABULATED = np.linspace(-0.6, 1.5, 211)  # strains of diagonals
 
 Points = Float[np.ndarray, " point"]
 
@@ -43,10 +45,14 @@ def springs_along(
 ) -> AlongRidges:
     """The springs along the ridges that give a sheet its measured force along them.
 
-    They are the softer springs of a cell, so that diagonals have their law and take part of the
-    force. The part of the springs is found at some strains by iteration. Measured forces that do
-    not increase with strain are evened out, because a spring's force must increase.
+    Diagonals have the law of the softer springs of a cell and take part of the force. The part of
+    the springs is found at some strains by iteration. Measured forces that do not increase with
+    strain are evened out, because a spring's force must increase. ValueError if the curve has too
+    few points, or no tension.
     """
+    order = np.argsort(strain, kind="stable")
+    strain, force = strain[order], force[order]
+    check_along(strain, force)
     cell, k_s = float(sheet.cell), float(sheet.k_s)
     column = float(np.sin(sheet.theta_0 / 2)) if per_width else 1 / cell
     over_flat_width = force * column
@@ -55,14 +61,16 @@ def springs_along(
     )
     whole = np.interp(at, np.append(0.0, strain), np.append(0.0, over_flat_width))
     height, springs = 1 + at, _increasing(at, whole / 2)
+    across = _across(sheet)
     for _ in range(SWEEPS):
-        pulled = PchipInterpolator(at, springs, extrapolate=True)
-        length = _lengths(pulled, k_s, height)
+        own = PchipInterpolator(at, springs, extrapolate=True)
+        # As in the network, the softer springs are those of the smaller stiffness at rest.
+        diagonals = across if k_s <= _stretch(at, springs)[0] else own
+        length = _lengths(diagonals, k_s, height)
         diagonal = np.hypot(length, height)
-        share = 2 * np.sqrt(2) * pulled(diagonal / np.sqrt(2) - 1) * height / diagonal
+        share = 2 * np.sqrt(2) * diagonals(diagonal / np.sqrt(2) - 1) * height / diagonal
         springs = _increasing(at, (springs + whole - share) / 2)
-    curve = SpringCurve(tuple(at.tolist()), tuple(springs.tolist()))
-    stretch = float(springs[-1] / curve.spline(at[-1]))
+    stretch, curve = _stretch(at, springs)
     own = PureStripe(
         sheet.period,
         sheet.k_s,
@@ -74,6 +82,31 @@ def springs_along(
     )
     fitted = _tension_along(own, strain) / (cell * column)
     return AlongRidges(stretch, curve, strain, force, np.asarray(fitted))
+
+
+def check_along(strain: Points, force: Points) -> None:
+    """ValueError if a curve along the ridges has too few points, or no tension."""
+    if len(strain) < LEAST_POINTS:
+        raise ValueError(f"has {len(strain)} points; give {LEAST_POINTS} at least")
+    if not (np.isfinite(strain).all() and np.isfinite(force).all()):
+        raise ValueError("has numbers that are not finite; remove them")
+    if (least := strain.min()) < 0:
+        raise ValueError(f"has a strain of {least:g}; give strains from 0 up")
+    if not np.sum(strain * force) > 0:
+        end = f"is {force[-1]:g} at its end, a strain of {strain[-1]:g}"
+        raise ValueError(f"its force {end}, and does not rise; give tension as positive")
+
+
+def _stretch(strain: Points, force: Points) -> tuple[float, SpringCurve]:
+    """The slope at rest, and the curve."""
+    curve = SpringCurve(tuple(strain.tolist()), tuple(force.tolist()))
+    return float(force[-1] / curve.spline(strain[-1])), curve
+
+
+def _across(sheet: PureStripe) -> PchipInterpolator:
+    """Force of the springs across the ridges over flat width, as a function of strain [N/mm]."""
+    force = sheet.k_s * sheet.law.pull(1 + TABULATED, np.ones(1))
+    return PchipInterpolator(TABULATED, np.asarray(force), extrapolate=True)
 
 
 def _lengths(pulled: PchipInterpolator, k_s: float, height: Points) -> Points:

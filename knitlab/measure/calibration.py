@@ -160,7 +160,9 @@ class Calibration:
     def covariance(self) -> StripeCovariance:
         """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name.
 
-        It is that of the mean stripe, with the repeats and degrees of freedom behind it.
+        It is that of the mean stripe, with the repeats and degrees of freedom behind it. Fits over
+        width have rows as wide as a flat cell, which is longer in swatches of smaller θ0. The
+        covariance is of k_s and k_t in rows as wide as that of the mean stripe.
         """
         errors = np.array(
             [
@@ -169,6 +171,11 @@ class Calibration:
             ]
         )
         rows = self.correlations * np.outer(errors, errors)
+        if self.per_width:
+            slopes = np.eye(len(rows))
+            # A flat cell is the relaxed one over sin(θ0/2).
+            slopes[:2, 2] = 0.5 / math.tan(self.values["theta_0"] / 2)
+            rows = slopes @ rows @ slopes.T
         table = {
             name: dict(zip(self.values, row, strict=True))
             for name, row in zip(self.values, rows.tolist(), strict=True)

@@ -129,6 +129,10 @@ class Material:
             faults.all.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
         for knit, n in sorted({each for each in named if named.count(each) > 1}):
             faults.all.append(Fault("stripes", f"have {knit} {n} twice; keep one"))
+        lacking = [f"{each.knit} {each.n}" for each in self.stripes if each.row_width is None]
+        if 0 < len(lacking) < len(self.stripes):
+            problem = f"have no row_width of {', '.join(lacking)}, but of others"
+            faults.all.append(Fault("stripes", f"{problem}; calibrate all by force over width"))
         for stripe in self.stripes:
             with faults, naming(f"{stripe.knit} {stripe.n}"):
                 StripeRow.of(stripe)
@@ -246,6 +250,25 @@ class MaterialFile(StrictModel):
         )
 
 
+def check_added(path: Path, knit: Knit, n: int, cell_size: CellSize, per_width: bool) -> None:
+    """BadInput if the stripes of a material file contradict one that is to be added there.
+
+    ``per_width`` says whether that has the width of a row.
+    """
+    if not path.exists():
+        return
+    there = read_checked(MaterialFile, path)
+    if there.cell_size != cell_size:
+        problem = f"has periods of {there.cell_size} stripes, and {knit} {n} is {cell_size}"
+        raise fault(str(path), f"{problem}; calibrate all with --cell-size {there.cell_size}")
+    for other in there.material(path.stem).stripes:
+        if (other.knit, other.n) != (knit, n) and (other.row_width is not None) != per_width:
+            widths = ("has", "none") if other.row_width else ("lacks", "one")
+            problem = f"{widths[0]} the width of a row, and {knit} {n} has {widths[1]}"
+            where = f"{path}: {other.knit} {other.n}"
+            raise fault(where, f"{problem}; calibrate both with --width, or into two files")
+
+
 def add_stripe(
     path: Path,
     stripe: Stripe,
@@ -255,10 +278,8 @@ def add_stripe(
 ) -> None:
     """Add a stripe to a material file, or replace it there; BadInput has every fault of a file."""
     table: dict[str, Any] = {"cell_size": cell_size}
+    check_added(path, stripe.knit, stripe.n, cell_size, stripe.row_width is not None)
     if path.exists():
-        if (there := read_checked(MaterialFile, path).cell_size) != cell_size:
-            problem = f"has periods of {there} stripes, and this one is of a {cell_size} stripe"
-            raise fault(str(path), f"{problem}; calibrate all for cell_size {there}")
         table |= read_toml(path)
     numbers = {name: getattr(stripe, name) for name in (*STRIPE_QUANTITIES, *OPTIONAL)}
     rounded: dict[str, Any] = {name: each and _rounded(each) for name, each in numbers.items()}

@@ -78,3 +78,25 @@ def test_a_bad_curve_ends_with_code_2_and_writes_nothing():
     assert done.exit_code == 2
     assert "has no unit" in done.output
     assert [path.name for path in Path().iterdir()] == ["curve.csv"]
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (("--along-width", "50"), ("--along-width 50", "give --along")),
+        (("--along-gauge-length", "70"), ("--along-gauge-length 70", "give --along")),
+        (("--along", "along.csv"), ("--width", "across.csv", "--along-width")),
+        (("--along", "along.csv", "--width", "80"), ("along.csv", "-1 at", "as positive")),
+    ],
+)
+def test_a_record_along_the_ridges_goes_with_widths_and_tension(options, parts):
+    for name, sign in (("across", 1), ("along", -160)):
+        rows = [f"{0.1 * k},{sign * 0.1 * k}" for k in range(6)]
+        Path(f"{name}.csv").write_text("\n".join(["strain [1],force [N]", *rows]))
+    words = "calibrate", "across.csv", "--stripe", "rib", "-n", "4", "--period", "10", *options
+    done = knitlab(*words)
+    assert done.exit_code == 2
+    assert len(done.output.splitlines()) == 1
+    for part in parts:
+        assert part in done.output
+    assert {path.name for path in Path().iterdir()} == {"across.csv", "along.csv"}

@@ -14,8 +14,19 @@ from knitlab.fabric.fabric import Configuration, flat_sheet
 from knitlab.fabric.layout import fabric_layout
 from knitlab.fabric.pattern import BadPattern, Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit
-from knitlab.fabric.stripe import StripePair
-from tests.fabrics import CLAMPED, FINE, PERIODIC, SHEET, relaxed, shaken, stripe
+from knitlab.fabric.spring_law import SpringCurve
+from knitlab.fabric.stripe import StripePair, cell_length
+from tests.fabrics import (
+    CLAMPED,
+    FINE,
+    PERIODIC,
+    SHEET,
+    assemble_fabric,
+    checkerboard,
+    relaxed,
+    shaken,
+    stripe,
+)
 
 PLAIN = PlainKnit(
     plain_stretch_weft=0.9, plain_stretch_warp=2.5, plain_bend_weft=0.02, plain_bend_warp=0.05
@@ -256,3 +267,21 @@ def test_energy_of_any_graded_pattern_does_not_change_with_a_rigid_motion(drawn,
     # Folds lie within patches of their own knit.
     plain = layout.plain_cells[tuple(layout.net.hinge_cells.T)]
     assert not np.asarray(fabric.rest_fold)[plain].any()
+
+
+def test_a_spring_on_the_border_of_two_knits_has_half_the_force_of_a_spring_of_each():
+    """On both sides of a patch, which thus stays symmetric."""
+    curve = SpringCurve((0.0, 0.1, 0.3), (0.0, 1.0, 6.0))
+    rib = replace(stripe("rib", 4), stretch_along=0.5, curve_along=curve)
+    garter = replace(stripe("garter", 8), stretch_along=0.07)
+    net, fabric = assemble_fabric(checkerboard(2), rib, garter, SHEET, PERIODIC)
+    width, height = (float(cell_length(each, PERIODIC)) for each in (rib, garter))
+    one, other = (tuple(cell) for cell in net.spring_cells.transpose(1, 2, 0))
+    is_rib = checkerboard(2).cells_of("rib")
+    along_rib, across_garter = 0.5 * width * curve.spline(0.2), garter.k_s * height * 0.2
+    for first, second in ((one, other), (other, one)):
+        border = net.warp & is_rib[first] & ~is_rib[second]
+        rest = fabric.rest_length[border]
+        law = fabric.spring_law.of(np.flatnonzero(border))
+        force = fabric.stretch_stiffness[border] * law.pull(1.2 * rest, rest)
+        np.testing.assert_allclose(force, (along_rib + across_garter) / 2, rtol=1e-9)

@@ -86,6 +86,51 @@ def test_a_force_along_the_ridges_that_falls_is_evened_out():
     assert found.misfit < 0.2 * force.max()
 
 
+@pytest.mark.slow
+def test_the_covariance_is_of_rows_of_one_width():
+    """Swatches whose folds alone differ have the same stiffness over width."""
+    strain, force = np.linspace(0, 2.0, 21), []
+    for theta_0 in (0.70, 0.74, 0.79):
+        cell = float(PureStripe.of(Stripe("rib", 4, 10.0, k_s=1, theta_0=theta_0, k_t=1)).cell)
+        sheet = PureStripe.of(
+            Stripe("rib", 4, 10.0, k_s=0.4 * cell, theta_0=theta_0, k_t=0.1 * cell)
+        )
+        force.append(np.asarray(compiled_tension(sheet, jnp.asarray(strain))) / cell)
+    fit = calibrate(10.0, strain, np.array(force), per_width=True)
+    assert fit.standard_errors["k_s"] > 0.01 * fit.values["k_s"]
+    assert fit.covariance["theta_0"]["theta_0"] == pytest.approx(
+        fit.standard_errors["theta_0"] ** 2
+    )
+    assert fit.covariance["k_s"]["k_s"] < 1e-6
+    assert fit.covariance["k_t"]["k_t"] < 1e-6
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.2, 4.0])
+def test_springs_along_the_ridges_may_be_stiffer_than_those_across(factor):
+    """Then diagonals have the law of those across."""
+    of = stripe("rib", 4)
+    sheet = PureStripe.of(replace(of, stretch_along=factor * of.k_s))
+    strain = np.linspace(0.0, 0.6, 40)
+    force = np.asarray(tension_along(sheet, jnp.asarray(strain)))
+    found = springs_along(PureStripe.of(of), strain, force, per_width=False)
+    assert found.stretch == pytest.approx(factor * of.k_s, rel=0.01)
+    np.testing.assert_allclose(found.fitted_force, force, atol=0.002 * force.max())
+
+
+@pytest.mark.parametrize(
+    ("strain", "force", "value"),
+    [
+        ([0.1, 0.2, 0.3], [1.0, 2.0, 3.0], "3 points"),
+        ([0.0, 0.1, 0.2, 0.3], [0.0, -1.0, -2.0, -3.0], "-3 at"),
+        ([-0.1, 0.1, 0.2, 0.3], [0.0, 1.0, 2.0, 3.0], "-0.1"),
+    ],
+)
+def test_a_curve_along_the_ridges_without_tension_is_refused(strain, force, value):
+    sheet = PureStripe.of(stripe("rib", 4))
+    with pytest.raises(ValueError, match=f"{value}.*; give"):
+        springs_along(sheet, np.array(strain), np.array(force), per_width=True)
+
+
 @cache
 def fits(knit, n):
     of = stripe(knit, n)

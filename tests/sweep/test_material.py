@@ -102,6 +102,18 @@ def test_a_stripe_of_the_other_convention_is_not_added(tmp_path):
         add_stripe(tmp_path / "a.toml", GARTER, "second", cell_size="flat")
 
 
+def test_stripes_over_width_and_of_rows_are_not_mixed(tmp_path):
+    wide = replace(RIB, row_width=3.0)
+    with pytest.raises(BadInput, match=r"row_width of garter 8.*; calibrate"):
+        kl.Material((wide, GARTER))
+    add_stripe(tmp_path / "a.toml", wide, "first")
+    with pytest.raises(BadInput, match=r"a.toml: rib 4.*garter 8.*--width"):
+        add_stripe(tmp_path / "a.toml", GARTER, "second")
+    # It may take the place of the only one.
+    add_stripe(tmp_path / "a.toml", RIB, "again")
+    add_stripe(tmp_path / "a.toml", GARTER, "second")
+
+
 @pytest.mark.slow
 def test_size_in_cloth_and_force_over_width_do_not_depend_on_the_convention():
     rib, garter = (replace(longer(each, 7.0), row_width=3.0) for each in (RIB, GARTER))
