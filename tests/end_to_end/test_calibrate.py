@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.fabric.zigzag import zigzag
+from knitlab.fabric.pure_stripe import PureStripe, tension_across
 from knitlab.sweep.material import add_stripe
-from tests.fabrics import compiled_tension, stripe
+from tests.fabrics import stripe
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +26,7 @@ def knitlab(*words):
 @pytest.mark.slow
 def test_a_calibrated_stripe_can_be_used_as_it_is():
     strain = np.linspace(0, 2, 30)
-    force = 1.2 * np.asarray(compiled_tension(zigzag(stripe("rib", 4)), jnp.asarray(strain)))
+    force = 1.2 * np.asarray(tension_across(PureStripe.of(stripe("rib", 4)), jnp.asarray(strain)))
     # The load cell reads 50 mN at rest.
     rows = [f"{100 * a},{1000 * b + 50}" for a, b in zip(strain, force, strict=True)]
     Path("curve.csv").write_text("\n".join(["strain [%],force [mN]", *rows]))

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from scipy.signal import lfilter
 
 from knitlab.cli import main
+from knitlab.fabric.pure_stripe import PureStripe, tension_across
 from knitlab.fabric.spring_law import SpringCurve
-from knitlab.fabric.zigzag import tension, zigzag
 from knitlab.laboratory.tension_record import read_tension_record
 from knitlab.measure.calibration import calibrate
 from knitlab.measure.fit_statistics import compare
@@ -34,7 +34,7 @@ with 1 % another k_s can compensate another law."""
 
 def curve(of, noise=NOISE, seed=0):
     strain = np.linspace(0.02, 2.6, 60)
-    force = np.asarray(tension(zigzag(of), jnp.asarray(strain)))
+    force = np.asarray(tension_across(PureStripe.of(of), jnp.asarray(strain)))
     scatter = np.random.default_rng(seed).normal(size=len(strain))
     return strain, force + noise * force.max() * scatter
 
@@ -44,7 +44,7 @@ def curve(of, noise=NOISE, seed=0):
 def test_a_clean_curve_gives_its_stripe_back(name):
     of = STRIPES[name]
     fit = calibrate(of.period, *curve(of, noise=0.0), LAWS[name])
-    assert fit.usable
+    assert fit.converged
     found = fit.stripe("rib", 4, "relaxed")
     for number in ("k_s", "k_t", "theta_0", "stiffening_strain"):
         expected = getattr(of, number)
