@@ -28,8 +28,11 @@ COMPUTING = ("fabric", "equilibrium", "dynamics", "measure", "simulation")
 """Packages that compute the numbers of a case."""
 OF_NO_CASE = (
     "fabric/compiled_programs.py",
+    "fabric/pure_stripe.py",
+    "measure/along_ridges.py",
     "measure/calibration.py",
     "measure/fit_statistics.py",
+    "measure/friction_fit.py",
     "measure/knit_size.py",
     "measure/marker_grid.py",
     "measure/records.py",

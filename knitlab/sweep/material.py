@@ -260,13 +260,13 @@ def check_added(path: Path, knit: Knit, n: int, cell_size: CellSize, per_width: 
     there = read_checked(MaterialFile, path)
     if there.cell_size != cell_size:
         problem = f"has periods of {there.cell_size} stripes, and {knit} {n} is {cell_size}"
-        raise fault(str(path), f"{problem}; calibrate all with --cell-size {there.cell_size}")
+        raise fault(str(path), f"{problem}; calibrate all for cell_size {there.cell_size}")
     for other in there.material(path.stem).stripes:
         if (other.knit, other.n) != (knit, n) and (other.row_width is not None) != per_width:
             widths = ("has", "none") if other.row_width else ("lacks", "one")
             problem = f"{widths[0]} the width of a row, and {knit} {n} has {widths[1]}"
             where = f"{path}: {other.knit} {other.n}"
-            raise fault(where, f"{problem}; calibrate both with --width, or into two files")
+            raise fault(where, f"{problem}; calibrate both with the width of the swatch, or into two files")
 
 
 def add_stripe(
