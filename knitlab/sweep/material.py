@@ -266,7 +266,7 @@ def check_added(path: Path, knit: Knit, n: int, cell_size: CellSize, per_width: 
             widths = ("has", "none") if other.row_width else ("lacks", "one")
             problem = f"{widths[0]} the width of a row, and {knit} {n} has {widths[1]}"
             where = f"{path}: {other.knit} {other.n}"
-            raise fault(where, f"{problem}; calibrate both with the width of the swatch, or into two files")
+            raise fault(where, f"{problem}; give both swatches a width, or write two files")
 
 
 def add_stripe(
