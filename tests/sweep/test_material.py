@@ -107,7 +107,7 @@ def test_stripes_over_width_and_of_rows_are_not_mixed(tmp_path):
     with pytest.raises(BadInput, match=r"row_width of garter 8.*; calibrate"):
         kl.Material((wide, GARTER))
     add_stripe(tmp_path / "a.toml", wide, "first")
-    with pytest.raises(BadInput, match=r"a.toml: rib 4.*garter 8.*--width"):
+    with pytest.raises(BadInput, match=r"a.toml: rib 4.*garter 8.*width"):
         add_stripe(tmp_path / "a.toml", GARTER, "second")
     # It may take the place of the only one.
     add_stripe(tmp_path / "a.toml", RIB, "again")
