@@ -17,9 +17,9 @@ from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.style import TWO_COLUMNS, Look, print_style
 from knitlab.knitting.chart import StitchChart, electrode_name
-from knitlab.knitting.leads import Lead
 
 if TYPE_CHECKING:
+    from knitlab.knitting.leads import Lead
     from knitlab.knitting.specification import Prediction, Specification
 
 FRONT, BACK = "white", "0.68"
@@ -41,7 +41,7 @@ Both are estimates."""
 
 
 @print_style()
-def stitch_chart_figure(chart: StitchChart, leads: Sequence[Lead] = ()) -> Figure:
+def stitch_chart_figure(chart: StitchChart, leads: Sequence["Lead"] = ()) -> Figure:
     """Every stitch of a chart, seen from the front, and the ends of the yarn of its electrodes.
 
     Of a large chart, one repeat is drawn.
@@ -78,7 +78,7 @@ def drawn_block(chart: StitchChart) -> tuple[slice, slice]:
     return slice(y, y + height), slice(x, x + width)
 
 
-def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence[Lead] = ()) -> None:
+def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence["Lead"] = ()) -> None:
     """Draw a chart, or one repeat of it, with stitches of a width on paper [in]."""
     rows, columns = drawn_block(chart)
     front, plated = chart.front[rows, columns], chart.plated[rows, columns]
@@ -122,7 +122,7 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence[Le
     axes.spines[:].set_visible(True)
 
 
-def legend_handles(chart: StitchChart, leads: Sequence[Lead] = ()) -> list[Patch | Line2D]:
+def legend_handles(chart: StitchChart, leads: Sequence["Lead"] = ()) -> list[Patch | Line2D]:
     """What the marks of a chart mean."""
     colours = {
         "knit on the front bed: face stitch (knit)": FRONT,
@@ -183,7 +183,7 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent:
             axes.text(x, y, electrode_name(electrode), zorder=4, **look)
 
 
-def _draw_leads(axes: Axes, leads: Sequence[Lead], extent: Extent) -> dict[str, float]:
+def _draw_leads(axes: Axes, leads: Sequence["Lead"], extent: Extent) -> dict[str, float]:
     """Draw the ends of yarns within an extent; how far they reach beyond each edge [pt]."""
     left, right, low, high = extent
     beyond = dict.fromkeys(OUTWARD, 0.0)
