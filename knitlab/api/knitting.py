@@ -29,7 +29,7 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
-from knitlab.sweep.material import Material, with_material
+from knitlab.sweep.material import Material, known_parameters
 from knitlab.sweep.parameters import UNITS, defaults
 from knitlab.sweep.workflow import Protocol
 
@@ -193,10 +193,7 @@ def knit(
         if settings:
             problem = f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
             raise fault(", ".join(settings), problem)
-        if material is not None and model is not None:
-            material.check(model)
-        parameters = defaults() if material is None else with_material(defaults(), material)
-        parameters = parameters.with_tables(**tables)
+        parameters = known_parameters(material, model).with_tables(**tables)
         plated = capacitor is not None
         case = case_of_design(design, [0.0], parameters, Protocol(), electrodes=plated)
         single = SingleDesign(

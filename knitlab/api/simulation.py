@@ -30,8 +30,8 @@ from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cases import cases, designs_of_section, electrode_problems
 from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
-from knitlab.sweep.material import Material, with_material
-from knitlab.sweep.parameters import Parameters, StripeRow, defaults
+from knitlab.sweep.material import Material, known_parameters
+from knitlab.sweep.parameters import Parameters, StripeRow
 from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.recorded_case import recorded_case
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
@@ -166,9 +166,7 @@ def simulate(
     """
     if not isinstance(design, Design):
         raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
-    parameters = defaults() if material is None else with_material(defaults(), material)
-    if material is not None and model is not None:
-        material.check(model)
+    parameters = known_parameters(material, model)
     settings: dict[str, object] = {"model": model, "sheet": sheet, "plain": plain, "solver": solver}
     settings |= {"dynamics": dynamics, "friction": friction, "capacitor": capacitor, "gauge": gauge}
     parameters = parameters.with_tables(**settings)

@@ -26,6 +26,7 @@ from knitlab.sweep.parameters import (
     StripeRow,
     StripeTable,
     StripeTables,
+    defaults,
 )
 from knitlab.sweep.workflow import SETTINGS
 from knitlab.sweep.workflow_text import WorkflowText
@@ -348,6 +349,15 @@ def with_material(parameters: Parameters, material: Material) -> Parameters:
             tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
     tables["yarn"] = material.on_machine
     return replace(parameters, material=material.name, scaled=scaled, **tables)
+
+
+def known_parameters(material: Material | None, model: ModelOptions | None) -> Parameters:
+    """The parameters of a material, or the defaults; BadInput if model options contradict it."""
+    if material is None:
+        return defaults()
+    if model is not None:
+        material.check(model)
+    return with_material(defaults(), material)
 
 
 def with_material_file(
