@@ -33,6 +33,7 @@ from knitlab.fabric.inertia import inertia
 from knitlab.fabric.layout import fabric_layout
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.pattern import PatchGrid, graded_pattern
+from knitlab.fabric.pure_stripe import tension_across
 from knitlab.fabric.settings import FoldAngle, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import Knit, Stripe, StripePair
 from knitlab.fabric.zigzag import tension
@@ -49,7 +50,9 @@ test of solvers."""
 DEFAULT = Solver()
 FINE = Solver(tolerance=1e-12)
 compiled_tension = jax.jit(tension)
-"""Tension of a zigzag, compiled; otherwise every call would compile its root finder again."""
+compiled_tension_across = jax.jit(tension_across)
+"""Tension of a zigzag, and of a sheet, compiled; otherwise every call would compile its root finder
+again."""
 
 
 def assemble_fabric(

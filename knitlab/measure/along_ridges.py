@@ -1,6 +1,6 @@
 """Springs along the ridges of a stripe, by the measured force of a sheet along them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -71,16 +71,8 @@ def springs_along(
         share = 2 * np.sqrt(2) * diagonals(diagonal / np.sqrt(2) - 1) * height / diagonal
         springs = _increasing(at, (springs + whole - share) / 2)
     stretch, curve = _stretch(at, springs)
-    own = PureStripe(
-        sheet.period,
-        sheet.k_s,
-        sheet.k_t,
-        sheet.theta_0,
-        sheet.law,
-        jnp.asarray(stretch),
-        CurveLaw.of(curve),
-    )
-    fitted = _tension_along(own, strain) / (cell * column)
+    found = replace(sheet, stretch_along=jnp.asarray(stretch), law_along=CurveLaw.of(curve))
+    fitted = _tension_along(found, strain) / (cell * column)
     return AlongRidges(stretch, curve, strain, force, np.asarray(fitted))
 
 

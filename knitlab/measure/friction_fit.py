@@ -16,7 +16,7 @@ from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.settings import CellSize
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.measure.calibration import BOUNDS, UNITS, calibrate
-from knitlab.measure.fit_statistics import Comparison, compare
+from knitlab.measure.fit_statistics import Comparison, compare, covariance_of_unit_noise
 
 ELASTIC = ("k_s", "k_t", "theta_0")
 FITTED = (*ELASTIC, "fold_friction", "fold_drift")
@@ -136,9 +136,7 @@ def fit_friction(period: float, cycles: LoadingCycles) -> FrictionFit:
     plain = fit(len(ELASTIC), elastic)
     fits = [fit(len(FITTED), np.append(plain.x, begin)) for begin in STARTS]
     best = min(fits, key=lambda each: each.cost)
-    _, singular, right = np.linalg.svd(best.jac, full_matrices=False)
-    singular = np.maximum(singular, np.finfo(float).eps * singular[0])
-    inverse = (right.T / singular**2) @ right
+    inverse = covariance_of_unit_noise(best.jac)
     freedom = max(len(measured) - len(FITTED), 1)
     # Repeats differ as wholes: then the scores of passages, not of points, are independent.
     ends = np.cumsum([len(each.force) for each in passages])[:-1]

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import knitlab as kl
-from knitlab.fabric.pure_stripe import PureStripe, tension_across
+from knitlab.fabric.pure_stripe import PureStripe
 from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.stripe import cell_length
 from knitlab.io.errors import BadInput
 from knitlab.laboratory.tension_record import period_of, read_tension_record
-from tests.fabrics import stripe
+from tests.fabrics import compiled_tension_across, stripe
 
 GOOD = "strain [1],force [N]\n0,0\n0.1,0.2\n0.2,0.5\n0.3,0.9\n"
 
@@ -175,7 +174,6 @@ def test_a_missing_file_is_named(tmp_path):
         read_tension_record(tmp_path / "nowhere.csv")
 
 
-compiled_tension = jax.jit(tension_across)
 RIB = replace(stripe("rib", 4), period=10.0)
 GAUGE_LENGTH, WIDTH = 80.0, 60.0
 ROW = float(cell_length(RIB, ModelOptions(cell_size="relaxed")))
@@ -183,7 +181,7 @@ ROW = float(cell_length(RIB, ModelOptions(cell_size="relaxed")))
 
 def pulls(strain, factor=1.0):
     """Force of a swatch of the stripe, as wide as WIDTH."""
-    force = compiled_tension(PureStripe.of(RIB), jnp.maximum(jnp.asarray(strain), 0.0))
+    force = compiled_tension_across(PureStripe.of(RIB), jnp.maximum(jnp.asarray(strain), 0.0))
     return factor * WIDTH / ROW * np.asarray(force)
 
 
@@ -244,7 +242,7 @@ def test_of_cycles_one_loading_branch_is_taken(tmp_path):
 @pytest.mark.slow
 def test_forces_over_the_width_are_those_of_rows_as_wide_as_cells_are_long():
     strain = np.linspace(0.0, 2.0, 30)
-    force = np.asarray(compiled_tension(PureStripe.of(RIB), jnp.asarray(strain)))
+    force = np.asarray(compiled_tension_across(PureStripe.of(RIB), jnp.asarray(strain)))
     per_row = kl.calibrate(strain, force, period=10.0)
     per_width = kl.calibrate(strain, force / ROW, period=10.0, per_width=True)
     for name, value in per_row.values.items():
@@ -375,7 +373,7 @@ def test_a_preloaded_stripe_is_counted_from_its_relaxed_length(tmp_path):
     """Independent: the sheet of three unknowns, stretched by 10 % when it is gripped."""
     swatch = replace(RIB, k_s=2.6, k_t=0.93, theta_0=0.74)
     relaxed = np.linspace(0.1, 2.2, 300)
-    force = np.asarray(compiled_tension(PureStripe.of(swatch), jnp.asarray(relaxed)))
+    force = np.asarray(compiled_tension_across(PureStripe.of(swatch), jnp.asarray(relaxed)))
     force = force + 1e-3 * force.max() * np.random.default_rng(0).normal(size=len(relaxed))
     rows = [f"{e},{f}" for e, f in zip((1 + relaxed) / 1.1 - 1, force, strict=True)]
     path = written(tmp_path, "\n".join(["strain [1],force [N]", *rows]))

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from functools import cache
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,15 +13,14 @@ from knitlab.fabric.stripe import Stripe
 from knitlab.laboratory.swatch import simulated_swatches
 from knitlab.measure.along_ridges import springs_along
 from knitlab.measure.calibration import FITTED, calibrate
-from tests.fabrics import DISTINCT_STRIPES, stripe
+from tests.fabrics import DISTINCT_STRIPES, compiled_tension_across, stripe
 
-compiled_tension = jax.jit(tension_across)
 POINTS, NOISE, SEEDS = 41, 0.01, 40
 
 
 def curve(of, largest=2.0, noise=NOISE, seed=0):
     strain = np.linspace(0, largest, POINTS)
-    force = np.asarray(compiled_tension(PureStripe.of(of), jnp.asarray(strain)))
+    force = np.asarray(compiled_tension_across(PureStripe.of(of), jnp.asarray(strain)))
     scatter = np.random.default_rng(seed).normal(size=POINTS)
     return strain, force + noise * force.max() * scatter
 
@@ -95,7 +93,7 @@ def test_the_covariance_is_of_rows_of_one_width():
         sheet = PureStripe.of(
             Stripe("rib", 4, 10.0, k_s=0.4 * cell, theta_0=theta_0, k_t=0.1 * cell)
         )
-        force.append(np.asarray(compiled_tension(sheet, jnp.asarray(strain))) / cell)
+        force.append(np.asarray(compiled_tension_across(sheet, jnp.asarray(strain))) / cell)
     fit = calibrate(10.0, strain, np.array(force), per_width=True)
     assert fit.standard_errors["k_s"] > 0.01 * fit.values["k_s"]
     assert fit.covariance["theta_0"]["theta_0"] == pytest.approx(

@@ -3,7 +3,6 @@
 from functools import cache
 from unittest.mock import patch
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,13 +12,13 @@ from scipy.linalg import toeplitz
 import knitlab as kl
 from knitlab.cube.schema import Status
 from knitlab.cube.uncertainty import NUMBERS, first_order
-from knitlab.fabric.pure_stripe import PureStripe, tension_across
+from knitlab.fabric.pure_stripe import PureStripe
 from knitlab.measure import calibration
 from knitlab.measure.calibration import FITTED, calibrate
 from knitlab.measure.fit_statistics import errors_by_residuals
 from knitlab.sweep.stripe_covariance import uncertain_stripes
+from tests.fabrics import compiled_tension_across
 
-compiled_tension = jax.jit(tension_across)
 PERIOD, MIDDLE = 10.0, np.array([np.log(2.6), np.log(0.93), 0.74])
 ROOT = np.array([[0.06, 0, 0], [0.02, 0.04, 0], [-0.01, 0.005, 0.02]])
 """Swatches are normal: ln k_s, ln k_t and θ0 are the middle plus this times normal deviates."""
@@ -43,7 +42,7 @@ def swatches(generator, count):
 def force_of(numbers, strain=STRAIN):
     k_s, k_t = np.exp(numbers[:2])
     of = kl.Stripe("rib", 4, period=PERIOD, k_s=k_s, k_t=k_t, theta_0=numbers[2])
-    return np.asarray(compiled_tension(PureStripe.of(of), jnp.asarray(strain)))
+    return np.asarray(compiled_tension_across(PureStripe.of(of), jnp.asarray(strain)))
 
 
 def one_start():
