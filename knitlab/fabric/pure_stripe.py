@@ -12,13 +12,12 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.spring_law import LINEAR, CurveLaw, SpringLaw
 from knitlab.fabric.stripe import Stripe
-from knitlab.fabric.zigzag import LARGEST_LOG_TILT, law_of_one
+from knitlab.fabric.zigzag import fold_tension, law_of_one
 
 NEWTON_STEPS = 15  # to the side of a cell in balance; the last ones change nothing
 
@@ -78,43 +77,16 @@ class PureStripe(eqx.Module):
 def tension_across(sheet: PureStripe, strain: Float[Array, " point"]) -> Float[Array, " point"]:
     """Force across the ridges on one row, as wide as a cell, at strains of the period [N].
 
-    All folds open equally, and heights are free. The unknown is the tilt of cells, as in
-    :func:`knitlab.fabric.zigzag.tension`; for every tilt the height is that of a cell in balance.
-    The force is differentiable in the numbers of the sheet and in the strain, which must not be
-    negative.
+    All folds open equally, as in :func:`knitlab.fabric.zigzag.fold_tension`, and heights are free:
+    at every length the height is that of a cell in balance. The force is differentiable in the
+    numbers of the sheet and in the strain, which must not be negative.
     """
 
-    def cell_at(of: PureStripe, tilt: Value, strain: Value) -> tuple[Value, Value]:
-        length = of.period * (1 + strain) / (CELLS_PER_PERIOD * jnp.cos(tilt))
+    def pull(of: PureStripe, length: Value) -> Value:
         height = _balanced(lambda height, at: at[0].forces(at[1], height)[1], (of, length), of.cell)
-        return length, of.forces(length, height)[0]
+        return of.forces(length, height)[0]
 
-    def tilt_at(of: PureStripe, log_tilt: Value) -> Value:
-        # Solved for the logarithm of the tilt: at large strain it falls by orders of magnitude.
-        return jnp.exp(-log_tilt) * (jnp.pi - of.theta_0) / 2
-
-    def imbalance(log_tilt: Value, at: tuple[PureStripe, Value]) -> Value:
-        of, strain = at
-        tilt = tilt_at(of, log_tilt)
-        length, pull = cell_at(of, tilt, strain)
-        # Negative at the relaxed tilt and positive for tilt → 0.
-        return jnp.pi - 2 * tilt - of.theta_0 - pull * length * jnp.tan(tilt) / of.k_t
-
-    def force(strain: Value) -> Value:
-        solution: optx.Solution = optx.root_find(
-            imbalance,
-            optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
-            jnp.asarray(1.0),
-            args=(sheet, strain),
-            options={"lower": -1e-9, "upper": LARGEST_LOG_TILT},
-            max_steps=200,
-            throw=False,
-        )
-        tilt = tilt_at(sheet, solution.value)
-        length, _ = cell_at(sheet, tilt, strain)
-        return sheet.k_t * (jnp.pi - 2 * tilt - sheet.theta_0) / (length * jnp.sin(tilt))
-
-    return jax.vmap(force)(strain)
+    return fold_tension(sheet, pull, strain)
 
 
 def tension_along(sheet: PureStripe, strain: Float[Array, " point"]) -> Float[Array, " point"]:
@@ -136,10 +108,10 @@ def _balanced(force: Any, at: tuple[PureStripe, Value], begin: Value) -> Value:
     """The side of a cell at which a force vanishes, by Newton's method [mm]."""
     slope = jax.grad(force)
 
-    def newton(_: Any, side: Value, at: tuple[PureStripe, Value]) -> Value:
+    def newton(side: Value, at: tuple[PureStripe, Value]) -> Value:
         return side - force(side, at) / slope(side, at)
 
-    fixed = jax.lax.stop_gradient((at, begin))
-    root = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, side: newton(_, side, fixed[0]), fixed[1])
+    fixed, side = jax.lax.stop_gradient((at, begin))
+    root = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, side: newton(side, fixed), side)
     # A last step from the root has its derivatives.
-    return newton(0, jax.lax.stop_gradient(root), at)
+    return newton(jax.lax.stop_gradient(root), at)

@@ -4,7 +4,9 @@ A period consists of four springs, like a row of the sheet (paper, Sec. "3D mode
 angle θ0 alternate with joints that are straight at rest.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 import equinox as eqx
 import jax
@@ -20,6 +22,28 @@ from knitlab.fabric.stripe import Stripe, cell_length
 
 AS_CALIBRATED = ModelOptions(cell_size="relaxed")  # with which a measured curve is fitted
 LARGEST_LOG_TILT = 40.0  # largest −log(tilt / relaxed tilt) in the search for the root
+
+
+Length = Float[Array, ""]
+
+
+class Folding(Protocol):
+    """What every row of folds has, whatever resists its length."""
+
+    @property
+    def period(self) -> Length:
+        """Relaxed period [mm]."""
+
+    @property
+    def k_t(self) -> Length:
+        """Stiffness of a fold [N mm]."""
+
+    @property
+    def theta_0(self) -> Length:
+        """Rest angle of a fold [rad]."""
+
+
+Folds = TypeVar("Folds", bound=Folding)
 
 
 class Zigzag(eqx.Module):
@@ -88,39 +112,47 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
     All folds open equally and the joints stay straight: the minimum of the energy if k_t / (k_s
     cell²) is small, as for the paper's stripes (at most 0.07). It is differentiable by the
     parameters and by the strain, which must not be negative.
+    """
+    return fold_tension(chain, lambda of, length: of.k_s * of.law.pull(length, of.cell), strain)
 
-    The root is the tilt of the segments from the line of force, with θ = π − 2 tilt: there the
-    tension of the spring of length ℓ, F cos(tilt) = k_s ℓ0 f, is that of the fold, F ℓ sin(tilt) =
-    k_t (θ − θ0).
+
+def fold_tension(
+    folds: Folds, pull: Callable[[Folds, Length], Length], strain: Float[Array, " point"]
+) -> Float[Array, " point"]:
+    """Tension of folds that open equally, at strains of their period [N].
+
+    ``pull`` is the force with which a segment between fold and joint resists its length. The root
+    is the tilt of the segments from the line of force, with θ = π − 2 tilt: there the tension of a
+    segment of length ℓ, F cos(tilt) = pull, is that of the fold, F ℓ sin(tilt) = k_t (θ − θ0).
     """
 
-    def length(of: Zigzag, tilt: Array, strain: Array) -> Array:
+    def length(of: Folds, tilt: Array, strain: Array) -> Array:
         return of.period * (1 + strain) / (CELLS_PER_PERIOD * jnp.cos(tilt))
 
-    def tilt_at(of: Zigzag, log_tilt: Array) -> Array:
+    def tilt_at(of: Folds, log_tilt: Array) -> Array:
         # Solved for the logarithm of the tilt: at large strain it falls by orders of magnitude.
         return jnp.exp(-log_tilt) * (jnp.pi - of.theta_0) / 2
 
-    def imbalance(log_tilt: Array, at: tuple[Zigzag, Array]) -> Array:
+    def imbalance(log_tilt: Array, at: tuple[Folds, Array]) -> Array:
         of, strain = at
         tilt = tilt_at(of, log_tilt)
         stretched = length(of, tilt, strain)
-        pull = of.k_s * of.law.pull(stretched, of.cell)
         # Negative at the relaxed tilt and positive for tilt → 0.
-        return jnp.pi - 2 * tilt - of.theta_0 - pull * stretched * jnp.tan(tilt) / of.k_t
+        turned = jnp.pi - 2 * tilt - of.theta_0
+        return turned - pull(of, stretched) * stretched * jnp.tan(tilt) / of.k_t
 
     def force(strain: Array) -> Array:
         solution: optx.Solution = optx.root_find(
             imbalance,
             optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
             jnp.asarray(1.0),
-            args=(chain, strain),
+            args=(folds, strain),
             options={"lower": -1e-9, "upper": LARGEST_LOG_TILT},
             max_steps=200,
             throw=False,
         )
-        tilt = tilt_at(chain, solution.value)
-        moment = chain.k_t * (jnp.pi - 2 * tilt - chain.theta_0)
-        return moment / (length(chain, tilt, strain) * jnp.sin(tilt))
+        tilt = tilt_at(folds, solution.value)
+        moment = folds.k_t * (jnp.pi - 2 * tilt - folds.theta_0)
+        return moment / (length(folds, tilt, strain) * jnp.sin(tilt))
 
     return jax.vmap(force)(strain)
