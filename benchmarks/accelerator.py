@@ -20,10 +20,10 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.fabric.threads import ONE_THREAD
-from knitlab.simulation.case import Case
-from knitlab.simulation.simulate import tensile_tests
-from knitlab.sweep.plan import make_plan
+from knitlab.model.threads import ONE_THREAD
+from knitlab.runs.plan import make_plan
+from knitlab.runs.simulate import tensile_tests
+from knitlab.solvers.case import Case
 
 SHORT = ("relax_steps=2", "step_strain=0.03", "strain_max=0.03")  # a test that only compiles
 

@@ -9,8 +9,8 @@ from typing import Any
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.equilibrium.system import System
 from knitlab.io.shipped import PACKAGE
+from knitlab.solvers.equilibrium.system import System
 
 SETTINGS = "n_stripe=4", "n_subunit=16", "strain_max=0.03", "robustness=0"
 

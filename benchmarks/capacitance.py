@@ -20,13 +20,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.measure.capacitance.boundary_elements import (
+from knitlab.observables.capacitance.boundary_elements import (
     maxwell_matrices,
     near_pairs,
     two_terminal,
 )
-from knitlab.measure.capacitance.capacitor import STATES_AT_ONCE
-from knitlab.measure.capacitance.panels import graded
+from knitlab.observables.capacitance.capacitor import STATES_AT_ONCE
+from knitlab.observables.capacitance.panels import graded
 
 Panels = Float[np.ndarray, "panel 4 3"]
 Pair = tuple[Panels, Panels]

@@ -1,11 +1,11 @@
-"""A clamped sample of :mod:`knitlab.dynamics` as plain arrays, for loops that others compile."""
+"""A clamped sample as plain arrays, for loops that others compile."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from knitlab.dynamics.grid import ALL, INNER, Shape
-from knitlab.dynamics.motion import Body
+from knitlab.solvers.dynamics.grid import ALL, INNER, Shape
+from knitlab.solvers.dynamics.motion import Body
 
 LEAST_BYTES = 8 * (6 + 6 + 12)
 """Of a node and step: position and velocity read and written, and read the numbers of four springs

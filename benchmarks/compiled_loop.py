@@ -1,4 +1,4 @@
-"""The leapfrog of :mod:`knitlab.dynamics` as a plain loop over the grid, compiled by Numba.
+"""The leapfrog of :mod:`knitlab.solvers.dynamics` as a plain loop over the grid, compiled by Numba.
 
 The loop goes over the grid once in a step. It computes each spring and hinge once, keeps what two
 rows of cells need in buffers of a row, and has no knowledge of anything but linear springs, fold
@@ -13,7 +13,7 @@ import numba.core.compiler
 import numpy as np
 
 from benchmarks.clamped_grid import Grid
-from knitlab.dynamics.vectors import DENOMINATOR, NUMERATOR
+from knitlab.solvers.dynamics.vectors import DENOMINATOR, NUMERATOR
 
 
 class _Apart(numba.core.compiler.Compiler):
@@ -81,7 +81,7 @@ def _put(rows: np.ndarray, column: int, vector: Numbers) -> None:
 
 @within
 def _arctan2(y: float, x: float) -> float:
-    """As :func:`knitlab.dynamics.vectors.arctan2`: a call to a library cannot be vectorised."""
+    """As ``arctan2`` of ``knitlab.solvers.dynamics.vectors``: a call to a library cannot be vectorised."""
     size_x, size_y = abs(x), abs(y)
     smaller, larger = min(size_x, size_y), max(size_x, size_y)
     steep = smaller > math.tan(math.pi / 8) * larger
@@ -313,7 +313,7 @@ def _step(
 def leapfrog(
     grid: Grid, places: np.ndarray, velocities: np.ndarray, step: float, count: int
 ) -> tuple[float, float]:
-    """Move a sample by equal steps, in place, as :func:`knitlab.dynamics.motion.leapfrog` does.
+    """Move a sample by equal steps, in place: ``leapfrog`` of ``knitlab.solvers.dynamics.motion``.
 
     Args:
         grid: the sample.

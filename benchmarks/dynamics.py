@@ -23,15 +23,15 @@ import xarray as xr
 
 from benchmarks.command_line import results_in
 from benchmarks.solver.cube import machine, write_cube
-from knitlab.cube.cube_file import CUBE
-from knitlab.dynamics.damped_test import on_grid
-from knitlab.dynamics.motion import Motion, leapfrog
-from knitlab.fabric.fabric import flat_sheet
-from knitlab.fabric.threads import ONE_THREAD
+from knitlab.cubes.cube_file import CUBE
 from knitlab.io.fingerprint import provenance
-from knitlab.simulation.case import Case
-from knitlab.simulation.simulate import moving_fabrics, tensile_tests
-from knitlab.sweep.plan import make_plan
+from knitlab.model.fabric import flat_sheet
+from knitlab.model.threads import ONE_THREAD
+from knitlab.runs.plan import make_plan
+from knitlab.runs.simulate import moving_fabrics, tensile_tests
+from knitlab.solvers.case import Case
+from knitlab.solvers.dynamics.damped_test import on_grid
+from knitlab.solvers.dynamics.motion import Motion, leapfrog
 
 STEPS, STEP = 50, 1e-4
 """Time steps that are timed on a large sample, and their size [ms]."""

@@ -26,12 +26,12 @@ from benchmarks.clamped_grid import LEAST_BYTES, grid_of, rows_of
 from benchmarks.command_line import results_in
 from benchmarks.dynamics import STEP, cases
 from benchmarks.solver.cube import machine, write_cube
-from knitlab.dynamics.damped_test import on_grid
-from knitlab.dynamics.motion import Body, Motion, leapfrog
-from knitlab.fabric.fabric import flat_sheet
-from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.fingerprint import provenance
-from knitlab.simulation.simulate import moving_fabrics
+from knitlab.model.fabric import flat_sheet
+from knitlab.model.threads import ONE_THREAD
+from knitlab.runs.simulate import moving_fabrics
+from knitlab.solvers.dynamics.damped_test import on_grid
+from knitlab.solvers.dynamics.motion import Body, Motion, leapfrog
 
 KNITLAB, LOOP, WARP = "knitlab", "Numba loop", "Warp kernels"
 OTHERS = {LOOP: ("numba", "benchmarks.compiled_loop"), WARP: ("warp", "benchmarks.warp_kernels")}
@@ -152,7 +152,7 @@ def prepared(size: str, methods: list[str]) -> tuple[int, list[list[float]], lis
 
 
 def _by_knitlab(body: Body, motion: Motion, count: int, step: float = STEP) -> Moved:
-    """As :mod:`knitlab.dynamics.motion` moves a batch, of one."""
+    """As :mod:`knitlab.solvers.dynamics.motion` moves a batch, of one."""
     batch = jax.tree.map(lambda leaf: leaf[None], (body, motion))
     numbers = jnp.asarray([step]), jnp.asarray([count]), jnp.asarray(count)
     moved = jax.tree.map(lambda leaf: leaf[0], _LEAP(*batch, *numbers))

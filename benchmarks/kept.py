@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import knitlab as kl
-from knitlab.sweep.reproduce import largest_differences
+from knitlab.runs.reproduce import largest_differences
 
 KEPT = Path("results/reference")
 NEGLIGIBLE = 1e-6  # largest difference that counts as none

@@ -18,16 +18,16 @@ from typing import Any
 import click
 
 from benchmarks.command_line import COMMAND, processor_seconds
-from knitlab.cube.case_file import write_case_file
-from knitlab.cube.cube_file import CUBE
-from knitlab.simulation.simulate import Progress
-from knitlab.sweep.batches import Shard, split
-from knitlab.sweep.merge import merge_folders
-from knitlab.sweep.plan import make_plan
-from knitlab.sweep.results_folder import PLAN
-from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.workers import Batch
-from tests.sweep.stand_in import contents
+from knitlab.cubes.case_file import write_case_file
+from knitlab.cubes.cube_file import CUBE
+from knitlab.runs.batches import Shard, split
+from knitlab.runs.merge import merge_folders
+from knitlab.runs.plan import make_plan
+from knitlab.runs.results_folder import PLAN
+from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.simulate import Progress
+from knitlab.runs.workers import Batch
+from tests.runs.stand_in import contents
 
 DESIGNS_OF_PREVIEW = 10
 COLD_STARTS = 3

@@ -20,9 +20,9 @@ import xarray as xr
 
 from benchmarks.command_line import COMMAND, processor_seconds, results_in
 from benchmarks.solver.cube import machine, write_cube
-from knitlab.cube.cube_file import CUBE
-from knitlab.fabric.threads import ONE_THREAD
+from knitlab.cubes.cube_file import CUBE
 from knitlab.io.fingerprint import provenance
+from knitlab.model.threads import ONE_THREAD
 
 FILE = "runs.nc"
 WORKFLOW = "periodic"

@@ -14,8 +14,8 @@ from pathlib import Path
 import click
 import numpy as np
 
-from knitlab.cube.case_file import configurations, read_case
-from knitlab.sweep.workers import WORKER_ENVIRONMENT
+from knitlab.cubes.case_file import configurations, read_case
+from knitlab.runs.workers import WORKER_ENVIRONMENT
 
 
 @click.command()
@@ -43,9 +43,9 @@ def main(results: Path, steps: int, workers: int) -> None:
 
 def capacitances_of(results: Path, case_id: str, steps: int) -> tuple[int, int, float, float]:
     """States of a case, those that were measured, their largest error, and the time taken [s]."""
-    from knitlab.measure.capacitance.capacitor import capacitances
-    from knitlab.measure.capacitance.sensor import CapacitorStatus
-    from knitlab.simulation.case import case_of
+    from knitlab.observables.capacitance.capacitor import capacitances
+    from knitlab.observables.capacitance.sensor import CapacitorStatus
+    from knitlab.solvers.case import case_of
 
     dataset = read_case(results, case_id)
     case = case_of(json.loads(dataset.attrs["parameters"]))

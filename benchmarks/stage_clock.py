@@ -16,12 +16,12 @@ from typing import Any
 
 STAGES = ("imports", "compilation", "mechanics", "measurement", "cube", "figures", "rest")
 TIMED = {
-    "knitlab.simulation.simulate:tensile_tests": "mechanics",
-    "knitlab.simulation.simulate:sibling_tests": "mechanics",
-    "knitlab.simulation.simulate:measured": "measurement",
-    "knitlab.simulation.simulate:write_case_file": "cube",
-    "knitlab.sweep.run:build_cube": "cube",
-    "knitlab.sweep.run:write_cube": "cube",
+    "knitlab.runs.simulate:tensile_tests": "mechanics",
+    "knitlab.runs.simulate:sibling_tests": "mechanics",
+    "knitlab.runs.simulate:measured": "measurement",
+    "knitlab.runs.simulate:write_case_file": "cube",
+    "knitlab.runs.run:build_cube": "cube",
+    "knitlab.runs.run:write_cube": "cube",
     "knitlab.figures.drawing:draw_figures": "figures",
 }
 """Functions whose time counts as a stage, but for other stages within."""

@@ -1,4 +1,4 @@
-"""The structure of knitlab in numbers: what one run crosses, what a load touches, and how much code.
+"""The structure of knitlab in numbers: what a run crosses, what a load touches, how much code.
 
     python benchmarks/structure.py
     python benchmarks/structure.py --skip-run
@@ -9,6 +9,7 @@ Run it before and after a change of structure and compare the two tables. A run 
 
 import argparse
 import ast
+import itertools
 import subprocess
 import sys
 import tempfile
@@ -21,7 +22,7 @@ import knitlab as kl
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = Path(kl.__file__).parent
-DESIGN = {"n_stripe": 4, "n_subunit": 16}
+DESIGN: dict[str, Any] = {"n_stripe": 4, "n_subunit": 16}
 LOAD_KINDS = {"weft", "biaxial", "shear", "off_axis"}  # "warp" also names a direction
 
 
@@ -65,7 +66,7 @@ class Trace:
             "files that the run crosses": len({file for file, _ in self.functions}),
             "packages that the run crosses": len(set(packages)),
             "changes of package between first calls": sum(
-                before != after for before, after in zip(packages, packages[1:], strict=False)
+                before != after for before, after in itertools.pairwise(packages)
             ),
             "deepest stack of own frames": self.depth,
             "most frequent calls": ", ".join(most),

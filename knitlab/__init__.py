@@ -18,7 +18,7 @@ from importlib.metadata import version
 import lazy_loader
 
 if not is_command:  # whose help needs no pandas
-    import knitlab.cube.query  # noqa: F401, registers cube.knitlab
+    import knitlab.cubes.query  # noqa: F401, registers cube.knitlab
 
 # Names are stated in __init__.pyi, and imported when first used: a query needs no JAX.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -39,7 +39,7 @@ def pytest_runtest_teardown(item, nextitem):
 @pytest.fixture
 def small_subdomains(monkeypatch):
     """Divides samples of some cells into subdomains, as only large ones are otherwise."""
-    from knitlab.equilibrium import subdomains
+    from knitlab.solvers.equilibrium import subdomains
 
     monkeypatch.setattr(subdomains, "CELLS", 8)
     monkeypatch.setattr(subdomains, "OVERLAP", 2)

@@ -8,15 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.dynamics.damped_test import MovingFabrics
-from knitlab.dynamics.grid import Shape
-from knitlab.dynamics.settings import Dynamics
-from knitlab.equilibrium.loading import WARP, Load
-from knitlab.equilibrium.settings import Solver
-from knitlab.equilibrium.state import State, TensileTest
-from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_test import relax, stretch
-from knitlab.fabric.energy import (
+from knitlab.io.shipped import shipped
+from knitlab.model.cell_grid import CellGrid
+from knitlab.model.energy import (
     LANES,
     ElementHessians,
     Energy,
@@ -28,18 +22,24 @@ from knitlab.fabric.energy import (
     spring_stiffness,
     wall_stiffness,
 )
-from knitlab.fabric.fabric import Configuration, Fabric
-from knitlab.fabric.inertia import inertia
-from knitlab.fabric.layout import fabric_layout
-from knitlab.fabric.network import MeshShape, Network
-from knitlab.fabric.pattern import PatchGrid, graded_pattern
-from knitlab.fabric.pure_stripe import tension_across
-from knitlab.fabric.settings import FoldAngle, ModelOptions, PlainKnit, Sheet
-from knitlab.fabric.stripe import Knit, Stripe, StripePair
-from knitlab.fabric.zigzag import tension
-from knitlab.io.shipped import shipped
-from knitlab.measure.unit_cells import CellGrid
-from knitlab.sweep.parameters import read_parameters
+from knitlab.model.fabric import Configuration, Fabric
+from knitlab.model.inertia import inertia
+from knitlab.model.layout import fabric_layout
+from knitlab.model.network import MeshShape, Network
+from knitlab.model.pattern import PatchGrid, graded_pattern
+from knitlab.model.pure_stripe import tension_across
+from knitlab.model.settings import FoldAngle, ModelOptions, PlainKnit, Sheet
+from knitlab.model.stripe import Knit, Stripe, StripePair
+from knitlab.model.zigzag import tension
+from knitlab.runs.parameters import read_parameters
+from knitlab.solvers.dynamics.damped_test import MovingFabrics
+from knitlab.solvers.dynamics.grid import Shape
+from knitlab.solvers.dynamics.settings import Dynamics
+from knitlab.solvers.equilibrium.loading import WARP, Load
+from knitlab.solvers.equilibrium.settings import Solver
+from knitlab.solvers.equilibrium.state import State, TensileTest
+from knitlab.solvers.equilibrium.system import System
+from knitlab.solvers.equilibrium.tensile_test import relax, stretch
 
 PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)

@@ -28,7 +28,7 @@ for module, names in {
         delattr(module, name)
 import knitlab
 import_all()
-from knitlab.fabric.threads import allowed_threads
+from knitlab.model.threads import allowed_threads
 assert allowed_threads() >= 1
 """
 

@@ -48,8 +48,11 @@ def test_the_wheel_holds_every_module_every_input_and_types(installed):
 
 
 def test_the_wheel_holds_the_page_of_the_explorer(installed):
-    page = {file.relative_to(ROOT).as_posix() for file in (PACKAGE / "explorer" / "page").iterdir()}
-    assert {"knitlab/explorer/page/main.js", "knitlab/explorer/page/page.html"} <= page
+    page = {file.relative_to(ROOT).as_posix() for file in (PACKAGE / "figures" / "explorer" / "page").iterdir()}
+    assert {
+        "knitlab/figures/explorer/page/main.js",
+        "knitlab/figures/explorer/page/page.html",
+    } <= page
     assert page <= set(installed)
 
 

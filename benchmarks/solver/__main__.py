@@ -15,8 +15,8 @@ from benchmarks.solver.figures import draw_all
 from benchmarks.solver.measurement import Measurement
 from benchmarks.solver.methods import SWEPT
 from benchmarks.solver.plan import GROUPS, Budget, planned
-from knitlab.fabric.threads import ONE_THREAD
-from knitlab.sweep.workers import WORKER_ENVIRONMENT
+from knitlab.model.threads import ONE_THREAD
+from knitlab.runs.workers import WORKER_ENVIRONMENT
 
 CUBE = "solvers.nc"
 DEFAULT = Budget()

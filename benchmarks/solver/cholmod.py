@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.stiffness import FreeStiffness
-from knitlab.equilibrium.system import System
+from knitlab.solvers.equilibrium.stiffness import FreeStiffness
+from knitlab.solvers.equilibrium.system import System
 
 SUPERNODAL = 2
 

@@ -1,4 +1,4 @@
-"""The paper's method: damped dynamics until nothing moves, as :mod:`knitlab.dynamics` has them.
+"""The paper's method: damped dynamics until nothing moves (:mod:`knitlab.solvers.dynamics`).
 
 Motions are cut into pieces, so that the watch can be looked at between them. A load step starts as
 for the other methods, from rest; no time is spent on pulling slowly, which spares the dynamics the
@@ -11,12 +11,12 @@ import numpy as np
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
-from knitlab.dynamics.motion import Moving, advance
-from knitlab.dynamics.settings import Dynamics
-from knitlab.equilibrium.loading import WARP, all_free
-from knitlab.fabric.fabric import Configuration
-from knitlab.fabric.inertia import Inertia
+from knitlab.model.fabric import Configuration
+from knitlab.model.inertia import Inertia
+from knitlab.solvers.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
+from knitlab.solvers.dynamics.motion import Moving, advance
+from knitlab.solvers.dynamics.settings import Dynamics
+from knitlab.solvers.equilibrium.loading import WARP, all_free
 
 PIECE = 1.0
 """Length of a piece of motion [ms]."""

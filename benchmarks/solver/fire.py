@@ -17,10 +17,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.equilibrium.loading import all_free
-from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Configuration, Fabric
-from knitlab.fabric.network import MeshShape, network
+from knitlab.model.energy import energy
+from knitlab.model.fabric import Configuration, Fabric
+from knitlab.model.network import MeshShape, network
+from knitlab.solvers.equilibrium.loading import all_free
 
 DELAY = 20
 GROWTH, CUT = 1.1, 0.5

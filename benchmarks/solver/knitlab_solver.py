@@ -16,19 +16,19 @@ from benchmarks.solver.problem import (
     pull_by,
 )
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.equilibrium.domain_decomposition import SubdomainSolver
-from knitlab.equilibrium.loading import all_free
-from knitlab.equilibrium.search import Search as OneSearch
-from knitlab.equilibrium.search import SearchRules, minimise
-from knitlab.equilibrium.settings import Solver
-from knitlab.equilibrium.state import State
-from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
-from knitlab.equilibrium.system import System, one_thread_of_blas
-from knitlab.equilibrium.tensile_test import relax, stretch, tiled
-from knitlab.fabric.energy import COMPLETE, Evaluation, Point
-from knitlab.fabric.fabric import Configuration
-from knitlab.fabric.threads import Threads, allowed_threads
-from knitlab.simulation.case import Case
+from knitlab.model.energy import COMPLETE, Evaluation, Point
+from knitlab.model.fabric import Configuration
+from knitlab.model.threads import Threads, allowed_threads
+from knitlab.solvers.case import Case
+from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
+from knitlab.solvers.equilibrium.loading import all_free
+from knitlab.solvers.equilibrium.search import Search as OneSearch
+from knitlab.solvers.equilibrium.search import SearchRules, minimise
+from knitlab.solvers.equilibrium.settings import Solver
+from knitlab.solvers.equilibrium.state import State
+from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
+from knitlab.solvers.equilibrium.tensile_test import relax, stretch, tiled
 
 Result = TypeVar("Result")
 Systems = type[System]

@@ -14,14 +14,14 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.solver.cholmod import CholmodFactors, Vector
 from benchmarks.solver.measurement import Measurement, Record
-from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
-from knitlab.equilibrium.loading import loading_of
-from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
-from knitlab.equilibrium.system import one_thread_of_blas
-from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.energy import COMPLETE
-from knitlab.fabric.threads import Threads, allowed_threads
-from knitlab.simulation.simulate import starts
+from knitlab.model.energy import COMPLETE
+from knitlab.model.threads import Threads, allowed_threads
+from knitlab.runs.simulate import starts
+from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium.loading import loading_of
+from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.solvers.equilibrium.system import one_thread_of_blas
+from knitlab.solvers.factorisation.multifrontal import Multifrontal
 
 TIMED, LONG = 5, 30.0
 """Times that a part is done after a first that is not counted, and time after which no more [s]."""

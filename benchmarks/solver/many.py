@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.command_line import COMMAND
 from benchmarks.solver.measurement import Measurement, Record
-from knitlab.cube.cube_file import open_cube
-from knitlab.cube.schema import Status
+from knitlab.cubes.cube_file import open_cube
+from knitlab.observables.schema import Status
 
 
 def measure(measurement: Measurement) -> Record:

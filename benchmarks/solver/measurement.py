@@ -5,10 +5,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from knitlab.fabric.settings import Boundary
 from knitlab.io.atomic_write import atomic_write
-from knitlab.simulation.case import Case
-from knitlab.sweep.plan import make_plan
+from knitlab.model.settings import Boundary
+from knitlab.runs.plan import make_plan
+from knitlab.solvers.case import Case
 
 Task = Literal["tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep"]
 Record = dict[str, Any]

@@ -7,8 +7,8 @@ from pathlib import Path
 from benchmarks.solver.limit import FACTORISATIONS
 from benchmarks.solver.measurement import Measurement
 from benchmarks.solver.methods import SOLVERS, SWEPT, TRIALS, installed
-from knitlab.fabric.settings import Boundary
-from knitlab.sweep.parameters import defaults
+from knitlab.model.settings import Boundary
+from knitlab.runs.parameters import defaults
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")
 """Samples of (4, 16) that every method relaxes and pulls, unit cells along (y, x)."""

@@ -8,14 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from benchmarks.solver.watch import Watch
-from knitlab.equilibrium.alignment import rigidly_aligned
-from knitlab.equilibrium.loading import all_free, loading_of
-from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.energy import COMPLETE, Evaluation
-from knitlab.fabric.fabric import Configuration, Fabric, flat_sheet
-from knitlab.fabric.inertia import Inertia
-from knitlab.fabric.network import MeshShape, Network
-from knitlab.simulation.case import Case
+from knitlab.model.energy import COMPLETE, Evaluation
+from knitlab.model.fabric import Configuration, Fabric, flat_sheet
+from knitlab.model.inertia import Inertia
+from knitlab.model.network import MeshShape, Network
+from knitlab.solvers.case import Case
+from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium.alignment import rigidly_aligned
+from knitlab.solvers.equilibrium.loading import all_free, loading_of
 
 Unknowns = Float[np.ndarray, " unknown"]
 """A configuration, flattened [mm]."""

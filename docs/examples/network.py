@@ -16,13 +16,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-from knitlab.fabric.layout import FabricLayout
-from knitlab.fabric.network import Elements
+from knitlab.export.meshes.fabric import closed_nodes
 from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import design_text, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS, print_style
-from knitlab.meshes.fabric import closed_nodes
-from knitlab.simulation.case import case_of
+from knitlab.model.layout import FabricLayout
+from knitlab.model.network import Elements
+from knitlab.solvers.case import case_of
 
 CASES = Path(__file__).parents[2] / "results" / "reference" / "periodic" / "cases"
 ROLES: dict[str, dict[str, Any]] = {

@@ -9,10 +9,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.export.meshes.fabric import closed_nodes
 from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import draw_sheet, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS, print_style
-from knitlab.meshes.fabric import closed_nodes
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
 NOTE = "(n_stripe, n_subunit); size along weft and warp, and height"

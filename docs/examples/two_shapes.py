@@ -13,12 +13,12 @@ from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 import knitlab as kl
-from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.equilibrium.state import State
-from knitlab.fabric.fabric import Configuration
-from knitlab.measure.surfaces import self_intersections
-from knitlab.simulation.case import Case
-from knitlab.simulation.simulate import tensile_tests
+from knitlab.model.fabric import Configuration
+from knitlab.model.surfaces import self_intersections
+from knitlab.runs.simulate import tensile_tests
+from knitlab.solvers.case import Case
+from knitlab.solvers.dynamics.grid import GridFabric, Shape
+from knitlab.solvers.equilibrium.state import State
 
 DESIGNS = (8, 32), (6, 24)
 STARTS = "dynamics", "flat", "periodic"

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.case_file import length_unit
-from knitlab.cube.comparison import compared
-from knitlab.cube.cube_file import is_case, open_cube
-from knitlab.cube.find import Found, find_designs
-from knitlab.cube.query import query_cubes
-from knitlab.cube.schema import STRAIN
-from knitlab.cube.selection import refuse_others, selected, selections_along
-from knitlab.cube.target import Target, read_target
+from knitlab.cubes.case_file import length_unit
+from knitlab.cubes.chosen_case import chosen_case, chosen_strains
+from knitlab.cubes.comparison import compared
+from knitlab.cubes.cube_file import is_case, open_cube
+from knitlab.cubes.find import Found, find_designs
+from knitlab.cubes.query import query_cubes
+from knitlab.cubes.selection import refuse_others, selected, selections_along
+from knitlab.cubes.target import Target, read_target
+from knitlab.export.meshes import formats
+from knitlab.export.meshes.fabric import fabric_meshes
+from knitlab.export.meshes.surface import SurfaceMesh, solid_of
 from knitlab.io.errors import ErrorCollector, fault, raise_any, shortened
 from knitlab.io.names import check_suffix
-from knitlab.meshes import formats
-from knitlab.meshes.chosen_case import chosen_case, chosen_strains
-from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.surface import SurfaceMesh, solid_of
+from knitlab.observables.schema import STRAIN
 
 if TYPE_CHECKING:
-    from knitlab.sweep.material import Material
+    from knitlab.runs.material import Material
 
 Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that holds it
 Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
@@ -121,7 +121,7 @@ def find(
         problem = "is that of a material, but none is given; give the file with its covariances"
         raise fault(f"uncertainty_of {shortened(uncertainty_of)}", problem)
     if material is not None:
-        from knitlab.sweep.stripe_covariance import uncertain_stripes  # which imports JAX
+        from knitlab.runs.stripe_covariance import uncertain_stripes  # which imports JAX
 
         stripes = uncertain_stripes(material, uncertainty_of)
     read = [opened(cube, lazily=True) for cube in cubes]
@@ -179,8 +179,8 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         >>> len(kl.claims("results/reference/paper"))
         39
     """
-    from knitlab.validation.claims import read_claims
-    from knitlab.validation.judgement import judged, record
+    from knitlab.claims.claims import read_claims
+    from knitlab.claims.judgement import judged, record
 
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:
@@ -211,7 +211,7 @@ def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
         >>> kl.explore("results/reference/periodic", output=folder / "explorer.html").name
         'explorer.html'
     """
-    from knitlab.explorer.explorer import write_explorer
+    from knitlab.figures.explorer.explorer import write_explorer
 
     return write_explorer([opened(cube) for cube in cubes], Path(output))
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from knitlab.api.cubes import Wanted
 from knitlab.api.sweeps import RESULTS
+from knitlab.design.design import BUDGET, Designed, run_design
+from knitlab.design.request import checked_request, read_request
+from knitlab.design.trial import ShapeFunction
 from knitlab.figures.figure_files import draw_into
-from knitlab.inverse.design import BUDGET, Designed, run_design
-from knitlab.inverse.request import checked_request, read_request
-from knitlab.inverse.trial import ShapeFunction
 from knitlab.io.errors import fault, shortened
 from knitlab.io.names import named_folder
 

@@ -9,29 +9,29 @@ import xarray as xr
 
 from knitlab.api.simulation import Design, case_of_design
 from knitlab.api.single_design import SingleDesign, is_cube, single_design
-from knitlab.fabric.settings import ModelOptions
-from knitlab.fabric.stripe import STRIPE_QUANTITIES
+from knitlab.export.knitting.chart import Face
+from knitlab.export.knitting.chart_files import Edge, read_stitches
+from knitlab.export.knitting.instructions import instructions
+from knitlab.export.knitting.knitout import knitout
+from knitlab.export.knitting.machine import NOT_GIVEN, Machine, paper_yarn, read_machine, same_model
+from knitlab.export.knitting.patches import ReadChart, patches_of
+from knitlab.export.knitting.round_trip import RoundTrip, round_trip
+from knitlab.export.knitting.specification import Specification
+from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import provenance
 from knitlab.io.names import check_suffix
-from knitlab.knitting.chart import Face
-from knitlab.knitting.chart_files import Edge, read_stitches
-from knitlab.knitting.instructions import instructions
-from knitlab.knitting.knitout import knitout
-from knitlab.knitting.machine import NOT_GIVEN, Machine, paper_yarn, read_machine, same_model
-from knitlab.knitting.patches import ReadChart, patches_of
-from knitlab.knitting.round_trip import RoundTrip, round_trip
-from knitlab.knitting.specification import Specification
-from knitlab.knitting.stitch_chart import stitch_chart
-from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.measure.knit_size import Gauge
-from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.figure_names import FIGURE_SUFFIXES, check_figure_suffix
-from knitlab.sweep.material import Material, known_parameters
-from knitlab.sweep.parameters import UNITS, defaults
-from knitlab.sweep.workflow import Protocol
+from knitlab.model.capacitor import Capacitor
+from knitlab.model.settings import ModelOptions
+from knitlab.model.stitches import Gauge
+from knitlab.model.stripe import STRIPE_QUANTITIES
+from knitlab.runs.declared_fields import declared
+from knitlab.runs.figure_names import FIGURE_SUFFIXES, check_figure_suffix
+from knitlab.runs.material import Material, known_parameters
+from knitlab.runs.parameters import UNITS, defaults
+from knitlab.runs.workflow import Protocol
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

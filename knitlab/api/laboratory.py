@@ -10,13 +10,13 @@ from jaxtyping import Float
 
 from knitlab.api.cubes import Cube, opened
 from knitlab.io.errors import fault, naming
-from knitlab.laboratory.curves import case_for, target_of
-from knitlab.laboratory.fit import Fit, Step, fit_stripes
-from knitlab.measure.along_ridges import check_along
-from knitlab.measure.calibration import Calibration, Law
-from knitlab.measure.calibration import calibrate as fit_sheet
-from knitlab.measure.friction_fit import FrictionFit, LoadingCycles, fit_friction
-from knitlab.sweep.plan import Plan, make_plan
+from knitlab.lab.along_ridges import check_along
+from knitlab.lab.calibration import Calibration, Law
+from knitlab.lab.calibration import calibrate as fit_sheet
+from knitlab.lab.curves import case_for, target_of
+from knitlab.lab.fit import Fit, Step, fit_stripes
+from knitlab.lab.friction_fit import FrictionFit, LoadingCycles, fit_friction
+from knitlab.runs.plan import Plan, make_plan
 
 Curve = Sequence[float] | Float[np.ndarray, " point"]
 AlongStrain = Sequence[float] | Float[np.ndarray, " along"]
@@ -45,7 +45,7 @@ def calibrate(
             :func:`knitlab.read_tension_record` gives it.
         period: relaxed peak-to-peak distance of the stripe [mm].
         law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
-            or a :class:`~knitlab.fabric.spring_law.SpringCurve`.
+            or a :class:`~knitlab.model.spring_law.SpringCurve`.
         per_width: whether the force is over the width of the swatch [N/mm].
         along: strain and force along the ridges, in the same unit, or on one column of the network.
             Without it springs along the ridges are those of the other stripe of a fabric, as in the
@@ -60,7 +60,7 @@ def calibrate(
 
     Example:
         >>> import numpy as np
-        >>> from knitlab.fabric.pure_stripe import PureStripe, tension_across
+        >>> from knitlab.model.pure_stripe import PureStripe, tension_across
         >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
         >>> strain = np.linspace(0.05, 2.5, 40)
         >>> force = tension_across(PureStripe.of(stripe), strain)

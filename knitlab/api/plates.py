@@ -7,9 +7,9 @@ from typing import Any
 import xarray as xr
 
 from knitlab.api.cubes import Cube, opened_with_shapes
+from knitlab.export.plates.plate_stiffness import plates_of
+from knitlab.export.plates.shell_cards import CARDS
 from knitlab.io.names import check_suffix
-from knitlab.plate.plate_stiffness import plates_of
-from knitlab.plate.shell_cards import CARDS
 
 
 def plate_stiffness(

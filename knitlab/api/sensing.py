@@ -9,24 +9,24 @@ import numpy as np
 import xarray as xr
 
 from knitlab.api.cubes import Cube, opened_with_shapes
-from knitlab.cube.case_file import network_configurations
-from knitlab.cube.cube_file import is_case
-from knitlab.cube.schema import STRAIN, described
-from knitlab.cube.selection import selections_along
-from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.fabric.fabric import Configuration
+from knitlab.cubes.case_file import network_configurations
+from knitlab.cubes.chosen_case import chosen_case, chosen_strains, of_chosen_cases
+from knitlab.cubes.cube_file import is_case
+from knitlab.cubes.recorded_case import recorded_case
+from knitlab.cubes.selection import selections_along
 from knitlab.figures.figure_files import drawn
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import fault
-from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.meshes.chosen_case import chosen_case, chosen_strains, of_chosen_cases
-from knitlab.sensing.crosstalk import cross_talk as cross_talk_of
-from knitlab.sensing.electrode_set import ElectrodeSet, electrode_set, sensor_case
-from knitlab.sensing.maxwell import Others, capacitance_matrices
-from knitlab.sensing.selectivity import DIRECTIONS, STATUS, selectivity_of_case
-from knitlab.simulation.case import Case
-from knitlab.sweep.figure_names import check_figure_suffix
-from knitlab.sweep.recorded_case import recorded_case
+from knitlab.model.capacitor import Capacitor
+from knitlab.model.fabric import Configuration
+from knitlab.observables.schema import STRAIN, described
+from knitlab.runs.figure_names import check_figure_suffix
+from knitlab.sensors.crosstalk import cross_talk as cross_talk_of
+from knitlab.sensors.electrode_set import ElectrodeSet, electrode_set, sensor_case
+from knitlab.sensors.maxwell import Others, capacitance_matrices
+from knitlab.sensors.selectivity import DIRECTIONS, STATUS, selectivity_of_case
+from knitlab.solvers.case import Case
+from knitlab.solvers.equilibrium.adjoint import NoDerivative
 
 
 def capacitance_matrix(

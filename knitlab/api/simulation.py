@@ -12,29 +12,29 @@ import xarray as xr
 from jaxtyping import Float
 from tqdm.auto import tqdm
 
-from knitlab.cube.case_file import configurations
-from knitlab.cube.cube_file import with_derived
-from knitlab.cube.schema import Status, described
-from knitlab.dynamics.settings import Dynamics
-from knitlab.equilibrium.adjoint import NoDerivative
-from knitlab.equilibrium.settings import Solver
-from knitlab.fabric.fold_friction import Friction
-from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
-from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
-from knitlab.inverse.trial import ShapeFunction, measure_of, state_slopes
+from knitlab.cubes.case_file import configurations
+from knitlab.cubes.cube_file import with_derived
+from knitlab.cubes.recorded_case import recorded_case
+from knitlab.design.trial import ShapeFunction, measure_of, state_slopes
 from knitlab.io.errors import ErrorCollector, Fault, fault, naming, raise_any
-from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case
-from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
-from knitlab.simulation.simulate import simulated
-from knitlab.sweep.cases import cases, designs_of_section, electrode_problems
-from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
-from knitlab.sweep.material import Material, known_parameters
-from knitlab.sweep.parameters import Parameters, StripeRow
-from knitlab.sweep.patterns import Pattern
-from knitlab.sweep.recorded_case import recorded_case
-from knitlab.sweep.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
+from knitlab.model.capacitor import Capacitor
+from knitlab.model.fold_friction import Friction
+from knitlab.model.settings import Boundary, ModelOptions, PlainKnit, Sheet
+from knitlab.model.stitches import Gauge
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
+from knitlab.observables.schema import Status, described
+from knitlab.observables.sensitivity import STRIPE_PARAMETERS, adjoint_of
+from knitlab.runs.cases import cases, designs_of_section, electrode_problems
+from knitlab.runs.cube import known_in_advance, sizes_of, stated_gauge
+from knitlab.runs.material import Material, known_parameters
+from knitlab.runs.parameters import Parameters, StripeRow
+from knitlab.runs.patterns import Pattern
+from knitlab.runs.simulate import simulated
+from knitlab.runs.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
+from knitlab.solvers.case import Case
+from knitlab.solvers.dynamics.settings import Dynamics
+from knitlab.solvers.equilibrium.adjoint import NoDerivative
+from knitlab.solvers.equilibrium.settings import Solver
 
 OWN_PATTERN = "own pattern"  # name of a pattern that is given as an object
 

@@ -10,21 +10,21 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cube.cube_file import CUBE, cube_path, is_case, open_cube
-from knitlab.cube.selection import selected
+from knitlab.cubes.cube_file import CUBE, cube_path, is_case, open_cube
+from knitlab.cubes.recorded_case import recorded_case
+from knitlab.cubes.selection import selected
+from knitlab.export.knitting.specification import Prediction
+from knitlab.export.knitting.stitch_chart import is_turned
 from knitlab.io.errors import BadInput, Fault, fault, raise_any
-from knitlab.knitting.specification import Prediction
-from knitlab.knitting.stitch_chart import is_turned
-from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case
-from knitlab.sweep.cube import gauge_of
-from knitlab.sweep.declared_fields import checked, declared
-from knitlab.sweep.parameters import defaults
-from knitlab.sweep.plan import make_plan
-from knitlab.sweep.recorded_case import recorded_case
-from knitlab.sweep.reproduce import find_case
-from knitlab.sweep.workflow_file import Overrides, read_overrides
-from knitlab.sweep.yarn import YarnOnMachine
+from knitlab.model.stitches import Gauge
+from knitlab.runs.cube import gauge_of
+from knitlab.runs.declared_fields import checked, declared
+from knitlab.runs.parameters import defaults
+from knitlab.runs.plan import make_plan
+from knitlab.runs.reproduce import find_case
+from knitlab.runs.workflow_file import Overrides, read_overrides
+from knitlab.runs.yarn import YarnOnMachine
+from knitlab.solvers.case import Case
 
 MOST_NAMED = 6  # designs that a message lists
 

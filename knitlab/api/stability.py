@@ -9,14 +9,12 @@ import numpy as np
 import xarray as xr
 
 from knitlab.api.single_design import single_design
-from knitlab.equilibrium.loading import Y
-from knitlab.equilibrium.system import System, one_thread_of_blas
-from knitlab.equilibrium.tensile_test import stretch
 from knitlab.figures.figure_files import drawn
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import fault, shown
-from knitlab.simulation.case import Case
-from knitlab.stability.continuation import (
+from knitlab.runs.figure_names import check_figure_suffix
+from knitlab.runs.workflow_text import Overrides
+from knitlab.solvers.branches.continuation import (
     Kind,
     PathPoint,
     at_parameter,
@@ -24,10 +22,12 @@ from knitlab.stability.continuation import (
     follow,
     switched,
 )
-from knitlab.stability.equations import FabricEquations
-from knitlab.stability.shapes import barriers, relaxed_shapes
-from knitlab.sweep.figure_names import check_figure_suffix
-from knitlab.sweep.workflow_text import Overrides
+from knitlab.solvers.branches.equations import FabricEquations
+from knitlab.solvers.branches.shapes import barriers, relaxed_shapes
+from knitlab.solvers.case import Case
+from knitlab.solvers.equilibrium.loading import Y
+from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
+from knitlab.solvers.equilibrium.tensile_test import stretch
 
 MOST_BRANCHES = 6
 MOST_STARTS = 10_000  # sheets to relax for shapes

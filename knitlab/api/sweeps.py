@@ -6,12 +6,12 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.cube.cube_file import CUBE, with_derived
+from knitlab.cubes.cube_file import CUBE, with_derived
 from knitlab.io.errors import Fault
-from knitlab.sweep.batches import Shard
-from knitlab.sweep.merge import merge_folders
-from knitlab.sweep.plan import Plan, make_plan
-from knitlab.sweep.run import Run, RunOptions, run_plan
+from knitlab.runs.batches import Shard
+from knitlab.runs.merge import merge_folders
+from knitlab.runs.plan import Plan, make_plan
+from knitlab.runs.run import Run, RunOptions, run_plan
 
 RESULTS = Path("results")  # default folder for the results folders of all workflows
 

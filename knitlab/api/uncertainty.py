@@ -5,16 +5,16 @@ from pathlib import Path
 import xarray as xr
 
 from knitlab.api.cubes import Cube, opened
-from knitlab.cube.sampled import sampled_uncertainty
-from knitlab.cube.schema import SAMPLE
-from knitlab.cube.uncertainty import first_order
+from knitlab.cubes.sampled import sampled_uncertainty
+from knitlab.cubes.uncertainty import first_order
 from knitlab.io.errors import fault, shortened
 from knitlab.io.names import check_suffix
 from knitlab.io.toml import TOML
-from knitlab.sweep.cube import joined_cubes
-from knitlab.sweep.material import Material
-from knitlab.sweep.stripe_covariance import uncertain_stripes
-from knitlab.sweep.stripe_samples import write_samples
+from knitlab.observables.schema import SAMPLE
+from knitlab.runs.cube import joined_cubes
+from knitlab.runs.material import Material
+from knitlab.runs.stripe_covariance import uncertain_stripes
+from knitlab.runs.stripe_samples import write_samples
 
 
 def uncertainty(

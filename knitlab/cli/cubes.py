@@ -9,7 +9,7 @@ import click
 
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
-from knitlab.sweep.figure_names import FIGURE_NAMES, check_figure_suffix
+from knitlab.runs.figure_names import FIGURE_NAMES, check_figure_suffix
 
 uncertainty_of = option(
     "--uncertainty-of",
@@ -41,8 +41,8 @@ def query(
     A table has the columns that answer most questions, and those of conditions; csv and json have
     all.
     """
-    from knitlab.cube.cube_file import open_cube
-    from knitlab.cube.query import main_columns, marks_of_all, query_cubes, variables_table
+    from knitlab.cubes.cube_file import open_cube
+    from knitlab.cubes.query import main_columns, marks_of_all, query_cubes, variables_table
 
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     parts = re.findall(r"(?:\([^)]*\)?|[^,(])+", columns or "")
@@ -149,7 +149,7 @@ def draw_map(
     **shown: str | Path | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
-    from knitlab.cube.cube_file import open_cube
+    from knitlab.cubes.cube_file import open_cube
     from knitlab.figures.drawing import draw_figure
 
     chosen = {name: str(value) for name, value in shown.items() if value is not None}
@@ -170,9 +170,9 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
     it: clamped before periodic, then with more of the designs, then with more unit cells. Claims
     about relaxed fabric are decided by fabric at rest, if there is any.
     """
+    from knitlab.claims.claims import read_claims
+    from knitlab.claims.judgement import judged, listed
     from knitlab.figures.claims_page import check_suffix, write_page
-    from knitlab.validation.claims import read_claims
-    from knitlab.validation.judgement import judged, listed
 
     if output is not None:
         check_suffix(output)
@@ -221,7 +221,7 @@ def plate(
     Exit code 1 if a state has no positive definite stiffness.
     """
     from knitlab.api.plates import plate_stiffness
-    from knitlab.plate.shell_cards import MAIN_COLUMNS, plates_table
+    from knitlab.export.plates.shell_cards import MAIN_COLUMNS, plates_table
 
     table = plates_table(plate_stiffness(cube, output, selections, where=where))
     if style == "table":

@@ -13,7 +13,7 @@ from knitlab.io.names import check_suffix
 from knitlab.io.toml import TOML
 
 if TYPE_CHECKING:
-    from knitlab.laboratory.description import RecordKind
+    from knitlab.lab.description import RecordKind
 
 
 class Zero(click.ParamType):
@@ -103,19 +103,19 @@ def calibrate(
     the swatch is simulated and compared with its record.
     """
     from knitlab.api.laboratory import calibrate_friction
-    from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.fits import calibration_figure
     from knitlab.io.errors import fault, naming
-    from knitlab.laboratory.swatch import report as swatch_report
-    from knitlab.laboratory.swatch import simulated_swatches
-    from knitlab.laboratory.swatch import warnings as swatch_warnings
-    from knitlab.laboratory.tension_record import period_of, read_cycles, read_tension_record
-    from knitlab.measure import calibration
-    from knitlab.measure.along_ridges import check_along
-    from knitlab.measure.friction_fit import friction_report
-    from knitlab.sweep.material import add_stripe, check_added
-    from knitlab.sweep.parameters import defaults
-    from knitlab.sweep.stripe_covariance import with_period
+    from knitlab.lab import calibration
+    from knitlab.lab.along_ridges import check_along
+    from knitlab.lab.friction_fit import friction_report
+    from knitlab.lab.swatch import report as swatch_report
+    from knitlab.lab.swatch import simulated_swatches
+    from knitlab.lab.swatch import warnings as swatch_warnings
+    from knitlab.lab.tension_record import period_of, read_cycles, read_tension_record
+    from knitlab.model.spring_law import SpringCurve
+    from knitlab.runs.material import add_stripe, check_added
+    from knitlab.runs.parameters import defaults
+    from knitlab.runs.stripe_covariance import with_period
 
     check_suffix(output, TOML, "a material")
     if (law == "tabulated") != (spring_curve is not None):
@@ -212,7 +212,7 @@ def import_records(kind: "RecordKind", description: Path, results: Path) -> None
     They are described by DESCRIPTION, a TOML file: tracked markers, a tensile test, or the log of
     an LCR meter, by their KIND.
     """
-    from knitlab.laboratory import experiment
+    from knitlab.lab import experiment
 
     imported = experiment.import_records(kind, description, results)
     options.echo_report(imported.summary)
@@ -257,11 +257,11 @@ def fit(
     about ten to fifty times; if interrupted, the same command continues.
     """
     from knitlab.api import laboratory as api
-    from knitlab.cube.cube_file import cube_name, open_cube
-    from knitlab.cube.selection import selected
+    from knitlab.cubes.cube_file import cube_name, open_cube
+    from knitlab.cubes.selection import selected
     from knitlab.figures.fits import fit_figure
-    from knitlab.laboratory.fit import fitted_material, report
-    from knitlab.sweep.plan import make_plan
+    from knitlab.lab.fit import fitted_material, report
+    from knitlab.runs.plan import make_plan
 
     check_suffix(output, TOML, "a material")
     cube = selected(open_cube(experiment), selections)

@@ -29,8 +29,8 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     Exit code 1 if no candidate meets all targets.
     """
     from knitlab.api import design as api
-    from knitlab.cube.cube_file import CUBE
-    from knitlab.inverse.design import summary
+    from knitlab.cubes.cube_file import CUBE
+    from knitlab.design.design import summary
 
     try:
         designed = api.design(file, budget=budget, workers=workers, results=results, progress=True)
@@ -94,7 +94,7 @@ def knit(
     """
     from knitlab.api.knitting import check_output, knitted
     from knitlab.api.single_design import single_design
-    from knitlab.sweep.figure_names import check_figure_suffix
+    from knitlab.runs.figure_names import check_figure_suffix
 
     for path in outputs:
         check_output(path)
@@ -141,8 +141,8 @@ def read(
     Exit code 1 if it has stitches that the model cannot represent; they are named.
     """
     from knitlab.api.knitting import read_chart
-    from knitlab.knitting.patches import pattern_name
-    from knitlab.sweep.parameters import defaults
+    from knitlab.export.knitting.patches import pattern_name
+    from knitlab.runs.parameters import defaults
 
     chart_read = read_chart(chart, first=first, carrier=carrier)
     for name, value in chart_read.summary(defaults().gauge):

@@ -148,8 +148,8 @@ def show(
 
     ``marks`` of its rows are a column of a table for people, if there are any.
     """
-    from knitlab.cube.query import formatted
-    from knitlab.cube.trust import COLUMN
+    from knitlab.cubes.query import formatted
+    from knitlab.cubes.trust import COLUMN
 
     if style == "table" and any(signs := list(marks)):
         table = table.assign(**{COLUMN: signs})
@@ -160,7 +160,7 @@ def show(
 
 def show_models(cubes: "Sequence[xr.Dataset]") -> None:
     """Print on the error stream of which model the numbers of cubes are."""
-    from knitlab.cube.model_line import model_lines
+    from knitlab.cubes.model_line import model_lines
 
     for line in model_lines(cubes):
         click.echo(one_line(line), err=True)
@@ -224,7 +224,7 @@ def _two_counts(text: str) -> tuple[int, int]:
 
 def machine_values(_: object, __: object, texts: tuple[str, ...]) -> dict[str, Any]:
     """The values of ``--machine`` by key; BadInput with every text that is not ``KEY=VALUE``."""
-    from knitlab.sweep.workflow_file import read_overrides
+    from knitlab.runs.workflow_file import read_overrides
 
     read, faults = read_overrides(texts, "machine")
     raise_any(faults)

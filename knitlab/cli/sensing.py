@@ -50,9 +50,9 @@ def sensing(
     Exit code 1 if nothing is known of a state.
     """
     from knitlab.api import sensing as of
-    from knitlab.cube.cube_file import open_cube
-    from knitlab.cube.trust import marks_of_rows
-    from knitlab.sensing.selectivity import selectivity_table
+    from knitlab.cubes.cube_file import open_cube
+    from knitlab.cubes.trust import marks_of_rows
+    from knitlab.sensors.selectivity import selectivity_table
 
     if electrodes and sensors:
         raise fault("electrodes", "gives one table and --sensor another; give one of them")

@@ -12,7 +12,7 @@ from knitlab.cli.options import COUNT_OR_ZERO, FOLDER, PATH, POSITIVE, flag, opt
 from knitlab.io.names import one_line
 
 if TYPE_CHECKING:
-    from knitlab.sweep.plan import Plan
+    from knitlab.runs.plan import Plan
 
 
 scale = option(
@@ -31,8 +31,8 @@ scale = option(
 def plan(workflow: str, settings: tuple[str, ...], results: Path) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
-    from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.results_folder import PLAN, folder_status
+    from knitlab.runs.plan import make_plan
+    from knitlab.runs.results_folder import PLAN, folder_status
 
     made = make_plan(workflow, settings)
     _echo_warnings(made)
@@ -85,7 +85,7 @@ def _echo_excluded(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str])
 
 
 def _echo_files(folder: Path, figures: Iterable[Path]) -> None:
-    from knitlab.cube.cube_file import CUBE
+    from knitlab.cubes.cube_file import CUBE
 
     options.echo_report([f"cube    {folder / CUBE}", *(f"figure  {path}" for path in figures)])
 
@@ -126,10 +126,10 @@ def run(
     if shard is None and _is_finished(workflow, settings, results):
         return
     from knitlab.api.sweeps import carried_out
-    from knitlab.sweep.batches import Shard
-    from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.results_folder import CaseState
-    from knitlab.sweep.run import RunOptions
+    from knitlab.runs.batches import Shard
+    from knitlab.runs.plan import make_plan
+    from knitlab.runs.results_folder import CaseState
+    from knitlab.runs.run import RunOptions
 
     own_shard = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, settings)
@@ -153,7 +153,7 @@ def run(
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.figures.figure_files import is_drawn, requested_figures
-    from knitlab.sweep.results_folder import finished_plan
+    from knitlab.runs.results_folder import finished_plan
 
     finished = finished_plan(workflow, settings, results)
     if finished is None:
@@ -186,8 +186,8 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     Each folder holds the results of a workflow, or is one that a run had as its results. Folders
     that contradict each other are refused.
     """
-    from knitlab.cube.cube_file import CUBE
-    from knitlab.sweep.merge import merge_folders
+    from knitlab.cubes.cube_file import CUBE
+    from knitlab.runs.merge import merge_folders
 
     done = merge_folders(folders, results, any_code=any_code)
     for path in done.damaged:
@@ -208,7 +208,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.sweep import results_folder
+    from knitlab.runs import results_folder
 
     state = results_folder.status(workflow, results=results, check=check)
     if as_json:
@@ -234,7 +234,7 @@ def reproduce(case_id: str, results: Path) -> None:
     CASE_ID may be the first characters of an identifier. The results are compared with the case
     file, if there is one.
     """
-    from knitlab.sweep import reproduce as case_again
+    from knitlab.runs import reproduce as case_again
 
     options.exit_unless(case_again.reproduce(case_id, results=results, report=click.echo))
 

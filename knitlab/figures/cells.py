@@ -11,9 +11,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.schema import Status
+from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.style import Look, ink_on, name_rows, number, value_colours
+from knitlab.observables.schema import Status
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},

@@ -8,13 +8,13 @@ from string import ascii_uppercase
 from typing import Any
 from urllib.parse import quote
 
+from knitlab.claims.claims import TOPICS
+from knitlab.claims.judgement import Judgement, contrary, summary
+from knitlab.claims.margin import GOOD, NEAR, Grade, signed
 from knitlab.figures.drawing import draw_figure
 from knitlab.figures.figure_files import reporting
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import Fault, fault
-from knitlab.validation.claims import TOPICS
-from knitlab.validation.judgement import Judgement, contrary, summary
-from knitlab.validation.margin import GOOD, NEAR, Grade, signed
 
 SUFFIX = ".md"
 Key = tuple[str, tuple[Path, ...]]  # kind of figure and cubes, which identify the figure of a claim

@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cube import cube_file
-from knitlab.cube.case_file import case_path, in_cloth, read_case
-from knitlab.cube.cube_file import base_dims, is_measured, swept_dims, with_derived
-from knitlab.cube.schema import VARIABLES
-from knitlab.cube.selection import (
+from knitlab.cubes import cube_file
+from knitlab.cubes.case_file import case_path, in_cloth, read_case
+from knitlab.cubes.chosen_case import has_shape
+from knitlab.cubes.cube_file import base_dims, is_measured, swept_dims, with_derived
+from knitlab.cubes.selection import (
     as_given,
     choices,
     refuse_others,
@@ -23,14 +23,14 @@ from knitlab.cube.selection import (
     selected,
     selections_along,
 )
-from knitlab.cube.trust import with_doubts
+from knitlab.cubes.trust import with_doubts
 from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.io.fingerprint import file_digest
-from knitlab.meshes.chosen_case import has_shape
-from knitlab.sweep.figure_names import COMPARING, check_figure_suffix
+from knitlab.observables.schema import VARIABLES
+from knitlab.runs.figure_names import COMPARING, check_figure_suffix
 
 FIGURES: dict[str, FigureKind] = {}
 for _module in iter_modules(kinds.__path__):

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from knitlab.cube.cube_file import cube_path, swept_dims
-from knitlab.cube.selection import as_given
+from knitlab.cubes.cube_file import cube_path, swept_dims
+from knitlab.cubes.selection import as_given
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, CannotWrite, Fault
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.io.names import inside
-from knitlab.sweep.figure_names import COMPARING
+from knitlab.runs.figure_names import COMPARING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,9 +8,9 @@ from matplotlib.patches import Patch
 
 from knitlab.figures.kinds.curves import ROWS
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, name_rows
-from knitlab.laboratory.fit import Fit
-from knitlab.laboratory.swatch import Swatch
-from knitlab.measure.calibration import Calibration
+from knitlab.lab.calibration import Calibration
+from knitlab.lab.fit import Fit
+from knitlab.lab.swatch import Swatch
 
 LABELS = (ROWS["mean_strain_xx"], ROWS["mean_strain_yy"], "reaction force [N]")
 FITTED, LINEAR = CATEGORY_COLOURS[:2]

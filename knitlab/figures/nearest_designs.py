@@ -6,10 +6,10 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.cube.find import Found, Reached
-from knitlab.cube.schema import VARIABLES
-from knitlab.cube.target import Target
+from knitlab.cubes.find import Found, Reached
+from knitlab.cubes.target import Target
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look, subplots
+from knitlab.observables.schema import VARIABLES
 
 MOST_SHOWN = 6  # designs that are drawn, the nearest first
 WANTED = CATEGORY_COLOURS[2]

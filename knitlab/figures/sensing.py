@@ -4,10 +4,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
 from knitlab.figures.cells import number_table
 from knitlab.figures.kinds.design_map import draw_map
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, name_rows, number, subplots
+from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
 
 MOST_BARS = 6  # designs up to which bars are drawn in place of maps
 

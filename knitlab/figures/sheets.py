@@ -11,8 +11,8 @@ from matplotlib.colors import LightSource, to_rgba_array
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
+from knitlab.export.meshes.surface import grid_surface
 from knitlab.figures.style import Look
-from knitlab.meshes.surface import grid_surface
 
 FABRIC = "0.85"  # colour of a sheet
 LIGHT = np.array([-0.5, 0.5, 0.7])  # direction of the light on a sheet in plan

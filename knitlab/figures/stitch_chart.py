@@ -15,12 +15,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from knitlab.export.knitting.chart import StitchChart, electrode_name
 from knitlab.figures.style import TWO_COLUMNS, Look, print_style
-from knitlab.knitting.chart import StitchChart, electrode_name
 
 if TYPE_CHECKING:
-    from knitlab.knitting.leads import Lead
-    from knitlab.knitting.specification import Prediction, Specification
+    from knitlab.export.knitting.leads import Lead
+    from knitlab.export.knitting.specification import Prediction, Specification
 
 FRONT, BACK = "white", "0.68"
 ELECTRODES = {1: ("#FAD7A0", "#DC7633"), 2: ("#AED6F1", "#2471A3")}

@@ -24,19 +24,13 @@ A changed number, operator, message or name in :data:`COMPUTING` makes results s
 version. What changes results and is not in :func:`normalised` code needs one: another version of a
 library, or a type of a field by which pydantic converts its value.
 """
-COMPUTING = ("fabric", "equilibrium", "dynamics", "measure", "simulation")
+COMPUTING = ("model", "solvers", "observables")
 """Packages that compute the numbers of a case."""
 OF_NO_CASE = (
-    "fabric/compiled_programs.py",
-    "fabric/pure_stripe.py",
-    "measure/along_ridges.py",
-    "measure/calibration.py",
-    "measure/fit_statistics.py",
-    "measure/friction_fit.py",
-    "measure/knit_size.py",
-    "measure/marker_grid.py",
-    "measure/records.py",
-    "measure/stripe_covariance.py",
+    "model/compiled_programs.py",
+    "model/pure_stripe.py",
+    "observables/knit_size.py",
+    "model/stripe_covariance.py",
 )
 """Modules of these that compute nothing of a case."""
 DIGITS = 12

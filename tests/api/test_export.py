@@ -13,10 +13,10 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.cube.case_file import case_path, checksum_path, read_case, write_case_file
-from knitlab.cube.schema import Status
+from knitlab.cubes.case_file import case_path, checksum_path, read_case, write_case_file
 from knitlab.io.errors import BadInput
-from tests.meshes.made_up import CASE_ID, PREVIEW, kept_file
+from knitlab.observables.schema import Status
+from tests.export.meshes.made_up import CASE_ID, PREVIEW, kept_file
 
 ONE = {"n_stripe": 4, "n_subunit": 16}
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from knitlab.fabric.stripe import Stripe
-from knitlab.fabric.zigzag import tension, zigzag
 from knitlab.io.shipped import PACKAGE
+from knitlab.model.stripe import Stripe
+from knitlab.model.zigzag import tension, zigzag
 
 CUBE = "results/reference/periodic/cube.nc"
 NUMBERS = ("jax", "equinox", "diffrax", "optimistix")
@@ -80,20 +80,20 @@ print(jax.config.jax_enable_x64, jax.config.jax_compilation_cache_dir)
     [
         """
 import numpy as np
-from knitlab.fabric.stripe import Stripe
-from knitlab.fabric.zigzag import tension, zigzag
+from knitlab.model.stripe import Stripe
+from knitlab.model.zigzag import tension, zigzag
 stripe = Stripe("rib", 4, period=1.41, k_s=0.8, theta_0=0.8, k_t=0.01)
 found = tension(zigzag(stripe), np.array([0.1, 0.2]))
 """,
         """
 import jax.numpy as jnp
-from knitlab.dynamics.vectors import dot
+from knitlab.solvers.dynamics.vectors import dot
 one = jnp.linspace(0, 1, 3), jnp.ones(3), jnp.ones(3)
 found = dot(one, one)
 """,
         """
 import numpy as np
-from knitlab.measure.capacitance.boundary_elements import triangle_potential
+from knitlab.observables.capacitance.boundary_elements import triangle_potential
 found = triangle_potential(np.zeros(3), np.eye(3))
 """,
     ],
@@ -149,7 +149,7 @@ def test_every_module_that_imports_jax_also_imports_the_package_that_sets_float6
     files = [file for file in PACKAGE.rglob("*.py") if imports(file) & set(NUMBERS)]
     assert len(files) > 20
     outside = [file for file in files if PACKAGE / "model" not in file.parents]
-    assert not [file for file in outside if "knitlab.fabric" not in all_imported(file)]
+    assert not [file for file in outside if "knitlab.model" not in all_imported(file)]
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 import knitlab
-from knitlab.cube.query import KnitlabAccessor
-from knitlab.sweep.figure_names import FIGURE_NAMES
+from knitlab.cubes.query import KnitlabAccessor
+from knitlab.runs.figure_names import FIGURE_NAMES
 
 PUBLIC = {name: getattr(knitlab, name) for name in knitlab.__all__ if not name.startswith("_")}
 DOCUMENTED = PUBLIC | {"cube.knitlab": KnitlabAccessor, "knitlab": knitlab}

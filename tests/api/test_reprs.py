@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import knitlab as kl
-from knitlab.fabric.pure_stripe import PureStripe, tension_across
-from knitlab.fabric.spring_law import SpringCurve
-from knitlab.inverse.request import checked_request
-from tests.laboratory.recorded import Laboratory
+from knitlab.design.request import checked_request
+from knitlab.model.pure_stripe import PureStripe, tension_across
+from knitlab.model.spring_law import SpringCurve
+from tests.lab.recorded import Laboratory
 
 CUBE = Path(kl.__path__[0]).parent / "results" / "reference" / "periodic"
 LONGEST = 200

@@ -12,7 +12,7 @@ import xarray as xr
 
 import knitlab as kl
 from knitlab.api.simulation import case_of_design
-from knitlab.sweep.workflow import Protocol
+from knitlab.runs.workflow import Protocol
 
 STRAINS = [0.0, 0.03, 0.06]
 SMALL = kl.Design(4, 8, boundary="periodic")

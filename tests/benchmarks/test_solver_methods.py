@@ -7,7 +7,7 @@ from benchmarks.solver import limit, methods
 from benchmarks.solver.measurement import TOLERANCE, Measurement
 from benchmarks.solver.problem import Problem
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.equilibrium.loading import all_free
+from knitlab.solvers.equilibrium.loading import all_free
 
 SMALL = {"n_stripe": 4, "n_subunit": 8, "size": "1x1"}
 PLENTY = 300.0

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.cube.case_file import StoredCase, check_case_file
-from knitlab.cube.schema import Status
-from knitlab.laboratory.tension_record import read_tension_record
-from knitlab.measure.calibration import calibrate
-from knitlab.sweep.material import Material
+from knitlab.cubes.case_file import StoredCase, check_case_file
+from knitlab.lab.calibration import calibrate
+from knitlab.lab.tension_record import read_tension_record
+from knitlab.observables.schema import Status
+from knitlab.runs.material import Material
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "against_measurements.md"

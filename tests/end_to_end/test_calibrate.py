@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.fabric.pure_stripe import PureStripe, tension_across
-from knitlab.sweep.material import add_stripe
+from knitlab.model.pure_stripe import PureStripe, tension_across
+from knitlab.runs.material import add_stripe
 from tests.fabrics import stripe
 
 

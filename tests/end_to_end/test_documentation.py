@@ -13,14 +13,14 @@ import pytest
 from click.testing import CliRunner
 
 import knitlab as kl
+from knitlab.claims.claims import read_claims
+from knitlab.claims.judgement import judged
 from knitlab.cli import main
 from knitlab.figures import drawing
 from knitlab.figures.claims_page import write_page
-from knitlab.sweep import run
-from knitlab.sweep.workers import Task
-from knitlab.validation.claims import read_claims
-from knitlab.validation.judgement import judged
-from tests.sweep import stand_in
+from knitlab.runs import run
+from knitlab.runs.workers import Task
+from tests.runs import stand_in
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"
@@ -239,13 +239,13 @@ STANDS_FOR = {
 """What the placeholders of the pages stand for."""
 FURTHER = {"run": ("--workers", "0"), "design": ("--budget", "2")}
 TESTED_ELSEWHERE = {
-    "fit": "laboratory/test_fit.py",
-    "fitted.toml": "laboratory/test_fit.py",
-    "branches": "stability/test_fabrics.py",
-    "shapes": "stability/test_fabrics.py",
+    "fit": "lab/test_fit.py",
+    "fitted.toml": "lab/test_fit.py",
+    "branches": "solvers/branches/test_fabrics.py",
+    "shapes": "solvers/branches/test_fabrics.py",
     "electrodes": "figures/test_sensor.py",
-    "n_stripe == 2": "sensing/test_selectivity.py",
-    "--scheduler": "sweep/test_cluster.py",
+    "n_stripe == 2": "sensors/test_selectivity.py",
+    "--scheduler": "runs/test_cluster.py",
 }
 """What needs minutes, shapes or a cluster, and its tests in Python."""
 

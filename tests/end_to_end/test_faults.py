@@ -34,7 +34,7 @@ def main():
 
 @main.command()
 def compute():
-    import jax, knitlab.fabric
+    import jax, knitlab.model
     import jax.numpy as jnp
     print(jax.jit(lambda x: jnp.cos(x) @ x)(jnp.arange(8.0)))
 

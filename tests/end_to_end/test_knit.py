@@ -9,13 +9,13 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.api import knitting
 from knitlab.cli import main
-from knitlab.knitting.knitout import knitout
+from knitlab.export.knitting.knitout import knitout
 
 PREVIEW = "results/reference/periodic"
 DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
 SMALL = ("periodic", "--set", "n_stripe=2", "--set", "n_subunit=8")
 
-CHART = "tests/knitting/checkerboard.txt"
+CHART = "tests/export/knitting/checkerboard.txt"
 
 
 def run(*words):
@@ -179,7 +179,7 @@ def test_what_leaves_for_the_machine_says_which_yarn_it_needs(tmp_path):
 def test_a_chart_is_read_as_a_pattern_that_a_workflow_takes(tmp_path):
     output = tmp_path / "mine.toml"
     result = CliRunner().invoke(
-        main, ["read", "tests/knitting/checkerboard.txt", "-o", str(output)]
+        main, ["read", "tests/export/knitting/checkerboard.txt", "-o", str(output)]
     )
     assert result.exit_code == 0, result.output
     assert "patch         courses 1 to 16, wales 1 to 8: rib, stripes of 2 wales" in result.output

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.cube.cube_file import open_cube
+from knitlab.cubes.cube_file import open_cube
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "tutorials" / "experiment.md"

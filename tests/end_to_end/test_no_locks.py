@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from knitlab.cube.cube_file import read_cube
+from knitlab.cubes.cube_file import read_cube
 from knitlab.io.errors import BadInput
 
 ROOT = Path(__file__).parents[2]

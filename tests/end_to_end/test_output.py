@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from knitlab.cube.cube_file import open_cube
+from knitlab.cubes.cube_file import open_cube
 
 RUN = [
     *(sys.executable, "-m", "knitlab", "run", "preview", "--workers", "1"),

@@ -7,10 +7,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import knitlab as kl
-from knitlab.cube.case_file import read_case
-from knitlab.simulation.case import case_of
-from knitlab.sweep.plan import make_plan
-from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.cubes.case_file import read_case
+from knitlab.runs.plan import make_plan
+from knitlab.runs.run import RunOptions, run_plan
+from knitlab.solvers.case import case_of
 
 SLOW_TO_COMPILE = settings(
     derandomize=True,

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from knitlab.simulation.measurement import measured
-from knitlab.simulation.simulate import tensile_tests
-from knitlab.sweep.plan import make_plan
+from knitlab.observables.measurement import measured
+from knitlab.runs.plan import make_plan
+from knitlab.runs.simulate import tensile_tests
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-3

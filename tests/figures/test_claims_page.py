@@ -5,13 +5,13 @@ import re
 import pytest
 from click.testing import CliRunner
 
+from knitlab.claims.claims import TOPICS, read_claims
+from knitlab.claims.judgement import judged
 from knitlab.cli import main
-from knitlab.cube.cube_file import write_cube
+from knitlab.cubes.cube_file import write_cube
 from knitlab.figures.claims_page import _blocks, introduction, reliance, write_page
 from knitlab.io.errors import BadInput
-from knitlab.validation.claims import TOPICS, read_claims
-from knitlab.validation.judgement import judged
-from tests.validation.test_claims import good_checkerboards, good_stripes
+from tests.claims.test_claims import good_checkerboards, good_stripes
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.cube.schema import Status
 from knitlab.figures.kinds.contact import contact_effect
 from knitlab.io.errors import BadInput
-from tests.cube.artificial_cubes import STRAINS, made_up_cube
+from knitlab.observables.schema import Status
+from tests.cubes.artificial_cubes import STRAINS, made_up_cube
 
 
 def side_by_side() -> xr.Dataset:

@@ -7,7 +7,6 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from knitlab.cube.schema import Status
 from knitlab.figures.drawing import FIGURES, draw, draw_figure
 from knitlab.figures.kinds.case_shapes import stretched_samples
 from knitlab.figures.kinds.curves import tension_curves
@@ -15,9 +14,10 @@ from knitlab.figures.kinds.design_map import auxetic_map
 from knitlab.figures.kinds.sensitivity import sensitivity_map
 from knitlab.figures.style import value_colours
 from knitlab.io.errors import BadInput
-from knitlab.sweep.figure_names import FIGURE_NAMES
-from knitlab.sweep.plan import make_plan
-from tests.cube.artificial_cubes import STATUS, made_up_cube
+from knitlab.observables.schema import Status
+from knitlab.runs.figure_names import FIGURE_NAMES
+from knitlab.runs.plan import make_plan
+from tests.cubes.artificial_cubes import STATUS, made_up_cube
 
 
 @pytest.fixture
@@ -265,7 +265,7 @@ def test_a_file_that_is_no_cube_is_named(tmp_path, content):
 @pytest.mark.slow
 def test_maps_and_queries_never_import_jax():
     figures = "knitlab.figures.drawing, knitlab.figures.stitch_chart"
-    modules = f"knitlab.cli, {figures}, knitlab.cube.query"
+    modules = f"knitlab.cli, {figures}, knitlab.cubes.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"
     result = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

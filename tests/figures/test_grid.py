@@ -7,11 +7,11 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw
 from knitlab.figures.kinds.any_variable import by_periods
 from knitlab.io.errors import BadInput
-from tests.cube.artificial_cubes import STATUS, made_up_cube
+from knitlab.observables.schema import Status
+from tests.cubes.artificial_cubes import STATUS, made_up_cube
 
 FACTORS = [0.5, 1.0, 2.0]
 

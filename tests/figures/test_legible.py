@@ -12,7 +12,7 @@ from knitlab.figures.drawing import draw
 from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import draw_sheet, frame_sheet
 from knitlab.figures.style import print_style, value_colours
-from tests.cube.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import made_up_case
 from tests.figures.test_sensor import with_electrodes
 

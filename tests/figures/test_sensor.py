@@ -12,7 +12,7 @@ from knitlab.figures.kinds.capacitors import capacitors_figure
 from knitlab.figures.kinds.design_map import PAPER, sensor_map, values_of_designs
 from knitlab.figures.nearest_designs import non_dominated
 from knitlab.io.errors import BadInput
-from tests.cube.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import values_written
 
 FIGURE = st.floats(0, 10, width=16)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.figures.kinds.curves import broken, tension_curves
-from tests.cube.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import made_up_cube
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=30))

@@ -4,6 +4,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from knitlab.export.knitting.knitout import knitout
+from knitlab.export.knitting.leads import leads
+from knitlab.export.knitting.machine import read_machine
+from knitlab.export.knitting.specification import Specification
+from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.figures.stitch_chart import (
     A4,
     BACK,
@@ -14,13 +19,8 @@ from knitlab.figures.stitch_chart import (
     stitch_chart_figure,
     title_of,
 )
-from knitlab.knitting.knitout import knitout
-from knitlab.knitting.leads import leads
-from knitlab.knitting.machine import read_machine
-from knitlab.knitting.specification import Specification
-from knitlab.knitting.stitch_chart import stitch_chart
-from knitlab.measure.knit_size import Gauge
-from tests.knitting.charts import case_of
+from knitlab.model.stitches import Gauge
+from tests.export.knitting.charts import case_of
 
 PLATED = stitch_chart(case_of("sensor", n_stripe=4, n_subunit=16))
 LARGE = stitch_chart(case_of("sensor", n_stripe=4, n_subunit=16), needles=360)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.cube.schema import Status
 from knitlab.figures.kinds.any_variable import swept_values
 from knitlab.io.errors import BadInput
-from tests.cube.artificial_cubes import made_up_cube
+from knitlab.observables.schema import Status
+from tests.cubes.artificial_cubes import made_up_cube
 
 LAYOUTS = ["checkerboard", "checkerboard_courses"]
 

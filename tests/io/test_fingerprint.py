@@ -7,8 +7,7 @@ import shutil
 import pytest
 import xarray as xr
 
-import knitlab.sweep.results_folder as survey_module
-from knitlab.cube.schema import Status
+import knitlab.runs.results_folder as survey_module
 from knitlab.io import fingerprint
 from knitlab.io.fingerprint import (
     OF_NO_CASE,
@@ -17,8 +16,9 @@ from knitlab.io.fingerprint import (
     fingerprint_of,
 )
 from knitlab.io.shipped import PACKAGE
-from knitlab.sweep.results_folder import CaseState, survey
-from tests.sweep.stand_in import plan_of, write
+from knitlab.observables.schema import Status
+from knitlab.runs.results_folder import CaseState, survey
+from tests.runs.stand_in import plan_of, write
 
 COMPUTES_NOTHING = {
     "cube/case_file.py": "how files are written",

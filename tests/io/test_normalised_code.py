@@ -90,7 +90,7 @@ def test_only_layout_comments_docstrings_and_annotations_differ():
         ("mass=1", "mass"),
         ("2 * math.pi", "(yield) * math.pi"),
         ("def period", "@math.cache\ndef period"),
-        ("import math\n", "import math\nimport knitlab.fabric\n"),
+        ("import math\n", "import math\nimport knitlab.model\n"),
         ("import math\n", "import math\nfrom cmath import sqrt as sqrt\n"),
         ("import math\n", "import math\nfrom cmath import *\n"),
         ("import math\n", "from cmath import sqrt\nimport math\n__all__ = ['sqrt']\n"),

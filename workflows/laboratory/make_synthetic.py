@@ -14,10 +14,11 @@ import pandas as pd
 from jaxtyping import Float, Int
 from scipy.interpolate import PchipInterpolator
 
-from knitlab.cube.case_file import configurations, read_case
-from knitlab.cube.cube_file import open_cube
-from knitlab.fabric.network import MeshShape
-from knitlab.measure.unit_cells import CellGrid, unit_cell_corners
+from knitlab.cubes.case_file import configurations, read_case
+from knitlab.cubes.cube_file import open_cube
+from knitlab.model.cell_grid import CellGrid
+from knitlab.model.network import MeshShape
+from knitlab.observables.unit_cells import unit_cell_corners
 
 Corners = Float[np.ndarray, "state row column 2"]
 

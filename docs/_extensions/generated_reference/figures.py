@@ -5,7 +5,7 @@ from pathlib import Path
 from generated_reference.markdown import first_paragraph
 from knitlab import plot
 from knitlab.figures.drawing import FIGURES
-from knitlab.sweep.figure_names import FIGURE_NAMES
+from knitlab.runs.figure_names import FIGURE_NAMES
 
 ROOT = Path(__file__).parents[3]
 

@@ -6,8 +6,8 @@ from types import ModuleType
 from typing import Any
 
 import knitlab
-from knitlab.cube.query import KnitlabAccessor
-from knitlab.fabric.settings import ModelOptions
+from knitlab.cubes.query import KnitlabAccessor
+from knitlab.model.settings import ModelOptions
 
 
 def page() -> str:

@@ -11,8 +11,8 @@ from pydantic import BaseModel, TypeAdapter
 
 from generated_reference.markdown import code, plain, table
 from knitlab.io.shipped import shipped
-from knitlab.sweep.parameters import TABLES, defaults
-from knitlab.sweep.workflow import SECTIONS, SETTINGS
+from knitlab.runs.parameters import TABLES, defaults
+from knitlab.runs.workflow import SECTIONS, SETTINGS
 
 COLUMNS = ("setting", "values", "default", "unit", "source")
 LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}

@@ -1,7 +1,7 @@
 """The reference of variables, from the registry of the cube."""
 
 from generated_reference.markdown import code, table
-from knitlab.cube.schema import COORDINATES, FLAGS, VARIABLES, Variable
+from knitlab.observables.schema import COORDINATES, FLAGS, VARIABLES, Variable
 
 GROUPS = {
     "all": "Every case",

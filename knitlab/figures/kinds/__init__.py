@@ -9,7 +9,7 @@ from typing import Literal
 
 from matplotlib.figure import Figure
 
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.observables.schema import DESIGN_DIMS
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,15 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cube.cube_file import base_dims, design_dims, swept_dims
-from knitlab.cube.force_control import FORCES
-from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
-from knitlab.cube.selection import choices
-from knitlab.cube.strain_window import with_columns
+from knitlab.cubes.cube_file import base_dims, design_dims, swept_dims
+from knitlab.cubes.force_control import FORCES
+from knitlab.cubes.selection import choices
+from knitlab.cubes.strain_window import with_columns
 from knitlab.figures import cells, style
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
 from knitlab.io.errors import fault, unknown
+from knitlab.observables.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 
 PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24  # of cells that still have room for a number

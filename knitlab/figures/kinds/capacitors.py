@@ -8,13 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from knitlab.cube.cube_file import base_dims, is_measured, source_of
-from knitlab.cube.schema import RUN
+from knitlab.cubes.cube_file import base_dims, is_measured, source_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import break_note, broken, snapped_before
 from knitlab.figures.style import CATEGORY_COLOURS, Look, subplots
 from knitlab.io.errors import fault
-from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
+from knitlab.observables.capacitance.sensor import CENTRAL_PART, CapacitorStatus
+from knitlab.observables.schema import RUN
 
 SLOPE: Look = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
 END: Look = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}

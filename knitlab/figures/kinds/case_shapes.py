@@ -17,19 +17,19 @@ from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import RegularGridInterpolator
 
-from knitlab.cube.case_file import length_unit
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cubes.case_file import length_unit
+from knitlab.export.meshes.fabric import closed_nodes, is_periodic, on_grid_cells
 from knitlab.figures import sheets, style
 from knitlab.figures.cells import design_name
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.tension import PAPER_DESIGNS, SHOWN_STRAIN
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.meshes.fabric import closed_nodes, is_periodic, on_grid_cells
+from knitlab.observables.schema import DESIGN_DIMS
 
 if TYPE_CHECKING:
-    from knitlab.fabric.pattern import PatchGrid
-    from knitlab.simulation.case import Case
+    from knitlab.model.pattern import PatchGrid
+    from knitlab.solvers.case import Case
 
 MOST_NAMES = 4  # patches along a side that are named; where there are more they have a letter each
 LETTERS = "R rib, G garter, P plain"
@@ -45,7 +45,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
 
     Colour is height, white lines are patch borders.
     """
-    from knitlab.sweep.recorded_case import recorded_case
+    from knitlab.cubes.recorded_case import recorded_case
 
     recorded = recorded_case(case)
     repeats = 2 if is_periodic(case) else 1
@@ -80,7 +80,7 @@ def _name_patches(
     axes: Axes, nodes: np.ndarray, sample: "PatchGrid", repeat: tuple[int, int]
 ) -> None:
     """Write the knit on the patches of the repeat of the pattern nearest the middle."""
-    from knitlab.fabric.pattern import KNIT_OF_LETTER
+    from knitlab.model.pattern import KNIT_OF_LETTER
 
     large = max(repeat) <= MOST_NAMES
     look: Look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8 if large else 6}
@@ -98,8 +98,8 @@ def _name_patches(
 
 def electrodes_figure(case_file: xr.Dataset) -> Figure:
     """Where electrodes run, on the chart and on the fabric, relaxed or at ``applied_strain``."""
-    from knitlab.fabric.pattern import KNIT_OF_LETTER
-    from knitlab.sweep.recorded_case import recorded_case
+    from knitlab.cubes.recorded_case import recorded_case
+    from knitlab.model.pattern import KNIT_OF_LETTER
 
     case = recorded_case(case_file)
     if case.capacitor is None:
@@ -211,7 +211,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
     of ``applied_strain``.
     """
-    from knitlab.sweep.recorded_case import recorded_case
+    from knitlab.cubes.recorded_case import recorded_case
 
     if any("length_x" in case for case in cases):
         raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")

@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
-from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows
 from knitlab.io.errors import fault
+from knitlab.observables.schema import DESIGN_DIMS, Status
 
 CONTACT = ("none", "barrier")
 NAMED = 3  # number of curves, those of the largest changes, that have the names of their designs

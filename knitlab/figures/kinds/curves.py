@@ -15,12 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.schema import RUN, STRIPE_DIMS, Status
+from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.cells import designs_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import Look, shades, subplots
 from knitlab.io.errors import fault
+from knitlab.observables.schema import RUN, STRIPE_DIMS, Status
 
 BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"

@@ -6,10 +6,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from knitlab.cube.schema import CYCLE, STRAIN
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, shades
 from knitlab.io.errors import fault
+from knitlab.observables.schema import CYCLE, STRAIN
 
 BACK = "reaction_force_unloading"
 OVER_CYCLES = {

@@ -14,16 +14,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from knitlab.cube.cube_file import is_measured
-from knitlab.cube.schema import Status
-from knitlab.cube.strain_window import with_columns
-from knitlab.cube.trust import COLUMN, MARKS, marked, marks_of
+from knitlab.cubes.cube_file import is_measured
+from knitlab.cubes.strain_window import with_columns
+from knitlab.cubes.trust import COLUMN, MARKS, marked, marks_of
 from knitlab.figures import cells, style
 from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.nearest_designs import non_dominated
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
 from knitlab.io.errors import fault
+from knitlab.observables.schema import Status
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"

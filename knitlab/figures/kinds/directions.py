@@ -5,11 +5,11 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
-from knitlab.cube.cube_file import parameters_of
-from knitlab.cube.schema import DESIGN_DIMS, STRAIN, Status
+from knitlab.cubes.cube_file import parameters_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, frame_polar, subplots
 from knitlab.io.errors import fault
+from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
 
 ANGLE = "load_angle"
 FEWEST = 3  # angles

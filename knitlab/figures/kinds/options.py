@@ -6,13 +6,13 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from knitlab.claims.claims import TOPICS, read_claims
+from knitlab.claims.margin import Grade, signed
+from knitlab.claims.option_ranking import RankedOptions, differing, ranked_options
 from knitlab.figures.cells import cell, remove_frame
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import MINUS, TWO_COLUMNS, Look, name_rows, subplots
 from knitlab.io.errors import fault
-from knitlab.validation.claims import TOPICS, read_claims
-from knitlab.validation.margin import Grade, signed
-from knitlab.validation.option_ranking import RankedOptions, differing, ranked_options
 
 MOST = 16  # largest number of sets of options that the figure shows
 COLOURS = {

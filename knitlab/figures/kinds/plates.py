@@ -20,7 +20,7 @@ def polar_moduli(case: xr.Dataset) -> Figure:
     Of small changes from the relaxed state and from stretched ones, at most four unless they are
     selected. Outside the black circle Poisson's ratio is positive.
     """
-    from knitlab.plate.plate_stiffness import in_plane, plates_of_case
+    from knitlab.export.plates.plate_stiffness import in_plane, plates_of_case
 
     plates = plates_of_case(case)
     known = np.isfinite(plates["modulus_x"]) & np.isfinite(plates["modulus_y"])

@@ -4,11 +4,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cube.schema import Status
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import Look, colour_bar, number, subplots, value_colours
 from knitlab.io.errors import fault
+from knitlab.observables.schema import Status
 
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}

@@ -9,12 +9,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.schema import Status
+from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.cells import design_name, designs_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import Look, colour_bar, subplots, value_colours
 from knitlab.io.errors import fault
+from knitlab.observables.schema import Status
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
@@ -69,7 +69,7 @@ def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
 
 
 def _draw_cells(axes: Axes, sample: xr.Dataset, name: str, colours: ScalarMappable) -> None:
-    from knitlab.measure.unit_cells import central
+    from knitlab.model.cell_grid import central
 
     observed = sample[name].dropna("cell_y", how="all").dropna("cell_x", how="all")
     rows, columns = observed.shape

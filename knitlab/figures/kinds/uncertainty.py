@@ -9,17 +9,17 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cube.schema import STRAIN, VARIABLES
-from knitlab.cube.uncertainty import LOWEST, PARAMETER, QUANTITIES, first_order
+from knitlab.cubes.uncertainty import LOWEST, PARAMETER, QUANTITIES, first_order
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.design_map import draw_map, row_count
 from knitlab.figures.kinds.sensitivity import SYMBOLS
 from knitlab.figures.style import number, subplots
 from knitlab.io.errors import fault, unknown
+from knitlab.observables.schema import STRAIN, VARIABLES
 
 if TYPE_CHECKING:  # which imports JAX
-    from knitlab.sweep.material import Material
+    from knitlab.runs.material import Material
 
 NOTES = (
     "in each cell: (n_stripe, n_subunit), value ± half its 95 % interval, the number to measure",
@@ -42,7 +42,7 @@ def uncertainty_map(
     interval; the number explains most of the variance. The interval is that of a new ``"swatch"``,
     or of the ``"mean"`` stripe, as the figure says.
     """
-    from knitlab.sweep.stripe_covariance import uncertain_stripes
+    from knitlab.runs.stripe_covariance import uncertain_stripes
 
     if material is None:
         raise fault("material", "is not given; give the file with the covariances of its stripes")

@@ -5,13 +5,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.cube.cube_file import RELIABLE_WAVES
-from knitlab.cube.schema import DESIGN_DIMS, Status
+from knitlab.cubes.cube_file import RELIABLE_WAVES
 from knitlab.figures.cells import design_name
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.measure.fit_statistics import linear_fit
+from knitlab.lab.fit_statistics import linear_fit
+from knitlab.observables.schema import DESIGN_DIMS, Status
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
 OTHER = {"x": "y", "y": "x"}
@@ -53,7 +53,7 @@ def _to_cloth(design: xr.Dataset, direction: str) -> float:
 
 def _draw_wave(line: Axes, axes: Axes, shown: xr.Dataset, direction: str) -> None:
     """Draw three wavelengths of a boundary, and its spectrum."""
-    from knitlab.measure.wavelength import spectrum
+    from knitlab.observables.wavelength import spectrum
 
     scale, other = _to_cloth(shown, direction), _to_cloth(shown, OTHER[direction])
     length = scale * float(shown[f"boundary_length_{direction}"])

@@ -1,0 +1,118 @@
+"""Claims: statements of the paper and their tests (``params/claims.toml``)."""
+
+import inspect
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import xarray as xr
+from pydantic import Field, ValidationError, create_model
+
+from knitlab.claims import checks
+from knitlab.claims.margin import CheckResult, NotMeasured
+from knitlab.io.errors import Fault, faults_of, raise_any, unknown
+from knitlab.io.shipped import shipped
+from knitlab.io.toml import StrictModel, read_toml
+
+Topic = Literal[
+    "stripes", "relaxed shape", "wavelengths", "tension", "Poisson's ratio", "capacitors"
+]
+TOPICS: tuple[Topic, ...] = get_args(Topic)
+OF_RELAXED_FABRIC: tuple[Topic, ...] = ("relaxed shape", "wavelengths")
+
+
+CHECKS: dict[str, Callable[..., CheckResult]] = {
+    name: check
+    for name, check in inspect.getmembers(checks, inspect.isfunction)
+    if not name.startswith("_") and inspect.signature(check).return_annotation is CheckResult
+}
+
+
+class Claim(StrictModel):
+    """A statement of the paper, its place there, and its test in :data:`CHECKS`.
+
+    ``measured_along`` is the direction of the test, if the statement is about both, and ``knitlab``
+    has the arguments that are not the paper's. Further fields are the arguments of the test.
+    """
+
+    name: str
+    text: str = Field(min_length=1)
+    place: str = Field(min_length=1)
+    topic: Topic
+    measured_along: Literal["weft", "warp"] | None = None
+    figure: str | None = None
+    why_not: str | None = Field(default=None, min_length=1)
+    test: str
+    knitlab: dict[str, float] = Field(default_factory=dict)
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """All arguments of the test besides cubes."""
+        names = type(self).model_fields.keys() - Claim.model_fields.keys()
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def quoted(self) -> str:
+        """The statement, with the direction that is tested here."""
+        along = self.measured_along
+        return f"{self.text} (here along the {along})" if along else self.text
+
+    @property
+    def threshold_of(self) -> Literal["paper", "knitlab"]:
+        """Whether the threshold is the paper's, or was chosen for knitlab."""
+        return "knitlab" if self.knitlab else "paper"
+
+    @property
+    def of_relaxed_fabric(self) -> bool:
+        """Whether it is about fabric in equilibrium, before it is pulled."""
+        return self.topic in OF_RELAXED_FABRIC
+
+    @property
+    def compares_cubes(self) -> bool:
+        """Whether its samples may be in several cubes."""
+        return "cubes" in inspect.signature(CHECKS[self.test]).parameters
+
+    def check(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> CheckResult:
+        """Check the claim on a cube at one value of every swept setting, or on several to compare.
+
+        ``factor`` is on the arguments that were chosen for knitlab.
+        """
+        scaled = {name: factor * number for name, number in self.knitlab.items()}
+        where = cubes if self.compares_cubes else cubes[0]
+        try:
+            return CHECKS[self.test](where, **self.arguments | scaled)
+        except NotMeasured as error:
+            return error.result
+
+
+def read_claims(path: Path | None = None) -> list[Claim]:
+    """The claims of a file, by default ``params/claims.toml``; BadInput has every fault of it."""
+    path = path or shipped("params") / "claims.toml"
+    claims, faults = [], list[Fault]()
+    for name, table in read_toml(path).items():
+        source, test = f"{path}: {name}", str(table.get("test"))
+        numbers = table.get("knitlab", {})
+        if test not in CHECKS:
+            faults.append(Fault(f"{source}: test", unknown(test, CHECKS, "test")))
+        elif twice := table.keys() & numbers.keys():
+            problem = "is the paper's number and knitlab's; keep one"
+            faults += [Fault(f"{source}: {key}", problem) for key in sorted(twice)]
+        else:
+            try:
+                claims.append(_schema(test).model_validate({"name": name} | table | numbers))
+            except ValidationError as error:
+                faults += faults_of(error, source)
+    raise_any(faults)
+    return claims
+
+
+@cache
+def _schema(test: str) -> type[Claim]:
+    """The schema of the claims with a test, whose arguments besides cubes are its further keys."""
+    _, *parameters = inspect.signature(CHECKS[test]).parameters.values()
+    fields: dict[str, Any] = {
+        each.name: (each.annotation, ... if each.default is each.empty else each.default)
+        for each in parameters
+    }
+    return create_model(test, __base__=Claim, **fields)

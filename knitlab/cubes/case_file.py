@@ -1,0 +1,172 @@
+"""Case files: for each case a netCDF file and its checksum. Needs no JAX."""
+
+import hashlib
+import math
+import os
+from collections.abc import Collection
+from contextlib import suppress
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import netCDF4
+import numpy as np
+import xarray as xr
+
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import fault
+from knitlab.io.names import inside
+from knitlab.io.text_file import plain_file
+from knitlab.observables.schema import INTEGERS, MISSING, VARIABLES, encoding
+
+if TYPE_CHECKING:  # imports JAX
+    from knitlab.model.fabric import Configuration
+
+NETCDF, CHECKSUM = ".nc", ".sha256"  # suffixes of a case file and of its checksum
+LENGTH_FACTOR = "mm_of_cloth_per_mm_of_network"  # attribute of a case with shapes in mm of cloth
+SHAPES = (
+    *("position", "length_x", "length_y", "length_shear"),
+    *("snapshot_position", "snapshot_length_x", "snapshot_length_y"),
+)
+
+
+UNREADABLE = (OSError, RuntimeError, ValueError, TypeError, AttributeError, LookupError)
+"""What netCDF and xarray raise of a file that they cannot read."""
+
+
+class StoredCase(Enum):
+    """Whether a results folder has the file of a case."""
+
+    nothing = "pending"
+    sound = "sound"
+    damaged = "damaged"
+
+
+def case_path(results: Path, case_id: str) -> Path:
+    """Path of the file of a case in a results folder."""
+    return inside(results / "cases", f"{case_id}{NETCDF}")
+
+
+def checksum_path(results: Path, case_id: str) -> Path:
+    """Path of its checksum, in the format of ``sha256sum --check``."""
+    return case_path(results, case_id).with_suffix(CHECKSUM)
+
+
+def stored_cases(results: Path) -> dict[str, StoredCase]:
+    """The cases that have a file in a results folder; without a checksum beside it, damaged."""
+    names: list[str] = []
+    with suppress(FileNotFoundError, NotADirectoryError):
+        names = [entry.name for entry in os.scandir(results / "cases")]
+    checked = {name.removesuffix(CHECKSUM) for name in names if name.endswith(CHECKSUM)}
+    files = (name.removesuffix(NETCDF) for name in names if name.endswith(NETCDF))
+    return {each: StoredCase.sound if each in checked else StoredCase.damaged for each in files}
+
+
+def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
+    """Write a case file and its checksum, each atomically; CannotWrite if that fails."""
+    # The classic format: in HDF5 each of some fifty small variables costs more than its numbers.
+    stored = encoding(dataset, compressed=False)
+    contents = bytes(dataset.to_netcdf(engine="scipy", format="NETCDF3_64BIT", encoding=stored))
+    path = case_path(results, case_id)
+    checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n".encode()
+    # The checksum is first, so that a case file without one is damaged.
+    for file, written in ((checksum_path(results, case_id), checksum), (path, contents)):
+        with atomic_write(file) as temporary:
+            temporary.write_bytes(written)
+
+
+def check_case_file(results: Path, case_id: str) -> StoredCase:
+    """Compare a case file with its checksum, and the case that it holds with its name."""
+    path = case_path(results, case_id)
+    try:
+        stated = plain_file(path.with_suffix(CHECKSUM)).read_bytes().split(b" ")[0]
+        contents = plain_file(path).read_bytes()
+    except FileNotFoundError:
+        return StoredCase.damaged if path.exists() else StoredCase.nothing
+    except OSError:
+        return StoredCase.damaged
+    # To open the file would take far longer; another case has no such identifier in it.
+    sound = hashlib.sha256(contents).hexdigest().encode() == stated and case_id.encode() in contents
+    return StoredCase.sound if sound else StoredCase.damaged
+
+
+def read_code(results: Path, case_id: str) -> str | None:
+    """Fingerprint of the code that computed a case; None if the file is not a case file."""
+    try:
+        return str(read_values(case_path(results, case_id), ["code"])["code"])
+    except UNREADABLE:
+        return None
+
+
+def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
+    """Values of those variables that a case file has, several times faster than with xarray."""
+    with netCDF4.Dataset(plain_file(path)) as dataset:
+        dataset.set_auto_maskandscale(False)
+        present = [name for name in names if name in dataset.variables]
+        stored: dict[str, Any] = {name: np.asarray(dataset[name][...]) for name in present}
+    for name, values in stored.items():
+        if name in INTEGERS:
+            stored[name] = np.where(values == MISSING, np.nan, values)
+        elif not values.ndim:
+            stored[name] = values.item()
+    return stored
+
+
+def read_case(results: Path, case_id: str) -> xr.Dataset:
+    """Read a case file into memory; BadInput if it is not as it was written."""
+    path = case_path(results, case_id)
+    if check_case_file(results, case_id) is not StoredCase.sound:
+        problem = "is damaged, or not the case that it is named after; run its workflow again"
+        raise fault(str(path), problem)
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as dataset:
+            for name in {*VARIABLES} & {*dataset}:
+                if strange := {*dataset[name].dims} - {*VARIABLES[name].dims}:
+                    raise LookupError(strange)
+            return dataset.load()
+    except UNREADABLE as error:  # damaged before its checksum was written
+        raise fault(str(path), "is no case file; run its workflow again") from error
+
+
+def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
+    """A case with its shapes in mm of cloth, by the sizes of its unit cell in the design of a cube.
+
+    All directions are scaled alike, so that folds keep their angles, by the square root of the
+    areas of the unit cell in cloth and in the network. A design without sizes in cloth, such as a
+    pure stripe, keeps the lengths of its network.
+    """
+    names = ("knit_cell_x", "knit_cell_y", "relaxed_cell_x", "relaxed_cell_y")
+    if LENGTH_FACTOR in case.attrs or not set(names) <= set(design):
+        return case
+    cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
+    areas = cloth_x * cloth_y / (network_x * network_y)
+    if not 0 < areas < math.inf:
+        return case
+    factor = math.sqrt(areas)
+    with xr.set_options(keep_attrs=True):
+        scaled = {name: factor * case[name] for name in SHAPES if name in case}
+    return case.assign(scaled).assign_attrs({LENGTH_FACTOR: factor})
+
+
+def length_unit(case: xr.Dataset) -> str:
+    """The unit of the shapes of a case, as labels name it."""
+    return "mm" if LENGTH_FACTOR in case.attrs else "mm of network"
+
+
+def configurations(case: xr.Dataset) -> "Configuration":
+    """Configurations of a case along a leading axis of strain; lengths of open samples are 0."""
+    from knitlab.model.fabric import Configuration
+
+    positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
+    none = np.zeros(len(positions))
+    names = ["length_x", "length_y", *(["length_shear"] if "length_shear" in case else [])]
+    lengths = [case[name].values if name in case else none for name in names]
+    return Configuration(positions, np.stack(lengths, axis=-1))
+
+
+def network_configurations(case: xr.Dataset) -> "Configuration":
+    """The same in mm of the network, in which energies are, whatever the lengths of the case."""
+    from knitlab.model.fabric import Configuration
+
+    factor, states = float(case.attrs.get(LENGTH_FACTOR, 1.0)), configurations(case)
+    return Configuration(states.positions / factor, states.lengths / factor)

@@ -1,0 +1,404 @@
+"""Cube files: opening, writing and joining cubes, their dimensions and common settings."""
+
+import json
+from collections.abc import Collection, Iterable
+from contextlib import suppress
+from functools import reduce
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from pydantic import BaseModel
+
+from knitlab.cubes.case_file import UNREADABLE
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.json_file import json_table
+from knitlab.io.lock import is_locked
+from knitlab.io.seal import has_seal, seal
+from knitlab.observables import schema
+from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
+
+CUBE = "cube.nc"
+ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
+TEXTS = ("case_id", "code")  # variables that are no numbers
+OF_DESIGNS = (
+    "design",
+    "weft",
+    "warp",
+    "periods",
+    "lengths_ratio",
+)  # entries of a record that follow from these
+ROUND_OFF = 1e-6  # force over the largest that counts as none
+GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
+OPTION = "model_"  # prefix of the attributes of a cube that are model options
+TRACED_PERIODS = 8  # PERIODIC_CELLS of knitlab.observables.wavelength, whose import loads JAX
+RELIABLE_WAVES = 3  # waves from which the error of a wavelength is below 4 %
+
+
+class CommonSettings(BaseModel):
+    """What is read of the settings of a cube."""
+
+    unit_cells: tuple[int, int] = (1, 1)
+    sheet: dict[str, float] = {}
+    solver: dict[str, Any] | None = None
+    dynamics: dict[str, Any] | None = None
+
+
+class Damaged(BadInput):
+    """A cube that is not as it was written."""
+
+
+def cube_path(path: str | Path) -> Path:
+    """The file of a cube, given this file or its folder."""
+    path = Path(path)
+    return path / CUBE if path.is_dir() else path
+
+
+def source_path(cube: xr.Dataset) -> Path | None:
+    """The folder of a cube, or its file if that has a name of its own; None if it has no file."""
+    if "source" not in cube.encoding:
+        return None
+    path = Path(cube.encoding["source"]).resolve()
+    return path.parent if path.name == CUBE else path
+
+
+def cube_name(cube: xr.Dataset) -> str:
+    """Name of the folder of a cube, or of its file; of a cube without one, that of its workflow."""
+    path = source_path(cube)
+    return path.name if path else str(cube.attrs.get("workflow", ""))
+
+
+def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
+    """Read a knitlab cube into memory, with the variables that follow from its own.
+
+    Args:
+        path: a ``cube.nc``, or the results folder that holds one.
+        lazily: whether each variable is read only when it is used.
+
+    Raises:
+        BadInput: if there is no such file, or it is not a cube.
+    """
+    return with_derived(read_cube(path, lazily=lazily))
+
+
+def with_derived(cube: xr.Dataset) -> xr.Dataset:
+    """The cube with force, stiffness and energy over a side of the cloth, recovery and validity.
+
+    The numbers of waves say how far wavelengths can be trusted.
+
+    They are in no file, but for ``force_per_width`` of an experiment, which is that of its records.
+    """
+    derived: dict[str, xr.DataArray] = {}
+    force, across = cube.get("force_per_width"), cube.get("reaction_force_across")
+
+    def pulled_once(energy: xr.DataArray) -> xr.DataArray:
+        """The energy where only one force does work, missing under biaxial loads."""
+        return energy if across is None else energy.where(across.isnull().all(STRAIN))
+
+    if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
+        width = cube["knit_cell_x"] * cube["unit_cells_x"]
+        if "load_direction" in cube:
+            length = cube["knit_cell_y"] * cube["unit_cells_y"]
+            angle = np.deg2rad(cube["load_direction"].fillna(90))
+            if across is not None:
+                per_length = derived["force_per_width_across"] = across / length
+                ratio = per_length * width / cube["reaction_force"]
+                derived["force_ratio"] = ratio.where(cube[STRAIN] > 0).transpose(*across.dims)
+            width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
+        force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)
+        derived["force_per_width"] = force
+    if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:
+        derived["tangent_stiffness"] = force.differentiate(STRAIN)
+        derived["stretch_energy"] = pulled_once(force.cumulative_integrate(STRAIN))
+    back = cube.get("reaction_force_unloading")
+    if back is not None and cube.sizes.get(STRAIN, 0) > 1:
+        stored, returned = (each.integrate(STRAIN) for each in (cube["reaction_force"], back))
+        derived["energy_recovery"] = pulled_once(returned / stored)
+        derived["residual_strain"] = _strain_without_force(back)
+        if "stretch_energy" in derived:
+            lost = derived["stretch_energy"].isel({STRAIN: -1}, drop=True)
+            derived["energy_lost"] = lost * (1 - derived["energy_recovery"])
+    needed = {"self_intersections", "applied_strain_at_min"}
+    if "intersections_at_min" not in cube and needed <= set(cube):
+        at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9
+        derived["intersections_at_min"] = cube["self_intersections"].where(at_min).max(STRAIN)
+    if (boundary := cube.coords.get("boundary", model_options(cube).get("boundary"))) is not None:
+        periods = xr.where(xr.DataArray(boundary) == "periodic", TRACED_PERIODS, 1)
+        for side in "xy":
+            if {f"wavelength_{side}", f"unit_cells_{side}"} <= set(cube):
+                waves = periods * cube[f"unit_cells_{side}"]
+                measured = cube[f"wavelength_{side}"].notnull()
+                derived[f"waves_{side}"] = waves.where(measured).transpose(*measured.dims)
+    return cube.assign(
+        {name: values.assign_attrs(VARIABLES[name].attributes) for name, values in derived.items()}
+    )
+
+
+def _strain_without_force(force: xr.DataArray) -> xr.DataArray:
+    """The largest strain at which a force changes its sign, by linear interpolation [1]."""
+    strain = force[STRAIN].values
+
+    def last_zero(force: np.ndarray) -> float:
+        force = np.where(abs(force) < ROUND_OFF * np.nanmax(abs(force), initial=0.0), 0.0, force)
+        crossed = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
+        if not len(crossed):
+            return np.nan
+        one = slice(crossed[-1], crossed[-1] + 2)
+        return float(np.interp(0.0, force[one], strain[one]))
+
+    return xr.apply_ufunc(last_zero, force, input_core_dims=[[STRAIN]], vectorize=True)
+
+
+def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
+    """The variables in the file of a cube; otherwise as :func:`open_cube`.
+
+    Dimensions are in the order of the schema and their numbers ascend, whoever wrote the file.
+    """
+    path = cube_path(path)
+    try:
+        try:
+            sealed = has_seal(path)
+        except ValueError:
+            _check_unlocked(path)
+            raise
+        cube = _opened(path)
+        # One without a seal may be damaged anywhere.
+        if not (lazily and sealed):
+            with cube:
+                cube.load()
+    except FileNotFoundError as error:
+        problem = "does not exist; run a workflow or import an experiment first"
+        raise fault(str(path), problem) from error
+    except UNREADABLE as error:
+        of_system = isinstance(error, OSError) and (error.errno or 0) > 0  # others are of netCDF
+        if of_system or isinstance(error, UnicodeError):
+            why = getattr(error, "strerror", error)
+            raise fault(str(path), f"cannot be read ({why}); check the path") from error
+        problem = f"is not a netCDF file, or a damaged one ({error}); run its workflow again, or"
+        raise Damaged([Fault(str(path), f"{problem} give another cube.nc")]) from error
+    if "status" in cube:
+        cube = _in_order(cube)
+    if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
+        problem = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
+        raise fault(str(path), f"{problem}; give a cube.nc or a results folder")
+    if problem := _problem_of_form(cube):
+        raise Damaged([Fault(str(path), f"{problem}; run its workflow again")])
+    if strangers := set(np.unique(cube["status"]).tolist()) - set(map(int, schema.Status)):
+        problem = f"has designs of the unknown status {', '.join(map(str, sorted(strangers)))}"
+        raise Damaged([Fault(str(path), f"{problem}; run its workflow again")])
+    parameters_of(cube)
+    return cube
+
+
+def _problem_of_form(cube: xr.Dataset) -> str:
+    """What another program has made of a cube that no cube of knitlab is; empty if nothing."""
+    dims = (*design_dims(cube), STRAIN)
+    for dim in dims:
+        index = cube.indexes.get(dim)
+        if index is None or index.hasnans or not index.is_unique:
+            return f"has no {dim} that tells its values apart"
+        if dim == STRAIN and index.dtype.kind not in "fiu":
+            return f"has a {dim} that is no number"
+    own = {name for name in cube.variables if name in VARIABLES or name in cube.dims}
+    for name in own:
+        variable = cube.variables[name]
+        if name in VARIABLES and (variable.dtype.kind in "fiub") == (name in TEXTS):
+            return f"has a {name} of the type {variable.dtype}"
+        if name in VARIABLES and not {*variable.dims} <= {*dims, *VARIABLES[name].dims}:
+            return f"has a {name} along {', '.join(map(str, variable.dims))}"
+        if any(not isinstance(variable.attrs.get(key, ""), str) for key in ("units", "long_name")):
+            return f"has a {name} whose unit or long name is no text"
+    for name, value in cube.attrs.items():
+        if str(name).startswith(GAUGE) and not (
+            isinstance(value, float | np.integer) and 0 < value < np.inf
+        ):
+            return f"has a {name} that is no length"
+    return ""
+
+
+def _in_order(cube: xr.Dataset) -> xr.Dataset:
+    """The cube with its dimensions in the order of the schema, and their numbers ascending.
+
+    Labels of swept settings keep the order in which they were given.
+    """
+    dims = design_dims(cube)
+    base = next((base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if {*base} <= {*dims}), ())
+    order = dict.fromkeys((*base, *dims, *schema.COORDINATES))
+    numbers = [dim for dim in schema.COORDINATES if dim in cube.indexes]
+    numbers = [dim for dim in numbers if cube.indexes[dim].dtype.kind in "fiu"]
+    unsorted = [dim for dim in numbers if not cube.indexes[dim].is_monotonic_increasing]
+    return cube.sortby(unsorted).transpose(*order, ..., missing_dims="ignore")
+
+
+def write_cube(cube: xr.Dataset, path: Path) -> None:
+    """Write the file of a cube atomically; CannotWrite if that fails."""
+    cube, encoding = schema.described(cube), schema.encoding(cube)
+    with atomic_write(path) as temporary:
+        try:
+            cube.to_netcdf(temporary, encoding=encoding)
+        except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
+            # HDF5 locks a file that it writes, but not one in memory, where it sorts the variables.
+            temporary.write_bytes(cube.to_netcdf(engine="netcdf4", encoding=encoding))
+        seal(temporary)
+
+
+def _opened(path: Path) -> xr.Dataset:
+    """A netCDF file, opened; from its bytes where it cannot be locked."""
+    try:
+        return xr.open_dataset(path, engine="netcdf4")
+    except (OSError, RuntimeError):  # the second, at times, of a file that is open here
+        _check_unlocked(path)
+        with suppress(OSError, ValueError, RuntimeError):
+            dataset = xr.open_dataset(path.read_bytes(), engine="netcdf4")
+            dataset.encoding["source"] = str(path)
+            return dataset
+        raise
+
+
+def _check_unlocked(path: Path) -> None:
+    """BadInput if another program has a file open for writing."""
+    if is_locked(path):
+        problem = "is opened for writing by another program; close it there, or set"
+        remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
+        raise fault(str(path), remedy)
+
+
+def of_schema(cube: xr.Dataset) -> xr.Dataset:
+    """The variables of a simulated cube that a run stores, without those of other programs."""
+    dims = design_dims(cube)
+
+    def is_own(name: str) -> bool:
+        known = VARIABLES.get(name)
+        stored = known is not None and known.of not in ("derived", "laboratory")
+        return stored and {*cube[name].dims} == {*dims, *VARIABLES[name].dims}
+
+    return cube[[name for name in map(str, cube.data_vars) if is_own(name)]]
+
+
+def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
+    """The design dimensions of a cube, including those of swept settings."""
+    return tuple(map(str, cube["status"].dims))
+
+
+def base_dims(cube: xr.Dataset) -> tuple[str, ...]:
+    """The design dimensions without swept settings; empty if it is no cube of fabrics."""
+    dims = design_dims(cube)
+    known = (base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if dims[: len(base)] == base)
+    return next(known, ())
+
+
+def swept_dims(cube: xr.Dataset) -> tuple[str, ...]:
+    """The dimensions of settings that the workflow gives as lists."""
+    return design_dims(cube)[len(base_dims(cube)) :]
+
+
+def source_of(cube: xr.Dataset) -> str:
+    """Source of a cube: ``simulation``, or the name of an experiment."""
+    return str(cube[SOURCE].item()) if SOURCE in cube.coords else SIMULATION
+
+
+def is_measured(cube: xr.Dataset) -> bool:
+    """Whether a cube holds an experiment."""
+    return source_of(cube) != SIMULATION
+
+
+def model_options(cube: xr.Dataset) -> dict[str, Any]:
+    """The model options that all designs of a cube share, by name."""
+    attributes = {str(name): value for name, value in cube.attrs.items()}
+    named = [name for name in attributes if name.startswith(OPTION)]
+    return {name.removeprefix(OPTION): attributes[name] for name in named}
+
+
+def is_case(dataset: xr.Dataset) -> bool:
+    """Whether a dataset holds a single case, without design dimensions."""
+    return not dataset["status"].dims
+
+
+def as_cube(case: xr.Dataset) -> xr.Dataset:
+    """A single case as a cube of one design, without the variables that only case files have."""
+    dims = [str(name) for name, each in case.coords.items() if not each.dims]
+    known = [name for name in case.data_vars if name in VARIABLES]
+    names = [name for name in known if VARIABLES[str(name)].in_cube]
+    return case[names].expand_dims(dims)
+
+
+class SettingDifference(NamedTuple):
+    """A setting, by its key and those of the tables around it, that has two values."""
+
+    key: tuple[str, ...]
+    before: Any
+    after: Any
+
+    def __str__(self) -> str:
+        name = ".".join(self.key)
+        known = not isinstance(self.before, list)
+        return f"{name} was {self.before}, is {self.after}" if known else name
+
+
+def common_settings(
+    records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
+) -> dict[str, Any]:
+    """Settings that all records share, but for swept ones, with the fingerprint of the stripes.
+
+    Of the sheet, those that some records leave out are kept: without contact they mean nothing.
+    """
+    # Converted to JSON, so that they can be compared with those of a cube.
+    listed: list[dict[str, Any]] = json.loads(json.dumps(list(records)))
+    common: dict[str, Any] = reduce(shared, listed)
+    if all("sheet" in record for record in listed):
+        sheets = [record["sheet"] for record in listed]
+        stated = {name: value for sheet in sheets for name, value in sheet.items()}
+        common["sheet"] = {
+            name: value
+            for name, value in stated.items()
+            if all(sheet.get(name, value) == value for sheet in sheets)
+        }
+    kept = {
+        key: {name: inner for name, inner in value.items() if name not in swept}
+        if isinstance(value, dict)
+        else value
+        for key, value in common.items()
+        if key not in {*OF_DESIGNS, *swept}
+    }
+    return kept | {"stripes": stripes}
+
+
+def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
+    """The settings in the attributes of a cube or a case; BadInput if they are of another form."""
+    where = f"{cube_name(cube) or 'cube'}: {ATTRIBUTE}"
+    problem = "is not a table as knitlab writes it; run its workflow again"
+    return json_table(cube.attrs.get(ATTRIBUTE, "{}"), where, CommonSettings, problem)
+
+
+def cells_across(experiment: xr.Dataset) -> int:
+    """Unit cells along the weft of a measured sample; BadInput if it does not state them."""
+    if not (cells := parameters_of(experiment).get("unit_cells")):
+        problem = f"has no unit_cells in its {ATTRIBUTE}; import its experiment again"
+        raise fault(cube_name(experiment), problem)
+    return int(cells[1])
+
+
+def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """The common entries of two records, including those of nested tables."""
+    both: dict[str, Any] = {}
+    for key in (key for key in one if key in other):
+        tables = isinstance(one[key], dict) and isinstance(other[key], dict)
+        if tables or one[key] == other[key]:
+            both[key] = shared(one[key], other[key]) if tables else one[key]
+    return both
+
+
+def differences(
+    one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
+) -> tuple[SettingDifference, ...]:
+    """Where records, within tables of some keys, differ under the same key, sorted as sentences."""
+    changed: list[SettingDifference] = []
+    for key in one.keys() & other.keys():
+        before, after = one[key], other[key]
+        if isinstance(before, dict) and isinstance(after, dict):
+            changed += differences(before, after, (*within, key))
+        elif before != after:
+            changed.append(SettingDifference((*within, key), before, after))
+    return tuple(sorted(changed, key=str))

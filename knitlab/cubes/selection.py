@@ -1,0 +1,146 @@
+"""Selections: a value or a sequence of values by coordinate, along which a cube is sliced.
+
+Applied strains between those of the cube are interpolated, as in windows of strain. In place of
+them a force may be selected.
+"""
+
+from collections.abc import Collection, Hashable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.cubes.force_control import (
+    FORCE_RATIO,
+    between,
+    controllable,
+    under_force,
+    under_force_ratio,
+)
+from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, unknown
+from knitlab.observables.schema import LOAD_RATIO, STRAIN
+
+MOST_CHOICES = 30  # values of a coordinate that a message lists at most
+MOST_VALUES = 10_000  # selected along a coordinate
+
+
+def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+    """Keep the selected values of coordinates and all dimensions; BadInput if one is not there.
+
+    Curves are linear between two strains; codes and counts are missing unless both agree. Under a
+    selected force, that is a dimension in place of the applied strain.
+    """
+    for name, value in selections.items():
+        if (number := len(_values(value))) > MOST_VALUES:
+            problem = f"has {number:,} values; give at most {MOST_VALUES:,}"
+            raise fault(f"selections {name}", problem)
+    if FORCE_RATIO in selections and FORCE_RATIO in controllable(cube):
+        _check_single(selections, (FORCE_RATIO, LOAD_RATIO))
+        cube = under_force_ratio(cube, _values(selections[FORCE_RATIO]))
+    forces = controllable(cube)
+    _check_single(selections, (STRAIN, *forces))
+    for force in (name for name in selections if name in forces):
+        cube = under_force(cube, force, _values(selections[force]))
+    if STRAIN in selections and STRAIN in cube.dims:
+        cube = _with_strains(cube, _values(selections[STRAIN]))
+    coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
+    return cube.isel(chosen_indices(coordinates, selections))
+
+
+def _check_single(selections: Mapping[str, Any], names: Collection[str]) -> None:
+    given = [name for name in selections if name in names]
+    if len(given) > 1:
+        both = " and ".join(given)
+        raise fault("selections", f"{both} exclude each other; select one of them")
+
+
+def _with_strains(cube: xr.Dataset, wanted: list[Any]) -> xr.Dataset:
+    """The cube at its strains and at further ones between them."""
+    strains = np.asarray(cube[STRAIN].values, float)
+    asked = np.unique([number for each in wanted if np.isfinite(number := _number(each))])
+    near = np.isclose(asked[:, None], strains, 0, 1e-9).any(axis=1)
+    new = asked[(strains[0] < asked) & (asked < strains[-1]) & ~near]
+    if not len(new):
+        return cube
+    upper = np.searchsorted(strains, new)
+    fraction = (new - strains[upper - 1]) / (strains[upper] - strains[upper - 1])
+    moved = between(cube, (STRAIN,), upper, fraction)
+    moved[STRAIN] = xr.Variable(STRAIN, new, cube[STRAIN].attrs)
+    further = cube.drop_vars(moved).assign(moved)
+    both = xr.concat([cube, further], STRAIN, data_vars="minimal", coords="minimal")
+    return both.sortby(STRAIN).assign_attrs(cube.attrs)
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return np.nan
+
+
+def selections_along(selections: Mapping[str, Any], names: Iterable[Hashable]) -> dict[str, Any]:
+    """The selections along coordinates of these names."""
+    known = set(names)
+    return {name: value for name, value in selections.items() if name in known}
+
+
+def selectable(cube: xr.Dataset) -> list[str]:
+    """Names along which a cube can be selected: its coordinates, and forces."""
+    return [*map(str, cube.indexes), *controllable(cube)]
+
+
+def as_given(selections: Mapping[str, Any]) -> list[str]:
+    """Selections as the command line gives them, ``NAME=VALUE,VALUE``, to show or to store."""
+    return [f"{name}={','.join(map(str, _values(value)))}" for name, value in selections.items()]
+
+
+def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: str) -> None:
+    """BadInput with a problem, for every selection that is not along a known coordinate."""
+    names = set(known)
+    others = {name: value for name, value in selections.items() if name not in names}
+    raise_any([Fault(f"selections {text}", problem) for text in as_given(others)])
+
+
+def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
+    """The values of dimensions of a cube, as text."""
+    return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)
+
+
+def chosen_indices(
+    coordinates: Mapping[str, np.ndarray], selections: Mapping[str, Any]
+) -> dict[str, list[int]]:
+    """Indices of the selected values along coordinates; BadInput with every one not there."""
+    chosen: dict[str, list[int]] = {}
+    faults = ErrorCollector()
+    for name, value in selections.items():
+        with faults:
+            chosen[name] = _indices(coordinates, name, value)
+    raise_any(faults.all)
+    return chosen
+
+
+def _values(value: Any) -> list[Any]:
+    return np.asarray(value, dtype=object).ravel().tolist()
+
+
+def _indices(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> list[int]:
+    path = f"selections {as_given({name: value})[0]}"
+    if name not in coordinates:
+        raise fault(path, unknown(name, coordinates))
+    present = coordinates[name]
+    words = present.dtype.kind not in "biuf"
+    indices = []
+    for one in _values(value):
+        try:
+            matches = present == str(one) if words else np.isclose(present, float(one), 0, 1e-9)
+        except (TypeError, ValueError, OverflowError):
+            raise fault(path, f"{one!r} is not a number; give one") from None
+        if not matches.any():
+            shown = [str(choice) if words else f"{choice:g}" for choice in present]
+            more = ", …" if len(shown) > MOST_CHOICES else ""
+            listed = ", ".join(shown[:MOST_CHOICES]) + more
+            raise fault(path, f"the cube has no {name} = {one}; choose from {listed}")
+        indices.append(int(matches.argmax()))
+    if not indices:
+        raise fault(path, "has no value; give one")
+    return list(dict.fromkeys(indices))

@@ -1,0 +1,243 @@
+"""Design: candidates for targets are searched, tested with their siblings and ranked."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from tqdm import tqdm
+
+from knitlab.cubes.cube_file import CUBE, open_cube, write_cube
+from knitlab.cubes.find import CROSSINGS, Found, find_designs
+from knitlab.design.candidates import (
+    Candidate,
+    Conflict,
+    candidates_plan,
+    completed,
+    conflict_of,
+    ranked,
+    trials_table,
+    write_workflow,
+)
+from knitlab.design.objective import Objective, all_met, check_targets
+from knitlab.design.request import DesignRequest
+from knitlab.design.search import SEARCHES, TRIALS, DesignSearch, SearchResult, run_searches
+from knitlab.design.search_space import DesignLabels, SearchSpace, search_space
+from knitlab.design.trial import ShapeFunctions
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import fault
+from knitlab.io.lock import held
+from knitlab.runs.plan import make_plan
+from knitlab.runs.results_folder import labelled
+from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.workers import interrupted_by_signals
+from knitlab.runs.workflow import PATTERN
+
+REQUEST = "request.json"
+BUDGET = 60  # default number of simulations of the searches
+PAPERS_PATTERN = "checkerboard"  # pattern of a cube that names none
+
+
+@dataclass(frozen=True)
+class Designed:
+    """The result of a design."""
+
+    request: DesignRequest
+    folder: Path  # results folder, with the cube of the candidates, their workflows and all trials
+    cube: xr.Dataset  # the candidates, simulated again with their siblings
+    ranking: Found  # the candidates by their worst distance within the spread, the best first
+    searches: tuple[SearchResult, ...]  # in the order of the candidates' numbers
+    trials: pd.DataFrame  # a row for each trial of the searches: values, distances, identifiers
+    simulations: int  # number of simulations of the searches and the coarse sweep
+    workflows: tuple[Path, ...]  # reproduce the candidates, in the order of their numbers
+    unknown: tuple[DesignLabels, ...] = ()  # allowed designs without results, not considered
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.table)} candidates, {self.simulations} simulations"
+        return f"<Designed {self.request.name}: {counts}>"
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The candidates, the best first."""
+        return self.ranking.table
+
+    @property
+    def met(self) -> bool:
+        """Whether the best candidate, simulated again, meets all targets and constraints."""
+        best = [float(each.off_by[0]) for each in self.ranking.reached if len(each.off_by)]
+        return bool(best) and all_met(self.request.wanted, best)
+
+    @property
+    def conflict(self) -> Conflict | None:
+        """The two targets or constraints that conflict most in the trials, if any do."""
+        return conflict_of(self.request.wanted, self.trials)
+
+
+def run_design(
+    request: DesignRequest,
+    folder: Path,
+    *,
+    own: ShapeFunctions = (),
+    workers: int = 0,
+    budget: int = BUDGET,
+    minutes: float | None = None,
+    show_progress: bool = False,
+) -> Designed:
+    """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
+
+    Raises BadInput, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
+    """
+    began, run = time.time(), RunOptions(workers=workers)
+    if own and workers:
+        raise fault("workers", "own measures run in this process only; give workers = 0")
+    space = search_space(request)
+    objective = Objective(request, own, space.acts_on())
+    check_targets(request.wanted, own, space.case(space.designs[0])[0])
+    if not objective.has_gradient and find_spec("cmaes") is None:
+        problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"
+        raise fault("the package cmaes", problem)
+    path = folder / REQUEST
+    if path.is_file() and path.read_bytes() != request.text.encode():
+        problem = "holds the design of another request; name another results folder, or remove it"
+        raise fault(str(folder), problem)
+    # The run that tests the candidates locks the folder itself.
+    with held(folder / SEARCHES), interrupted_by_signals():
+        starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(request.text.encode())
+        left, at_once = max(budget - simulations, 1), max(workers, 1)
+        designs = starts[:left]
+        seconds = np.inf if minutes is None else 60 * minutes / -(-len(designs) // at_once)
+        searches = []
+        for number, design in enumerate(designs):
+            most = left // len(designs) + (number < left % len(designs))
+            deadline = began + seconds * (number // at_once + 1)
+            searches.append(DesignSearch(space, objective, design, folder, most, deadline))
+        results = _searched(searches, folder, workers, show_progress)
+        winners = list[Candidate]()
+        for number, result in enumerate(results, start=1):
+            if (best := result.winner) is not None:
+                case, gauge = space.case(result.design, np.array(best.point))
+                labels = space.labels(result.design)
+                winners.append(Candidate(number, labels, best.values, case, gauge))
+        if not winners:
+            problem = "no start converges; try other designs, bounds or settings"
+            raise fault(request.name, problem)
+        # An earlier cube may hold candidates that are no longer any.
+        for old in (folder / CUBE, *folder.glob("candidate_*.toml")):
+            old.unlink(missing_ok=True)
+        plan = candidates_plan(request, space, winners)
+        tested = run_plan(plan, folder, replace(run, refresh=True))
+        if tested.stopped:
+            raise KeyboardInterrupt
+    cube = completed(tested.cube, space, winners, own, folder)
+    ranking, cube = ranked(cube, objective)
+    write_cube(cube, folder / CUBE)
+    trials = trials_table(request, space.dims, results)
+    with atomic_write(folder / "trials.csv") as temporary:
+        trials.to_csv(temporary, index=False)
+    simulations += len(trials)
+    files = tuple(write_workflow(folder, request, space, winner) for winner in winners)
+    searched = tuple(results)
+    return Designed(request, folder, cube, ranking, searched, trials, simulations, files, unknown)
+
+
+def _starts(
+    objective: Objective, space: SearchSpace, folder: Path, options: RunOptions, budget: int
+) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
+    """Designs to refine, the nearest first; simulations of the sweep; designs without results."""
+    request, simulations = objective.request, 0
+    cubes = [open_cube(path, lazily=True) for path in request.cubes]
+    if not cubes:
+        if (count := len(space.designs)) <= request.starts:
+            return space.designs, 0, ()
+        if budget <= count:
+            problem = f"is used up by the coarse sweep of {count} designs; raise it, or give cubes"
+            raise fault(f"budget {budget}", f"{problem} to start from")
+        plan = make_plan(space.workflow, {**space.settings, **request.choices})
+        if run_plan(plan, folder, options).stopped:
+            raise KeyboardInterrupt
+        cubes, simulations = [open_cube(folder / CUBE)], len(plan.cases)
+    # No cube has own functions; refining may fulfil constraints.
+    targets = [target for target in request.wanted if target.name not in dict(objective.own)]
+    if not targets:
+        return space.designs[: request.starts], simulations, ()
+    table = find_designs(cubes, targets).table
+    if PATTERN not in table:
+        table = table.assign(**{PATTERN: PAPERS_PATTERN})
+    known: list[DesignLabels] = [*map(tuple, table[[*space.dims]].to_numpy(object).tolist())]
+    allowed = [design for design in dict.fromkeys(known) if design in space.designs]
+    if not allowed:
+        labels = ", ".join(map(str, space.designs))
+        raise fault("cubes", f"have none of the allowed designs; simulate {labels} first")
+    unknown = tuple(design for design in space.designs if design not in known)
+    return tuple(allowed[: request.starts]), simulations, unknown
+
+
+def _searched(
+    searches: Sequence[DesignSearch], folder: Path, workers: int, show_progress: bool
+) -> list[SearchResult]:
+    best = np.inf
+    timed = any(np.isfinite(search.deadline) for search in searches)
+    with tqdm(
+        total=None if timed else sum(search.budget for search in searches),
+        unit="simulation",
+        disable=not show_progress,
+        bar_format="{n_fmt}/{total_fmt} simulations |{bar}| {elapsed} elapsed, {desc}",
+    ) as bar:
+
+        def progress(design: DesignLabels, distance: float) -> None:
+            nonlocal best
+            if distance < best:
+                best = distance
+                bar.set_description_str(f"best distance {best:.3g} by {design}")
+            bar.update()
+
+        return run_searches(searches, folder, workers, progress)
+
+
+def summary(designed: Designed) -> Iterator[str]:
+    """Lines about each candidate, the best first, and about targets that could not be met."""
+    dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
+    searches = [(n, designed.searches[n - 1]) for n in map(int, designed.table["candidate"])]
+    crossings = designed.table.set_index("candidate").get(CROSSINGS)
+    for number, search in searches:
+        best = search.winner.values if search.winner else {}
+        values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
+        yield f"candidate {number}: {labelled(dims, search.design)}  {values}".rstrip()
+        how = " then ".join(search.methods) or "as it is"
+        yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
+        if crossings is not None and crossings[number] > 0:
+            yield "  passes through itself where its ratio is lowest, as no real fabric can"
+        if search.held_by:
+            yield f"  at the bound {', '.join(search.held_by)}"
+        determined = search.determined_to
+        if hardly := [f"{name} (± {100 * determined[name]:.0f} %)" for name in search.undetermined]:
+            yield f"  hardly determined by the targets: {', '.join(hardly)}"
+    if not designed.met:
+        others = (search for search in designed.searches if search.winner)
+        nearest = searches[0][1] if searches else next(others)
+        off_by = nearest.winner.off_by if nearest.winner else []
+        for target, off in zip(designed.request.wanted, off_by, strict=True):
+            if off is not None and off > target.allowance:
+                yield f"not met: {target.text}: the nearest is off by {off:.4g}"
+        if nearest.held_by:
+            yield f"held back by {', '.join(nearest.held_by)}: widen it, or relax a target"
+        elif (conflict := designed.conflict) is not None:
+            one, other = conflict.targets
+            yield f"{one!r} and {other!r} conflict; no bound holds it back"
+        else:
+            yield "no bound holds it back: let more vary, add designs, or raise the budget"
+    apart = [name for name in designed.request.bounds if name.startswith(("rib_", "garter_"))]
+    if apart:
+        factors = (name.partition("_")[2] for name in apart if "factor" in name)
+        both = ", ".join(dict.fromkeys(factors))
+        remedy = f"; vary {both}, if both are knitted alike" if both else ""
+        yield f"{', '.join(apart)} change one knit alone, but yarn and stitch size both{remedy}"
+    if designed.unknown:
+        labels = "; ".join(labelled(dims, design) for design in designed.unknown)
+        yield f"not considered, as no cube has results of them: {labels}"

@@ -1,0 +1,190 @@
+"""The request of a design: targets with tolerances, variables with bounds, and settings."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, ValidationError
+
+from knitlab.cubes.strain_window import PARTS, StrainWindow
+from knitlab.cubes.target import MOST_TARGETS, Target, read_target
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, raise_any, unknown
+from knitlab.io.names import Line
+from knitlab.io.toml import StrictModel, read_toml
+from knitlab.model.stitches import Gauge
+from knitlab.model.stripe import STRIPE_QUANTITIES
+from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.runs.declared_fields import declared
+from knitlab.runs.patterns import is_pattern_name
+from knitlab.runs.workflow import PATTERN, SETTINGS, SWEPT_PROTOCOL
+
+CHOICES = ("n_stripe", "n_subunit", PATTERN)  # vary as lists, in all combinations
+PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))  # what variables change
+VARIABLES = (*PARAMETERS, *(f"{each}_factor" for each in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)))
+"""Continuous variables, given with bounds."""
+RELATIVE_TOLERANCE = 0.05  # default tolerance of a target, over its value
+TOLERANCE_OF_ZERO = 0.01  # default tolerance of a target whose value is zero
+WITHIN_RANGE = ("mean", "min", "max")  # reductions that lie between the ends of a curve's range
+
+
+def _listed(given: Any) -> Any:
+    return (given,) if isinstance(given, str | Mapping | Target) else given
+
+
+Given = Annotated[
+    tuple[str | dict[str, Any] | Target, ...],
+    BeforeValidator(_listed),
+    Field(strict=False, max_length=MOST_TARGETS),
+]
+
+
+class DesignFile(StrictModel):
+    """The file of a design, by the arguments of :func:`knitlab.design`."""
+
+    title: Line | None = None
+    workflow: str = "periodic"
+    targets: Annotated[Given, Field(min_length=1)]
+    subject_to: Given = ()
+    cubes: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    starts: PositiveInt = 3
+    robustness: NonNegativeInt = 4
+    vary: dict[str, Any] = Field(default_factory=dict)
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+class DesignRequest(DesignFile):
+    """The same with a name, with targets and variables that were checked."""
+
+    name: str
+    targets: tuple[Target, ...]
+    subject_to: tuple[Target, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<DesignRequest {self.name}: {len(self.targets)} targets, {len(self.vary)} varied>"
+
+    @property
+    def wanted(self) -> tuple[Target, ...]:
+        """Targets, then constraints."""
+        return (*self.targets, *self.subject_to)
+
+    @property
+    def choices(self) -> dict[str, tuple[int | str, ...]]:
+        """Numbers of stitches and names of patterns that may be chosen, where they may vary."""
+        return {name: self.vary[name] for name in CHOICES if name in self.vary}
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each continuous variable."""
+        return {name: ends for name, ends in self.vary.items() if name not in CHOICES}
+
+    @property
+    def text(self) -> str:
+        """The request as text, which identifies it in its results folder."""
+        return json.dumps(self.model_dump(exclude={"name", "title"}), indent=1, default=str)
+
+
+def read_request(path: Path) -> DesignRequest:
+    """Read the TOML file of a design, as :func:`checked_request`; paths are relative to it."""
+    table = read_toml(path)
+    if isinstance(table.get("cubes"), list):
+        table["cubes"] = [str((path.parent / str(cube)).resolve()) for cube in table["cubes"]]
+    if (beside := path.parent / str(table.get("workflow"))).is_file():
+        table["workflow"] = str(beside.resolve())
+    return checked_request(path.stem, table, f"{path}: ", path.parent)
+
+
+def checked_request(
+    name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
+) -> DesignRequest:
+    """The request of a table, with curves of a folder; BadInput with all faults of a source."""
+    try:
+        file = DesignFile.model_validate(table)
+    except ValidationError as error:
+        known = dict.fromkeys(DesignFile.model_fields, "")
+        raise BadInput(faults_of(error, source.rstrip(": "), known)) from error
+    faults = ErrorCollector()
+    read: dict[str, list[Target]] = {"targets": [], "subject_to": []}
+    for key, targets in read.items():
+        for given in getattr(file, key):
+            with faults:
+                targets.append(with_tolerance(read_target(given, f"{source}{key}", folder)))
+    vary = {}
+    for variable, value in file.vary.items():
+        with faults:
+            vary[variable] = _choices_or_bounds(variable, value, f"{source}vary.{variable}")
+    for one, other in contradictions([*read["targets"], *read["subject_to"]]):
+        problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
+        faults.all.append(Fault(f"{source}targets", problem))
+    for setting, value in file.settings.items():
+        with faults:
+            where = f"{source}settings.{setting}"
+            if setting not in SETTINGS:
+                raise fault(where, unknown(setting, SETTINGS, "setting"))
+            if setting in file.vary:
+                raise fault(where, "may also vary; remove one of the two")
+            if setting in SWEPT_PROTOCOL and value not in ("warp", None, 1):
+                raise fault(where, "a design is pulled once, along the warp; leave it out")
+            if setting == "robustness":
+                raise fault(where, "is not a setting of a search; give it next to targets")
+            if isinstance(value, list) and not SETTINGS[setting].takes_list:
+                raise fault(where, "is a list; give one value, or let it vary")
+    raise_any(faults.all)
+    checked = {key: tuple(targets) for key, targets in read.items()}
+    return DesignRequest(**{**dict(file), **checked, "vary": vary, "name": name})
+
+
+def with_tolerance(target: Target) -> Target:
+    """A target with its tolerance, by default 5 % of its value, or 0.01 if that is zero."""
+    if target.tolerance is not None:
+        return target
+    wanted = max(abs(bound) for bound in (target.low, target.high) if np.isfinite(bound))
+    return replace(target, tolerance=RELATIVE_TOLERANCE * wanted or TOLERANCE_OF_ZERO)
+
+
+def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]:
+    """Pairs of targets of one variable whose allowed values have nothing in common."""
+    for one, other in combinations(targets, 2):
+        same = one.name == other.name and (one.window is None) == (other.window is None)
+        if same and _contradict(one, other):
+            yield one, other
+
+
+def _contradict(one: Target, other: Target) -> bool:
+    first, second = (target.window or StrainWindow(0, 0) for target in (one, other))
+    start, stop = max(first.start, second.start), min(first.stop, second.stop)
+    strains = np.linspace(start, stop, PARTS + 1)
+    (low, high), (other_low, other_high) = one.allowed(strains), other.allowed(strains)
+    if one.reduction == other.reduction and (one.window == other.window or not one.reduction):
+        apart = (np.maximum(low, other_low) > np.minimum(high, other_high)).any()
+        return start <= stop and bool(apart)
+    if one.reduction is not None:
+        # A reduction of a curve may contradict the range of the curve itself.
+        return other.reduction is None and _contradict(other, one)
+    if other.reduction not in WITHIN_RANGE or (start, stop) != (second.start, second.stop):
+        return False
+    return bool(np.max(other_low) > np.max(high) or np.min(other_high) < np.min(low))
+
+
+def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
+    """What a variable may be; BadInput if there is no such variable, or it cannot be that."""
+    listed = list(value) if isinstance(value, list | tuple) else [value]
+    if name == PATTERN:
+        if not (listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed)):
+            raise fault(where, f"is {value!r}; list names of patterns")
+        return tuple(dict.fromkeys(listed))
+    if name in CHOICES:
+        if not (listed and all(type(one) is int and one > 0 for one in listed)):
+            raise fault(where, f"is {value!r}; list whole numbers of stitches")
+        return tuple(sorted(set(listed)))
+    if name not in VARIABLES:
+        raise fault(where, unknown(name, (*CHOICES, *VARIABLES), "variable"))
+    numbers = len(listed) == 2 and all(isinstance(one, int | float) for one in listed)
+    if not (numbers and 0 < listed[0] < listed[1] < math.inf):
+        example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
+        raise fault(where, f"is {value!r}; {example}")
+    return tuple(map(float, listed))

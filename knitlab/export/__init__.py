@@ -1,0 +1,1 @@
+"""What leaves knitlab: stitch charts and knitting programs, meshes of shapes, and plates."""

@@ -1,0 +1,158 @@
+"""Formats of mesh files: which library writes each; those without fields of faces get colours."""
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from knitlab.export.meshes.fabric import ELECTRODE, KNIT
+from knitlab.export.meshes.surface import SurfaceMesh
+from knitlab.io.atomic_write import atomic_write
+
+KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
+"""Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
+ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))  # of electrodes A and B, likewise [sRGB]
+METRES_OF_Z_UP = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]])
+"""Transform of positions in mm with z upwards to those of glTF, in m with y upwards."""
+
+
+def node_colours(mesh: SurfaceMesh) -> UInt8[np.ndarray, "node 3"]:
+    """Mean colour of the faces around a node [sRGB], by their electrode or, without one, knit."""
+    colours = np.array(KNIT_COLOURS, float)[mesh.face_fields[KNIT]]
+    if ELECTRODE in mesh.face_fields:
+        electrode = mesh.face_fields[ELECTRODE]
+        colours[electrode > 0] = np.array(ELECTRODE_COLOURS, float)[electrode[electrode > 0] - 1]
+    nodes = mesh.faces.ravel()
+    around = np.repeat(colours, mesh.faces.shape[1], axis=0)
+    total = np.stack([np.bincount(nodes, shade, len(mesh.nodes)) for shade in around.T], axis=1)
+    return np.rint(total / np.bincount(nodes)[:, None]).astype(np.uint8)
+
+
+def linear(colours: UInt8[np.ndarray, "node 3"]) -> Float[np.ndarray, "node 3"]:
+    """Colours as light, from 0 to 1, in place of sRGB (IEC 61966-2-1)."""
+    shade = colours / 255
+    return np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
+
+
+def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
+    fields = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
+    for name, values in mesh.node_fields.items():
+        # Names have no brackets and spaces: height_mm for height [mm].
+        fields[re.sub(r"\W+", "_", name.removesuffix(" [1]")).strip("_")] = values
+    _meshio(mesh, fields).write(path, "ply")
+
+
+def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
+    import trimesh
+
+    # A material of two sides: of a sheet the back is seen too.
+    look: dict[str, Any] = {"doubleSided": True, "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    material = trimesh.visual.material.PBRMaterial(name="fabric", **look)
+    visual = trimesh.visual.TextureVisuals(material=material)
+    light = np.rint(255 * linear(node_colours(mesh))).astype(np.uint8)
+    visual.vertex_attributes["color"] = np.insert(light, 3, 255, axis=1)  # opaque
+    scene, solid = trimesh.Scene(), _trimesh(mesh, visual)
+    scene.add_geometry(solid, node_name="fabric", geom_name="fabric", transform=METRES_OF_Z_UP)
+    scene.export(path, "glb")
+
+
+FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
+    ".vtu": lambda mesh, path: _meshio(mesh, mesh.node_fields, mesh.face_fields).write(path, "vtu"),
+    ".obj": lambda mesh, path: _meshio(mesh).write(path, "obj"),
+    ".ply": _write_ply,
+    ".stl": lambda mesh, path: _trimesh(mesh).export(path, "stl"),
+    ".glb": _write_glb,
+}
+"""What writes a mesh into a file, by its suffix."""
+TRIANGLES = (".stl", ".glb")  # suffixes of formats that cannot hold quads
+SERIES = ".pvd"  # suffix of a series of meshes
+FOLD = ".fold"  # suffix of a series of meshes in one file
+
+
+def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
+    """Write a mesh atomically in the format of its suffix; CannotWrite if that fails."""
+    with atomic_write(path) as temporary:
+        FORMATS[path.suffix.lower()](mesh, temporary)
+
+
+def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
+    """Write a mesh for each strain into a folder, then the ``.pvd`` file, of ParaView, of them.
+
+    Its times are the strains. Returns it, then the meshes; those of an earlier series are removed.
+    """
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(root, "Collection")
+    files = []
+    for mesh, strain in zip(meshes, strains, strict=True):
+        time = f"{strain:.9g}"
+        file = path.with_suffix("") / f"strain_{time}.vtu"
+        write_mesh(mesh, file)
+        files.append(file)
+        name = file.relative_to(path.parent).as_posix()
+        ElementTree.SubElement(collection, "DataSet", timestep=time, part="0", file=name)
+    ElementTree.indent(root)
+    with atomic_write(path) as temporary:
+        ElementTree.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
+    for stale in {*path.with_suffix("").glob("strain_*.vtu")} - {*files}:
+        stale.unlink()
+    return [path, *files]
+
+
+def write_fold(
+    meshes: Sequence[SurfaceMesh], strains: Sequence[float], unit: str, path: Path
+) -> None:
+    """Write meshes at applied strains as frames of a FOLD file, version 1.2; see CannotWrite.
+
+    Frames after the first inherit its faces and edges. All edges are creases, with their angles.
+    """
+    edges, faces = meshes[0].edges()
+    frames: list[dict[str, Any]] = []
+    for mesh, strain in zip(meshes, strains, strict=True):
+        angles = mesh.fold_angles().round(3) + 0.0  # without -0
+        kinds = np.array(["F", "V", "M"])[np.sign(angles).astype(int)]
+        frames.append(
+            {
+                "frame_title": f"applied strain {strain:.9g}",
+                "vertices_coords": mesh.nodes.round(6).tolist(),
+                "edges_assignment": np.where(faces[:, 1] < 0, "B", kinds).tolist(),
+                "edges_foldAngle": angles.tolist(),
+            }
+        )
+    model = {
+        "file_spec": 1.2,
+        "file_creator": "knitlab",
+        "file_classes": ["singleModel", "animation"],
+        "frame_classes": ["foldedForm"],
+        "frame_attributes": ["manifold", "orientable"],
+        "frame_unit": unit,
+        "faces_vertices": meshes[0].faces.tolist(),
+        "edges_vertices": edges.tolist(),
+        **frames[0],
+        "file_frames": [{"frame_parent": 0, "frame_inherit": True} | each for each in frames[1:]],
+    }
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(model), encoding="utf-8")
+
+
+def _meshio(
+    mesh: SurfaceMesh,
+    node_fields: Mapping[str, np.ndarray] = {},
+    face_fields: Mapping[str, np.ndarray] = {},
+) -> Any:
+    import meshio
+
+    blocks = [("quad" if mesh.faces.shape[1] == 4 else "triangle", mesh.faces.astype(np.int32))]
+    of_blocks = {name: [values] for name, values in face_fields.items()}
+    return meshio.Mesh(mesh.nodes, blocks, dict(node_fields), of_blocks)
+
+
+def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:
+    import trimesh
+
+    # Unprocessed, it keeps the numbers of the nodes.
+    return trimesh.Trimesh(mesh.nodes, mesh.triangulated().faces, visual=visual, process=False)

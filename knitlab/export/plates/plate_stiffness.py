@@ -1,0 +1,158 @@
+"""The plates of the states of a case, and of the designs of a cube, as labelled datasets."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.cubes.case_file import LENGTH_FACTOR, length_unit, network_configurations
+from knitlab.cubes.chosen_case import has_shape, of_chosen_cases, plies_touch
+from knitlab.cubes.cube_file import cube_name, is_case, is_measured, model_options
+from knitlab.cubes.recorded_case import recorded_case
+from knitlab.cubes.selection import chosen_indices
+from knitlab.io.errors import fault
+from knitlab.observables.schema import STRAIN
+from knitlab.solvers.plate_condensation import Plate, PlateSolver, PlateStatus
+
+DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp)
+STATUS = "plate_status"
+OF_PERIODIC = (
+    "is of clamped samples, and a plate is the mean of periodic fabric;"
+    " simulate it with boundary = periodic"
+)
+VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "membrane_stiffness": (("row", "column"), "N/mm", "A, membrane force by strain"),
+    "coupling_stiffness": (("row", "column"), "N", "B, membrane force by curvature"),
+    "bending_stiffness": (("row", "column"), "N mm", "D, moment by curvature"),
+    "membrane_force": (("row",), "N/mm", "membrane force in the state"),
+    "moment": (("row",), "N", "moment over width in the state, which keeps it flat"),
+    "modulus_x": ((), "N/mm", "tangent modulus along the courses, kept flat"),
+    "modulus_y": ((), "N/mm", "tangent modulus along the wales, kept flat"),
+    "shear_modulus": ((), "N/mm", "tangent shear modulus, kept flat"),
+    "poisson_ratio_x": ((), "1", "contraction along y over a small extension along x"),
+    "poisson_ratio_y": ((), "1", "contraction along x over a small extension along y"),
+    "length_x": ((), "mm", "length of the periodic cell along the courses"),
+    "length_y": ((), "mm", "length of the periodic cell along the wales"),
+    "length_shear": ((), "mm", "shift of the upper end of the periodic cell along the courses"),
+    "reference_height": ((), "mm", "height of the reference plane, the mean of all nodes"),
+}
+"""Dimensions beside those of states, unit and meaning of the variables of a plate."""
+SIDES = ("length_x", "length_y", "length_shear")
+
+
+def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
+    """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
+
+    Where its plies touch the plate is unknown. BadInput if it is a clamped sample, or was not
+    tested at a strain.
+    """
+    case = recorded_case(case_file)
+    if case.options.boundary != "periodic":
+        raise fault(case.label, OF_PERIODIC)
+    if case.friction.acts:
+        raise fault(case.label, "has friction, which plates leave out; take fold_friction = 0")
+    along = {STRAIN: case_file[STRAIN].values}
+    strains = chosen_indices(along, selections).get(STRAIN, range(len(along[STRAIN])))
+    _, fabric = case.assemble()
+    solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
+    reached, touching = has_shape(case_file), plies_touch(case_file)
+    factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
+    plates = []
+    for index in strains:
+        plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(3, np.nan)
+        if touching[index]:
+            plate = Plate.unknown(PlateStatus.plies_touch)
+        elif reached[index]:
+            state = network_configurations(case_file.isel({STRAIN: [index]}))[0]
+            lengths = factor * np.asarray(state.lengths)
+            plate, _ = solver.response(fabric, state)
+        sides = dict(zip(SIDES, [*lengths, 0.0], strict=False))
+        plates.append(_numbers(plate, factor) | sides)
+    about_status = {
+        "units": "1",
+        "long_name": "whether a state has a stiffness",
+        "flag_values": np.array([*PlateStatus], np.int8),
+        "flag_meanings": " ".join(status.name for status in PlateStatus),
+    }
+    found = xr.Dataset(
+        {STATUS: (STRAIN, np.array([each[STATUS] for each in plates], np.int8), about_status)},
+        {
+            STRAIN: case_file[STRAIN].variable[list(strains)],
+            "row": list(DIRECTIONS),
+            "column": list(DIRECTIONS),
+        },
+        {
+            "title": "knitlab plates: x along the courses (weft), y along the wales (warp)",
+            "length_unit": length_unit(case_file),
+        },
+    )
+    for name, (dims, unit, meaning) in VARIABLES.items():
+        about = {"units": unit, "long_name": meaning}
+        found[name] = (STRAIN, *dims), np.array([each[name] for each in plates]), about
+    return found
+
+
+def plates_of(
+    cube: xr.Dataset, selections: Mapping[str, Any] = {}, where: str | None = None
+) -> xr.Dataset:
+    """The plates of a test, or of the designs of a cube that have a periodic shape in its folder.
+
+    BadInput if no design has, or a selection or condition is at fault.
+    """
+    simulated = not (is_case(cube) or is_measured(cube))
+    if simulated and model_options(cube).get("boundary") == "clamped":
+        raise fault(cube_name(cube), OF_PERIODIC)
+    plates = of_chosen_cases(plates_of_case, cube, selections, where)
+    plates[STATUS] = plates[STATUS].fillna(PlateStatus.no_shape).astype(np.int8)
+    return plates
+
+
+def known_states(plates: xr.Dataset) -> Iterator[xr.Dataset]:
+    """Every state that has a shape, on its own, in the order of the dimensions."""
+    dims = plates[STATUS].dims
+    for index in np.ndindex(plates[STATUS].shape):
+        state = plates.isel(dict(zip(dims, index, strict=True)))
+        if state[STATUS] != PlateStatus.no_shape:
+            yield state
+
+
+def stiffness_of(state: xr.Dataset) -> np.ndarray:
+    """The 6 × 6 matrix [A B; Bᵀ D] of one state, in N and mm."""
+    a, b, d = (state[name].values for name in list(VARIABLES)[:3])
+    return np.block([[a, b], [b.T, d]])
+
+
+def in_plane(membrane: np.ndarray, angle: float | np.ndarray = 0.0) -> tuple[Any, Any]:
+    """Modulus along an angle from x, and the ratio of contraction across it, of a flat plate [rad].
+
+    The first is force over width and strain while all other forces are zero [N/mm].
+    """
+    cosine, sine = np.cos(angle), np.sin(angle)
+    along = np.stack([cosine**2, sine**2, cosine * sine])
+    across = np.stack([sine**2, cosine**2, -cosine * sine])
+    # Strain by force; shear counts once in the strain along a direction, twice in the force.
+    compliance = np.linalg.inv(membrane)
+    strain = np.einsum("ij,j...->i...", compliance, along)
+    own = (along * strain).sum(0)
+    return 1 / own, -(across * strain).sum(0) / own
+
+
+def _numbers(plate: Plate, factor: float) -> dict[str, Any]:
+    """The numbers of a plate in lengths that are so many times those of its network."""
+    a, b, d = plate.stiffness[:3, :3], plate.stiffness[:3, 3:], plate.stiffness[3:, 3:]
+    values = {
+        "membrane_stiffness": a / factor,
+        "coupling_stiffness": b,
+        "bending_stiffness": d * factor,
+        "membrane_force": plate.forces[:3] / factor,
+        "moment": plate.forces[3:],
+        "reference_height": plate.height * factor,
+        STATUS: int(plate.status),
+    }
+    names = ("modulus_x", "poisson_ratio_x", "modulus_y", "poisson_ratio_y", "shear_modulus")
+    numbers = [np.nan] * len(names)
+    if np.isfinite(a).all() and np.linalg.matrix_rank(a) == len(a):
+        sides = in_plane(a / factor), in_plane(a / factor, np.pi / 2)
+        numbers = [*sides[0], *sides[1], 1 / np.linalg.inv(a / factor)[2, 2]]
+    return values | dict(zip(names, numbers, strict=True))

@@ -1,0 +1,509 @@
+"""Calibration: the stripe whose endless sheet has a measured tension curve.
+
+The paper fits the zigzag of its 2D model, which is a sheet without diagonals. A sheet with the
+numbers of a zigzag is stiffer once it is unfolded, and would not reproduce a measured swatch.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.optimize import OptimizeResult, least_squares
+
+from knitlab.lab.along_ridges import AlongRidges, springs_along
+from knitlab.lab.fit_statistics import (
+    Comparison,
+    FitErrors,
+    compare,
+    covariance_of_unit_noise,
+    errors_by_residuals,
+    errors_by_scatter,
+)
+from knitlab.model.pattern import CELLS_PER_PERIOD
+from knitlab.model.pure_stripe import PureStripe, tension_across
+from knitlab.model.settings import CellSize
+from knitlab.model.spring_law import CurveLaw, SpringCurve
+from knitlab.model.stripe import Knit, Stripe
+from knitlab.model.stripe_covariance import LEAST_REPEATS, StripeCovariance
+from knitlab.model.zigzag import law_of_one
+
+Law = Literal["linear", "stiffening"] | SpringCurve
+"""Kind of spring law; the shape of a tabulated curve is not fitted."""
+
+FITTED = ("k_s", "k_t", "theta_0")
+FITTED_IF_STIFFENING = (*FITTED, "stiffening_strain")
+"""Fitted parameters, in this order."""
+AS_LOGARITHM = np.array([True, True, False, True])
+"""Which of them are fitted as logarithms: all except the angle."""
+UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
+"""Units as in the paper's tables, except for k_t, which is N mm for an edge."""
+ENTRY_UNITS = {"period": "mm", **UNITS}
+BOUNDS = {
+    "k_s": (1e-4, 1e4),
+    "k_t": (1e-7, 1e2),
+    "theta_0": (0.05, np.pi - 0.05),
+    "stiffening_strain": (1e-3, 1e2),
+}
+"""Range in which each parameter is searched [N/mm, N mm, rad, 1]."""
+STARTING_ANGLES = (0.4, 0.8, 1.4)
+STARTING_FACTORS = (0.3, 3.0)
+STARTING_STRAINS = (0.1, 1.0)
+ALIKE_CORRELATION = 0.99
+VAGUE_ERROR = 0.1
+USELESS_ERROR = 0.5
+"""Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
+MODEL_ERROR, INDEPENDENT = 0.01, 10
+"""Error of any model, over the largest force, and the number of independent errors in a curve.
+Even without noise, a curve that ends before the springs stretch does not determine them."""
+OF_SPRINGS = ("k_s", "stiffening_strain")
+BEYOND_OPEN = 1.1  # of the length of open folds, that a curve should reach
+CORRELATED = 0.5
+"""Correlation of neighbouring residuals from which on there is a warning."""
+ROUND_OFF = 1e-6
+"""Misfit over the largest force below which residuals are round-off."""
+AT_BOUND = 1e-3
+"""Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
+ALTERNATIONS = 6  # at most, of fits across the ridges and along them
+SETTLED = 0.01  # relative change of k_s, k_t and θ0 that ends them
+
+Points = Float[np.ndarray, " point"]
+AlongPoints = Float[np.ndarray, " along"]
+Unknowns = Float[np.ndarray, " fitted"]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A fitted stripe, and how well the curve determines it.
+
+    Numbers by name are those of k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs,
+    the stiffening strain [1]. Forces are on one row [N] or, if ``per_width``, over the width
+    [N/mm].
+    """
+
+    period: float  # relaxed peak-to-peak distance of the stripe, as given [mm]
+    values: dict[str, float]
+    standard_errors: dict[str, float]
+    intervals: dict[str, tuple[float, float]]  # of 95 % confidence
+    correlations: Float[np.ndarray, "fitted fitted"]  # in the order of ``values``
+    strain: Points
+    force: Points  # of the curve, the mean of all repeats
+    fitted_force: Points
+    starts: tuple[int, int]  # number of starts, and of those that ended at this fit
+    converged: bool  # whether the optimiser met its tolerances
+    iterations: int  # number of Jacobians from the best start
+    undetermined: tuple[str, ...]  # parameters that the curve does not determine
+    warnings: tuple[str, ...]
+    law: Law = "linear"
+    per_width: bool = False
+    repeats: int = 1  # from 2 on, errors are those of the mean of their own fits
+    degrees_of_freedom: float = math.inf  # of the errors
+    autocorrelation: float = 0.0  # of neighbouring residuals, if errors come from these
+    along: AlongRidges | None = None  # springs along the ridges, if a curve along them was given
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
+        return f"<Calibration {values}: {len(self.strain)} points, {len(self.warnings)} warnings>"
+
+    @property
+    def usable(self) -> bool:
+        """Whether the fit converged, and the curve determines every parameter."""
+        return self.converged and not self.undetermined
+
+    @property
+    def wanted_strain(self) -> float:
+        """Strain that a curve should reach: a tenth beyond the length of open folds."""
+        return BEYOND_OPEN / math.sin(self.values["theta_0"] / 2) - 1
+
+    def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
+        """The fitted stripe, for a design with this model option.
+
+        The period in its table is that of the relaxed stripe if ``cell_size`` is ``"relaxed"``; if
+        it is ``"flat"``, that of the flat stripe, which is longer by 1/sin(θ0/2).
+        """
+        along, flat = self.along, CELLS_PER_PERIOD * self.flat_cell
+        return Stripe(
+            knit,
+            n,
+            flat if cell_size == "flat" else self.period,
+            **dict[str, Any](self.values),
+            spring_curve=self.law if isinstance(self.law, SpringCurve) else None,
+            # A row of the pure sheet is as wide as its cells are long.
+            row_width=self.flat_cell if self.per_width else None,
+            stretch_along=None if along is None else along.stretch,
+            curve_along=None if along is None else along.curve,
+        )
+
+    @property
+    def flat_cell(self) -> float:
+        """Side of a flat cell of the sheet [mm]."""
+        return self.period / (CELLS_PER_PERIOD * math.sin(self.values["theta_0"] / 2))
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square difference between curve and fit."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of its forces."""
+        return "N/mm" if self.per_width else "N"
+
+    @property
+    def covariance(self) -> StripeCovariance:
+        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name.
+
+        It is that of the mean stripe, with the repeats and degrees of freedom behind it. Fits over
+        width have rows as wide as a flat cell, which is longer in swatches of smaller θ0. The
+        covariance is of k_s and k_t in rows as wide as that of the mean stripe.
+        """
+        errors = np.array(
+            [
+                error / (1.0 if name == "theta_0" else self.values[name])
+                for name, error in self.standard_errors.items()
+            ]
+        )
+        rows = self.correlations * np.outer(errors, errors)
+        if self.per_width:
+            slopes = np.eye(len(rows))
+            # A flat cell is the relaxed one over sin(θ0/2).
+            slopes[:2, 2] = 0.5 / math.tan(self.values["theta_0"] / 2)
+            rows = slopes @ rows @ slopes.T
+        table = {
+            name: dict(zip(self.values, row, strict=True))
+            for name, row in zip(self.values, rows.tolist(), strict=True)
+        }
+        repeats = self.repeats if self.repeats >= LEAST_REPEATS else None
+        return StripeCovariance(table, self.degrees_of_freedom, repeats)
+
+    @property
+    def residuals(self) -> Points:
+        """Curve minus fit."""
+        return self.force - self.fitted_force
+
+    def compared_with(self, simpler: "Calibration") -> Comparison:
+        """Comparison of this law with a simpler one that was fitted to the same curve."""
+        order = np.argsort(self.strain, kind="stable")
+        residuals = simpler.residuals[order], self.residuals[order]
+        return compare(*residuals, (len(simpler.values), len(self.values)))
+
+
+def calibrate(
+    period: float,
+    strain: Points,
+    force: Float[np.ndarray, "*repeat point"],
+    law: Law = "linear",
+    *,
+    per_width: bool = False,
+    along: tuple[AlongPoints, AlongPoints] | None = None,
+) -> Calibration:
+    """Fit a stripe to tension curves across its ridges and, if there is one, along them.
+
+    Diagonals couple the springs along the ridges and those across, so that the two are fitted in
+    turn until they settle. ``along`` has strains and forces, as the curve across. Without it,
+    springs along the ridges are those across, as in a pure sheet of the paper.
+    """
+    first = fitted = _across(period, strain, force, law, per_width)
+    if along is None:
+        return fitted
+    for _ in range(ALTERNATIONS):
+        last = fitted.values
+        sheet = PureStripe.of(fitted.stripe("rib", 1, "relaxed"))
+        springs = springs_along(sheet, *along, per_width=per_width)
+        fitted = _across(period, strain, force, law, per_width, springs, last)
+        fitted = replace(fitted, along=springs, starts=first.starts)
+        if all(abs(value / last[name] - 1) < SETTLED for name, value in fitted.values.items()):
+            return fitted
+    unsettled = "fits across the ridges and along them do not settle; do not use this one"
+    return replace(fitted, converged=False, warnings=(*fitted.warnings, unsettled))
+
+
+def _across(
+    period: float,
+    strain: Points,
+    force: Float[np.ndarray, "*repeat point"],
+    law: Law,
+    per_width: bool,
+    along: AlongRidges | None = None,
+    begin: Mapping[str, float] | None = None,
+) -> Calibration:
+    """Fit k_s, k_t and θ0 of a sheet to its tension curve by bounded least squares.
+
+    For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
+    used. Two repeats or more are fitted one by one: the numbers are the means of their fits (of
+    logarithms, and of the angle), and errors and correlations follow from the scatter. With one
+    curve, errors are those of the linearised fit, with the noise and its correlation along the
+    curve taken from the residuals. The curve is the force on one row of the network [N], which is
+    as wide as a cell is long, or over the width [N/mm], over strains of the relaxed period, w or h
+    [mm]. ValueError if it has too few points, or no tension.
+    """
+    repeats = np.atleast_2d(force)
+    mean = repeats.mean(axis=0)
+    fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
+    _check_curve(strain, mean, len(fitted))
+    curve = law if isinstance(law, SpringCurve) else None
+    bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
+
+    springs = None if along is None else (along.stretch, CurveLaw.of(along.curve))
+    laws, numbers = (curve, per_width), (period, strain, springs)
+
+    def forces(unknowns: Unknowns) -> Points:
+        return np.asarray(_force(*laws, unknowns, *numbers))
+
+    def fit_to(measured: Points, start: Unknowns) -> OptimizeResult:
+        scale = float(np.max(np.abs(measured)))
+        return least_squares(
+            lambda x: (forces(x) - measured) / scale,
+            np.clip(start, *bounds),
+            jac=lambda x: np.asarray(_force_slopes(*laws, x, *numbers)) / scale,
+            bounds=bounds,
+            x_scale="jac",
+            ftol=1e-12,
+            xtol=1e-12,
+            gtol=1e-12,
+            max_nfev=300,
+        )
+
+    # For estimates, a row is as wide as if its folds were shut.
+    on_row = mean * (period / 4 if per_width else 1.0)
+    starts = _starts(period, strain, on_row)[:, : len(fitted)]
+    if begin is not None:
+        starts = np.array([[*begin.values()]])
+    elif law != "stiffening":
+        starts = starts[:: len(STARTING_STRAINS)]
+    starts = _unknowns(starts)
+    fits = [fit_to(mean, start) for start in starts]
+    best = min(fits, key=lambda fit: fit.cost)
+    if len(repeats) >= LEAST_REPEATS:
+        # The fit to the mean curve is biased: folds of the repeats open at different strains.
+        own = np.array([fit_to(each, best.x).x for each in repeats])
+        fitted_at, errors = own.mean(axis=0), errors_by_scatter(own)
+    else:
+        order = np.argsort(strain, kind="stable")
+        fitted_at, errors = best.x, errors_by_residuals(best.jac[order], best.fun[order])
+    limits = fitted_at + np.outer([-1, 0, 1], errors.halfwidths)
+    with np.errstate(over="ignore"):
+        limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
+    lows, values, highs = limits
+    intervals = np.stack([lows, highs], axis=-1)
+    # An interior angle of a fold is between 0 and π.
+    intervals[2] = np.clip(intervals[2], 0, np.pi)
+    standard_errors = errors.standard_errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
+    undetermined, warnings = _undetermined(best, errors)
+    return Calibration(
+        period,
+        dict(zip(fitted, values.tolist(), strict=True)),
+        dict(zip(fitted, standard_errors.tolist(), strict=True)),
+        dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
+        errors.correlations,
+        strain,
+        mean,
+        forces(fitted_at),
+        starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
+        converged=bool(best.success),
+        iterations=int(best.njev),
+        undetermined=undetermined,
+        warnings=(*warnings, *_correlation_warnings(best, errors)),
+        law=law,
+        per_width=per_width,
+        repeats=len(repeats),
+        degrees_of_freedom=errors.degrees_of_freedom,
+        autocorrelation=errors.autocorrelation,
+    )
+
+
+def _check_curve(strain: Points, force: Points, fitted: int) -> None:
+    if len(strain) <= fitted:
+        raise ValueError(
+            f"{len(strain)} points cannot determine {fitted} parameters and their errors;"
+            f" give at least {fitted + 1}"
+        )
+    if not np.any(force):
+        raise ValueError("the force is zero throughout; give a curve under tension")
+    if not np.sum(strain * force) > 0:
+        raise ValueError("the force falls with strain; give tension as positive")
+
+
+def report(calibration: Calibration) -> list[str]:
+    """The fit in lines of text: parameters with errors, correlations, misfit."""
+    tried, agreeing = calibration.starts
+    return [
+        *(
+            f"{name:8s} {calibration.values[name]:.5g} ± {calibration.standard_errors[name]:.2g}"
+            f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
+            for name, (low, high) in calibration.intervals.items()
+        ),
+        *(
+            f"correlation of {one} and {other}: {calibration.correlations[row, column]:+.4f}"
+            for (row, one), (column, other) in itertools.combinations(
+                enumerate(calibration.values), 2
+            )
+        ),
+        f"errors   {_source_of_errors(calibration)}",
+        f"misfit   {calibration.misfit:.2g} {calibration.force_unit} rms over"
+        f" {len(calibration.strain)} points; {agreeing} of {tried} starts agree,"
+        f" {calibration.iterations} steps",
+        *_report_along(calibration),
+    ]
+
+
+def _report_along(calibration: Calibration) -> Iterator[str]:
+    along = calibration.along
+    if along is not None:
+        yield (
+            f"along    {along.stretch:.4g} N/mm over flat width and strain at rest; a curve of"
+            f" {len(along.curve.strain)} points; misfit {along.misfit:.2g} {calibration.force_unit}"
+            f" rms over {len(along.strain)} points"
+        )
+
+
+def _source_of_errors(calibration: Calibration) -> str:
+    freedom = f"Student's t with {calibration.degrees_of_freedom:.3g} degrees of freedom"
+    if calibration.repeats >= LEAST_REPEATS:
+        count = calibration.repeats
+        return (
+            f"of the mean of {count} repeats, by their scatter, as of {count} swatches; {freedom}"
+        )
+    correlation = f"neighbours correlated by {calibration.autocorrelation:.2f}"
+    unknown = "nothing is known about the scatter of new swatches"
+    return f"of the points of one curve, {correlation}; {freedom}; {unknown}"
+
+
+def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
+    """Which of another law and linear springs the curve supports, in lines of text."""
+    comparison = calibration.compared_with(linear)
+    name = "tabulated" if isinstance(calibration.law, SpringCurve) else calibration.law
+    if math.isnan(comparison.gain_if_correlated):
+        verdict = "too few points to decide between the laws"
+    elif comparison.wanted:
+        verdict = f"the curve supports {name} springs"
+    elif comparison.refused:
+        verdict = "the curve supports linear springs"
+    else:
+        verdict = "the curve does not decide; linear springs are sufficient"
+    if not calibration.usable:
+        verdict += f"; the {name} fit cannot be used"
+    return [
+        f"linear   misfit {linear.misfit:.2g} {linear.force_unit} rms, against"
+        f" {calibration.misfit:.2g} {calibration.force_unit} {name}",
+        f"AICc     {name} springs gain {comparison.gain:+.1f} if residuals are independent,"
+        f" {comparison.gain_if_correlated:+.1f} if neighbours are correlated (by"
+        f" {comparison.autocorrelation[0]:.2f} linear, {comparison.autocorrelation[1]:.2f} {name})",
+        f"law      {verdict}",
+    ]
+
+
+def source_of(calibration: Calibration, curve: Path, cell_size: CellSize) -> str:
+    """The source of a stripe that was fitted to the curve of a file, for its table."""
+    errors = ", ".join(
+        f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
+    )
+    return "; ".join(
+        (
+            f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for"
+            f" cell_size {cell_size}",
+            f"standard errors {errors}",
+            *calibration.warnings,
+        )
+    )
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _force(
+    curve: SpringCurve | None,
+    per_width: bool,
+    unknowns: Float[Array, " fitted"],
+    period: Float[Array, ""],
+    strain: Float[Array, " point"],
+    along: tuple[Float[Array, ""], CurveLaw] | None,
+) -> Float[Array, " point"]:
+    law = law_of_one(jnp.exp(unknowns[3]) if len(unknowns) > len(FITTED) else None, curve)
+    across = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], law
+    sheet = PureStripe(period, *across, *(along or ()))
+    # A row of a pure fabric is as wide as its cells are long.
+    return tension_across(sheet, strain) / (sheet.cell if per_width else 1.0)
+
+
+_force_slopes = jax.jit(jax.jacfwd(_force, argnums=2), static_argnums=(0, 1))
+
+
+def _unknowns(values: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*any fitted"]:
+    return np.where(AS_LOGARITHM[: values.shape[-1]], np.log(values), values)
+
+
+def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "start 4"]:
+    """Starts around the stiffness estimated from the curve's size and from its first half."""
+    half = strain <= (strain[0] + strain[-1]) / 2
+    opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
+    starts = []
+    choices = STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, STARTING_STRAINS
+    for angle, stiff, soft, stiffening in itertools.product(*choices):
+        cell = period / (4 * np.sin(angle / 2))
+        # For a fold that opens slightly: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
+        k_t = max(opening, 1e-9) * cell * np.cos(angle / 2) / (2 * np.tan(angle / 2))
+        k_s = np.max(np.abs(force)) / (0.1 * cell)
+        starts.append((stiff * k_s, soft * k_t, angle, stiffening))
+    return np.array(starts)
+
+
+def _correlation_warnings(fit: OptimizeResult, errors: FitErrors) -> list[str]:
+    """A warning if residuals of one curve are correlated, so that its points count as fewer."""
+    rho, misfit = errors.autocorrelation, math.sqrt(2 * fit.cost / len(fit.fun))
+    if rho < CORRELATED or misfit < ROUND_OFF:
+        return []
+    independent = len(fit.fun) * (1 - rho) / (1 + rho)
+    return [
+        f"neighbouring residuals are correlated by {rho:.2f}: {len(fit.fun)} points count as about"
+        f" {independent:.0f}, and errors are enlarged; measure three repeats, whose scatter gives"
+        " the errors"
+    ]
+
+
+def _undetermined(
+    fit: OptimizeResult, errors: FitErrors
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Parameters that a curve does not determine, and sentences on what is wrong with a fit.
+
+    A parameter is undetermined if it is on a bound, if its error is large, from the noise or from
+    the error of any model, or if another parameter has nearly the same effect.
+    """
+    warnings, unknown = [], dict[str, None]()
+    # Whether a curve separates two numbers is not a matter of the scatter of a few repeats.
+    separable = FitErrors(covariance_of_unit_noise(fit.jac), math.inf).correlations
+    standard_errors = errors.standard_errors
+    fitted = FITTED_IF_STIFFENING[: len(fit.x)]
+    if not fit.success:
+        warnings.append(f"the fit did not converge ({fit.message}); do not use it")
+    bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
+    to_bound = np.abs(bounds - fit.x).min(axis=0)
+    spread = MODEL_ERROR * math.sqrt(len(fit.fun) / INDEPENDENT)
+    of_model = spread * np.sqrt(np.diag(covariance_of_unit_noise(fit.jac)))
+    largest = zip(fitted, standard_errors, of_model, to_bound, strict=True)
+    for name, error, model_error, distance in largest:
+        if distance < AT_BOUND:
+            low, high = BOUNDS[name]
+            warnings.append(f"{name} is at its bound ({low:g} to {high:g})")
+        elif error > USELESS_ERROR:
+            warnings.append(f"{name} is uncertain by more than half")
+        elif name in OF_SPRINGS and model_error > USELESS_ERROR:
+            error_of = f"an error of {MODEL_ERROR:.0%} of the largest force"
+            warnings.append(f"{error_of} changes {name} by more than half")
+        else:
+            continue
+        unknown[name] = None
+    for one, other in itertools.combinations(range(len(fitted)), 2):
+        vague = max(standard_errors[one], standard_errors[other]) > VAGUE_ERROR
+        if vague and abs(separable[one, other]) > ALIKE_CORRELATION:
+            warnings.append(
+                f"the curve cannot separate {fitted[one]} and {fitted[other]} (correlation"
+                f" {separable[one, other]:+.4f}); their standard errors are not reliable"
+            )
+            unknown |= {fitted[one]: None, fitted[other]: None}
+    return tuple(unknown), tuple(warnings)

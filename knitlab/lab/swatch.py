@@ -1,0 +1,139 @@
+"""Simulation of a calibrated swatch: how far the network is from the records of the fit.
+
+The network of an endless pure sheet is relaxed and pulled like any other fabric, so that this does
+not depend on the three unknowns to which the fit reduces the sheet.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.lab.calibration import Calibration
+from knitlab.model.settings import ModelOptions, Sheet
+from knitlab.model.stripe import Stripe
+from knitlab.runs.parameters import defaults
+from knitlab.runs.simulate import tensile_tests
+from knitlab.solvers.case import Case
+from knitlab.solvers.equilibrium.loading import WARP, Load
+
+Direction = Literal["across", "along"]
+Points = Float[np.ndarray, " point"]
+
+FAR = 0.05  # largest difference over the largest force, above which there is a warning
+STATES = 12  # strains of a simulated swatch, at most
+# Ridges lie along x: a swatch is pulled across them along the warp.
+LOADS: dict[Direction, Load] = {"across": WARP, "along": Load("weft")}
+ENDLESS = ModelOptions(cell_size="relaxed", boundary="periodic", fold_phase="stripe_centre")
+OUT_OF_REACH = 100.0  # distance of the walls, in periods: a testing machine has none
+
+
+@dataclass(frozen=True)
+class Swatch:
+    """A record, and the simulated force at some of its strains [N/mm], or on one row [N]."""
+
+    direction: Direction
+    strain: Points
+    force: Points  # measured
+    simulated: Points  # NaN where the simulation did not converge
+
+    @property
+    def apart(self) -> float:
+        """Largest difference over the largest measured force, NaN if a state did not converge."""
+        return float(np.max(np.abs(self.simulated - self.force)) / np.max(np.abs(self.force)))
+
+
+def simulated_swatches(calibration: Calibration) -> list[Swatch]:
+    """Simulate the swatches of a calibration: across the ridges, and along them if measured.
+
+    The network of an endless pure sheet is relaxed and pulled to some strains of each record.
+
+    Args:
+        calibration: the fit, as :func:`knitlab.calibrate` returns it.
+
+    Returns:
+        A swatch for each direction, with its ``strain`` [1], the measured ``force`` and the
+        ``simulated`` one, in the unit of the records; ``apart`` is their largest difference over
+        the largest force.
+
+    Example:
+        >>> import numpy as np
+        >>> from knitlab.model.pure_stripe import PureStripe, tension_across
+        >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
+        >>> strain = np.linspace(0.05, 2.5, 40)
+        >>> force = tension_across(PureStripe.of(stripe), strain)
+        >>> fitted = kl.calibrate(strain, force, period=1.41)
+        >>> [swatch] = kl.simulated_swatches(fitted)
+        >>> bool(swatch.apart < 1e-3)
+        True
+    """
+    stripe = calibration.stripe("rib", 1, "relaxed")
+    records: list[tuple[Direction, Points, Points]] = [
+        ("across", calibration.strain, calibration.force)
+    ]
+    if calibration.along is not None:
+        records.append(("along", calibration.along.strain, calibration.along.force))
+    swatches = []
+    for direction, strain, force in records:
+        order = np.argsort(strain)
+        order = order[strain[order] > 0]
+        some = order[np.unique(np.linspace(0, len(order) - 1, STATES).round().astype(int))]
+        simulated = _forces(stripe, strain[some], direction)
+        if calibration.per_width:
+            cell = calibration.flat_cell
+            width = cell if direction == "across" else cell * stripe.contraction
+            simulated = simulated / width
+        swatches.append(Swatch(direction, strain[some], force[some], simulated))
+    return swatches
+
+
+def report(swatches: list[Swatch]) -> Iterator[str]:
+    """How far simulated swatches are from their records, in lines of text."""
+    for swatch in swatches:
+        apart = f"at most {swatch.apart:.1%} of the largest force from its record"
+        if np.isnan(swatch.apart):
+            apart = "not every state converged"
+        strains = f"at {len(swatch.strain)} strains"
+        yield f"swatch   simulated {swatch.direction} the ridges {strains}: {apart}"
+
+
+def warnings(swatches: list[Swatch]) -> Iterator[str]:
+    """Warnings of simulated swatches that are far from their records."""
+    for swatch in swatches:
+        if swatch.apart > FAR:
+            where = swatch.strain[np.argmax(np.abs(swatch.simulated - swatch.force))]
+            yield (
+                f"{swatch.direction} the ridges the simulated swatch is {swatch.apart:.0%} of the"
+                f" largest force from its record, at a strain of {where:.2g}; compare the curves"
+                " in the figure, and try another law, or records of a smaller strain"
+            )
+
+
+def _forces(stripe: Stripe, strain: Points, direction: Direction) -> Points:
+    """Forces on one row, or one column, of an endless sheet [N]."""
+    known = defaults()
+    walls = Sheet(z_max=OUT_OF_REACH * stripe.period, k_wall=known.sheet.k_wall)
+    case = Case(
+        design={"n_stripe": stripe.n},
+        weft=stripe,
+        warp=stripe,
+        sheet=walls,
+        options=ENDLESS,
+        pattern=("G",),
+        periods=1,
+        unit_cells=(1, 1),
+        applied_strain=(0.0, *strain.tolist()),
+        method="equilibrium",
+        solver=known.solver,
+        load=LOADS[direction],
+    )
+    (test,) = tensile_tests([case], lambda *_: None)
+    forces = np.full(len(case.applied_strain), np.nan)
+    if test.loading is not None:
+        for number, state in enumerate(test.states):
+            if state.converged:
+                forces[number] = test.loading.reaction_force(state.gradient)
+    shape = case.mesh_shape
+    return forces[1:] / (shape.cells_x if direction == "across" else shape.cells_y)

@@ -1,0 +1,62 @@
+"""Programs that JAX has compiled are kept in the user's cache folder, for all runs and workers."""
+
+import hashlib
+import platform
+import warnings
+from contextlib import suppress
+from pathlib import Path
+
+import jax
+from filelock import FileLock, Timeout
+from platformdirs import user_cache_path
+
+from knitlab.io.atomic_write import can_write_into
+from knitlab.io.compilation_cache import problem_of_cache
+from knitlab.model.threads import allowed_threads
+
+LARGEST = 512 * 2**20
+"""Size of all programs that are kept; those not used for longest are removed [bytes]. With a limit,
+JAX holds a lock while it reads or writes, which several workers need."""
+
+
+def keep_compiled_programs() -> None:
+    """Keep compiled programs, unless the user has set JAX's cache or the folder cannot be written.
+
+    ``JAX_COMPILATION_CACHE_DIR`` names another folder; with ``JAX_ENABLE_COMPILATION_CACHE=0``
+    none. A warning says if nothing can be written there.
+    """
+    named = getattr(jax.config, "jax_compilation_cache_dir", None)
+    if named is not None:
+        kept = getattr(jax.config, "jax_enable_compilation_cache", True)
+        if kept and (problem := problem_of_cache(named)):
+            warnings.warn(problem, stacklevel=2)
+            jax.config.update("jax_enable_compilation_cache", False)
+        return
+    folder = user_cache_path("knitlab") / "compiled" / _kind_of_program()
+    if not can_write_into(folder):
+        return
+    # JAX writes the time of use after the program, and would warn every time of programs without
+    # it, whose process was killed while it wrote them.
+    try:
+        with FileLock(folder / ".lockfile", timeout=1):
+            for program in folder.glob("*-cache"):
+                if not program.with_name(f"{program.name.removesuffix('-cache')}-atime").exists():
+                    program.unlink(missing_ok=True)
+    except Timeout:
+        pass
+    except OSError:  # without locks, JAX would warn of every program
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_compilation_cache_max_size", LARGEST)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _kind_of_program() -> str:
+    """Version of JAX, processor, whose programs may crash on another, and threads of a program."""
+    features = ""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        features = next((line for line in lines if line.startswith(("flags", "Features"))), "")
+    processor = " ".join((platform.machine(), platform.processor(), features))
+    digest = hashlib.sha256(processor.encode()).hexdigest()[:12]
+    return f"jax-{jax.__version__}-{digest}-threads-{allowed_threads('PJRT_NPROC')}"

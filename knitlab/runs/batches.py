@@ -1,0 +1,176 @@
+"""Batches: cases simulated together, their time and memory, and shards of about equal time.
+
+The numbers of the estimates are measurements that the page on performance states.
+"""
+
+import heapq
+import itertools
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import psutil
+
+from knitlab.io.errors import fault
+from knitlab.solvers.case import Case, Method, by_test
+from knitlab.solvers.dynamics.settings import Dynamics
+
+BATCH_UNKNOWNS = 8_000  # unknowns that one vmapped batch may hold: about 1 GiB of element Hessians
+RELAXATION_STEPS = 10  # about the number of steps of a tensile test that its relaxation costs
+COST_POWER = 1.3  # about the power of the number of unknowns with which the cost of a step grows
+SECONDS_OF_STATE = 0.012  # at least, however small the fabric, to find and to measure it
+SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.018, "dynamics": 1.2e-7}  # on one core
+TIME_TO_REST = 60.0  # usual duration of a motion until a fabric is at rest [ms]
+STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over the largest k_s
+CONTACT = 4.0  # how much longer a fabric with contact takes
+PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
+BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}  # to 30 %
+BATCHES_OF_SHARD = 8  # batches of each shard, at least, if their cases are small enough
+MOST_SHARDS = 100_000  # as many as a plan has cases at most
+DIGITS = 6  # of the estimated times that balance shards, whatever the machine
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Cases that one vmapped program simulates together, as identifiers; time on one core."""
+
+    cases: tuple[str, ...]
+    unknowns: int
+    estimated_seconds: float
+    estimated_bytes: float
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of the ``count`` shares of a plan, numbered from 1 on."""
+
+    number: int
+    count: int
+
+    def __post_init__(self) -> None:
+        integers = all(type(value) is int for value in (self.number, self.count))
+        if not (integers and 1 <= self.number <= self.count <= MOST_SHARDS):
+            problem = "is not a part of a plan; give a whole number from 1 to the number of shards,"
+            raise fault(f"shard {self}", f"{problem} which are at most {MOST_SHARDS:,}")
+
+    @classmethod
+    def of(cls, text: str) -> "Shard":
+        """Read a shard, as in ``3/40``; BadInput if the text is of another form."""
+        if not (match := re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)):
+            raise fault(f"shard {text}", "is not of the form NUMBER/COUNT; write it as in 3/40")
+        return cls(int(match[1]), int(match[2]))
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+
+def batched(cases: Mapping[str, Case]) -> tuple[Batch, ...]:
+    """Batches of cases that can be stacked, as large as memory allows, the longest first."""
+    alike: dict[tuple[Any, ...], list[str]] = defaultdict(list)
+    for case_id, case in cases.items():
+        # Mass and damping are numbers of each fabric in a batch.
+        dynamics = case.dynamics and replace(case.dynamics, damping_ratio=0.0, surface_density=1.0)
+        options = case.options.fold_angle, case.options.contact
+        key = case.mesh_shape, options, case.spring_kinds, dynamics
+        alike[key].append(case_id)
+    batches = []
+    for (shape, *_), members in alike.items():
+        size = max(1, BATCH_UNKNOWNS // shape.unknowns)
+        sharing = by_test((case_id, cases[case_id]) for case_id in members)
+        for first in range(0, len(sharing), size):
+            together = itertools.chain.from_iterable(sharing[first : first + size])
+            batches.append(_batch_of(tuple(together), cases))
+    return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))
+
+
+def _batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
+    """The batch of cases of one mesh shape; those that share a test cost as much as one."""
+    sharing = by_test((case_id, cases[case_id]) for case_id in members)
+    first = cases[members[0]]
+    unknowns = first.mesh_shape.unknowns * len(sharing)
+    time = seconds(cases[those[0]] for those in sharing)
+    memory = PROCESS_BYTES + BYTES_OF_UNKNOWN[first.method] * unknowns
+    return Batch(tuple(members), unknowns, time, memory)
+
+
+def seconds(cases: Iterable[Case]) -> float:
+    """Time of cases on one core, to a factor of about two [s]."""
+    return sum(
+        SECONDS_OF_WORK[case.method] * work(case, case.states) + SECONDS_OF_STATE * case.states
+        for case in cases
+    )
+
+
+def work(case: Case, states: float) -> float:
+    """Work in the first states of a case and its siblings: steps of 1000 unknowns, or of a node."""
+    longer = CONTACT if case.options.contact == "barrier" else 1.0
+    if case.method == "dynamics":
+        return longer * _time_steps(case, case.motion, states) * case.mesh_shape.nodes
+    tests, states = divmod(states, len(case.applied_strain))
+    steps_of_test = len(case.applied_strain) + RELAXATION_STEPS - 1
+    begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
+    steps = tests * steps_of_test + begun + states
+    if case.unloading:
+        steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
+    steps += 2 * (case.cycle - 1) * len(case.applied_strain) * (1 if tests else min(states, 1.0))
+    steps *= longer
+    return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
+
+
+def _time_steps(case: Case, motion: Dynamics, states: float) -> float:
+    """About the number of time steps of the leapfrog in the first states of a test."""
+    stiffest = max(case.weft.k_s, case.warp.k_s)
+    mass = motion.surface_density * case.weft.period * case.warp.period
+    mass *= (case.options.length_scale / case.options.cells_per_period) ** 2
+    stable = 2 * math.sqrt(mass / (STIFFNESS_OF_NODE * stiffest))  # the longest time step [ms]
+    at_rest, rate = motion.ending == "rest", motion.strain_rate
+    relaxation = TIME_TO_REST if at_rest else motion.relax_time
+    if motion.ending == "steps":
+        relaxation, rate = motion.relax_steps * stable, motion.step_strain / stable
+    strain = float(np.interp(states - 1, range(len(case.applied_strain)), case.applied_strain))
+    waiting = TIME_TO_REST * max(states - 1, 0.0) if at_rest else 0.0
+    time = relaxation * min(states, 1.0) + strain / rate + waiting
+    return time / (motion.step_safety * stable)
+
+
+def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:
+    """Number of workers whose batches fit into a memory [bytes], by default of this machine."""
+    memory = float(psutil.virtual_memory().total) if memory is None else memory
+    needs = sorted((batch.estimated_bytes for batch in batches), reverse=True)
+    if needs and needs[0] > memory:
+        largest = f"batch of {max(batch.unknowns for batch in batches):,} unknowns"
+        sizes = f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB"
+        raise fault(largest, f"{sizes}; take fewer unit_cells or a larger machine")
+    while workers > 1 and sum(needs[:workers]) > memory:
+        workers -= 1
+    return workers
+
+
+def split(
+    batches: Sequence[Batch], cases: Mapping[str, Case], count: int
+) -> list[tuple[Batch, ...]]:
+    """The batches of each shard of a plan: the longest first, to the shard that has least to do."""
+    whole = math.fsum(batch.estimated_seconds for batch in batches)
+    longest = whole / count / BATCHES_OF_SHARD  # unless a single case takes longer
+    pieces: list[tuple[float, Batch]] = []
+    for batch in batches:
+        times = _rounded(batch.estimated_seconds / longest) if longest else 1.0
+        number = min(len(batch.cases), max(1, math.ceil(times)))
+        for members in np.array_split(batch.cases, number):
+            piece = _batch_of(members.tolist(), cases)
+            pieces.append((_rounded(piece.estimated_seconds), piece))
+    shards: list[list[Batch]] = [[] for _ in range(count)]
+    loads = [(0.0, number) for number in range(count)]
+    for cost, piece in sorted(pieces, key=lambda pair: (-pair[0], pair[1].cases)):
+        load, number = loads[0]
+        heapq.heapreplace(loads, (load + cost, number))
+        shards[number].append(piece)
+    return [tuple(shard) for shard in shards]
+
+
+def _rounded(time: float) -> float:
+    return float(f"{time:.{DIGITS}g}")

@@ -1,0 +1,227 @@
+"""Merging: results folders of one workflow become one, unless they contradict each other."""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import xarray as xr
+
+from knitlab.cubes import case_file, cube_file
+from knitlab.cubes.cube_file import CUBE, differences, parameters_of
+from knitlab.io.atomic_write import atomic_write, clear_unfinished
+from knitlab.io.errors import Fault, fault, raise_any
+from knitlab.io.lock import held
+from knitlab.io.names import named_folder
+from knitlab.observables.schema import Status
+from knitlab.runs import results_folder
+from knitlab.runs.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes, stored_in
+from knitlab.runs.plan import joined_plan
+from knitlab.runs.reproduce import CURVES, comparison
+from knitlab.runs.results_folder import PLAN, Cell, Design, Failure
+
+CASES = "cases"
+MOST_NAMED = 5  # largest number of cases that a message names
+
+
+class Merge(NamedTuple):
+    """The result of a merge."""
+
+    folder: Path
+    cube: xr.Dataset
+    counts: dict[str, int]  # of designs by status, without excluded combinations
+    sources: tuple[Path, ...]
+    copied: tuple[str, ...]  # cases whose files were copied
+    damaged: tuple[Path, ...]  # files that were left out
+
+
+@dataclass(frozen=True)
+class FolderContents:
+    """What a results folder of one workflow holds: plan, cube, and case files by their state."""
+
+    path: Path
+    workflow: str
+    record: Mapping[str, Any] | None
+    cube: xr.Dataset | None
+    dims: tuple[str, ...]  # of its designs; empty if it states none
+    parameters: dict[str, Any]  # settings that its designs share, and its gauge
+    cells: dict[Design, Cell]  # of its cube, with results
+    sound: frozenset[str]
+    damaged: tuple[Path, ...]
+
+    @classmethod
+    def of(cls, path: Path) -> "FolderContents":
+        """Read a results folder; BadInput if it holds an experiment."""
+        workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
+        cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
+        if cube is not None:
+            if cube_file.is_measured(cube):
+                raise fault(str(path), "holds an experiment; only simulations are merged")
+            cube = stored_in(cube, path / CUBE)
+            workflow, dims = str(cube.attrs.get("workflow", workflow)), cube_file.design_dims(cube)
+            gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
+            parameters = parameters_of(cube) | gauge
+        record = results_folder.read_plan(path) if (path / PLAN).exists() else None
+        if record is not None:
+            workflow = record["workflow"]
+            dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
+        known = results_folder.cells(cube).items()
+        cells = {design: cell for design, cell in known if cell.has_results}
+        names, intact = case_file.stored_cases(path), case_file.StoredCase.sound
+        sound = {name for name in names if case_file.check_case_file(path, name) is intact}
+        damaged = tuple(case_file.case_path(path, name) for name in sorted(names.keys() - sound))
+        return cls(path, workflow, record, cube, dims, parameters, cells, frozenset(sound), damaged)
+
+    @cached_property
+    def results(self) -> dict[str, Cell | None]:
+        """The cases that it has results of, and their cells if they are in its cube."""
+        return dict.fromkeys(self.sound) | {cell.case_id: cell for cell in self.cells.values()}
+
+    def numbers(self, case_id: str) -> xr.Dataset:
+        """What is compared of a case: from its file, or else from the cube."""
+        cell = self.results[case_id]
+        if cell is None or self.cube is None or case_id in self.sound:
+            case = case_file.read_case(self.path, case_id)
+        else:
+            case = self.cube.isel(dict(zip(self.dims, cell.indices, strict=True)), drop=True)
+        return case[[name for name in CURVES if name in case]]
+
+
+def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = False) -> Merge:
+    """Join the files of several folders, see :func:`knitlab.merge`; all is compared before.
+
+    BadInput if they contradict each other or hold several workflows.
+    """
+    paths = dict.fromkeys(path.resolve() for each in folders for path in _results_folders(each))
+    sources = [FolderContents.of(path) for path in paths]
+    names = {source.workflow: source.path for source in sources}
+    if len(names) > 1:
+        listed = ", ".join(f"{name} in {path}" for name, path in names.items())
+        raise fault("folders", f"hold results of several workflows ({listed}); merge one at a time")
+    target = named_folder(results, next(iter(names))).resolve()
+    with held(target):
+        clear_unfinished(target)
+        merged = [source for source in sources if source.path != target]
+        if _holds_results(target):
+            merged = [FolderContents.of(target), *merged]
+        _check_agreement(merged, any_code)
+        failures: dict[str, Failure] = {}
+        owners: dict[str, Path] = {}
+        for source in reversed(merged):
+            failures |= results_folder.earlier_failures(source.path)
+            owners |= dict.fromkeys(source.sound, source.path)
+        copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
+        for case_id, owner in copied.items():
+            # The checksum first, as where a case is simulated.
+            for path in (case_file.checksum_path, case_file.case_path):
+                with atomic_write(path(target, case_id)) as temporary:
+                    shutil.copyfile(path(owner, case_id), temporary)
+        cube = _joined(merged, target, failures)
+        cube_file.write_cube(cube, target / CUBE)
+        bad = cube["status"].isin([Status.not_converged, Status.failed]).values
+        not_ok = [failures[name] for name in cube["case_id"].values[bad] if name in failures]
+        results_folder.write_failures(target, not_ok)
+    counts = {each.name: int((cube["status"] == each).sum()) for each in Status}
+    damaged = {file for source in sources for file in source.damaged if file.stem not in owners}
+    return Merge(
+        folder=results / target.name,
+        cube=cube,
+        counts={name: n for name, n in counts.items() if n and name != Status.excluded.name},
+        sources=tuple(paths),
+        copied=tuple(copied),
+        damaged=tuple(sorted(damaged)),
+    )
+
+
+def _results_folders(path: Path) -> list[Path]:
+    """A results folder of a workflow, or those in a folder of such folders."""
+    folders = [path] if _holds_results(path) else [*filter(_holds_results, sorted(path.glob("*")))]
+    if not folders:
+        raise fault(str(path), f"holds no results: neither {PLAN} nor {CUBE}; check the path")
+    return folders
+
+
+def _holds_results(path: Path) -> bool:
+    return any((path / name).exists() for name in (PLAN, CUBE, CASES))
+
+
+def _joined(
+    merged: Sequence[FolderContents], target: Path, failures: Mapping[str, Failure]
+) -> xr.Dataset:
+    """The cube of all folders and of the case files in the target, which gets their joint plan."""
+    cubes = [source.cube for source in merged if source.cube is not None]
+    old = joined_cubes(cubes) if cubes else None
+    records = [source.record for source in merged if source.record]
+    if not records:
+        if old is None:
+            path = merged[0].path
+            raise fault(str(path), f"has neither {PLAN} nor {CUBE}; run its workflow there first")
+        return old
+    plan = joined_plan(records, str(target))
+    plan.write(target / PLAN)
+    states = results_folder.survey(plan.designs, target, results_folder.cells(old), check=False)
+    return build_cube(plan, target, old, states, results_folder.without_results(failures))
+
+
+def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
+    """Refuse folders that differ in dimensions, settings, gauges, codes or results."""
+    first, *others = folders
+    faults: list[Fault] = []
+    for other in others:
+        if first.dims and other.dims and first.dims != other.dims:
+            problem = f"has the dimensions {', '.join(other.dims)}, but {first.path} has"
+            problem += f" {', '.join(first.dims)}; merge it into another folder"
+            raise fault(str(other.path), problem)
+        changed = differences(first.parameters, other.parameters)
+        if listed := "; ".join(str(each) for each in changed if each.key[0] not in MAY_DIFFER):
+            problem = f"was computed otherwise than {first.path} ({listed}); merge it into another"
+            problem += " folder, or run both as one workflow with a list of values"
+            faults.append(Fault(str(other.path), problem))
+    codes: dict[str, Path] = {}
+    for folder in folders if not any_code else ():
+        for case_id, cell in folder.results.items():
+            code = cell.code if cell else case_file.read_code(folder.path, case_id) or ""
+            codes.setdefault(code, folder.path)
+    if len(codes) > 1:
+        listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
+        problem = f"hold cases of different code ({listed}); run the older ones again,"
+        faults.append(Fault("folders", f"{problem} or allow any code"))
+    if not faults:
+        faults = _contradictions(folders)
+    raise_any(faults)
+
+
+def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
+    """Faults of designs that are another case, or the same case with other numbers."""
+    faults: dict[str, Fault] = {}
+    of_design: dict[Design, tuple[FolderContents, Cell]] = {}
+    of_case: dict[str, FolderContents] = {}
+    for folder in folders:
+        for design, cell in folder.cells.items():
+            owner, known = of_design.setdefault(design, (folder, cell))
+            if known.case_id != cell.case_id:
+                labels = results_folder.labelled(folder.dims, design)
+                problem = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
+                problem += f" {known.case_id}, computed with other settings;"
+                problem += " merge it into another folder"
+                faults[cell.case_id] = Fault(str(folder.path), problem)
+        for case_id in folder.results:
+            owner = of_case.setdefault(case_id, folder)
+            if owner is folder or case_id in faults:
+                continue
+            if case_id in owner.sound & folder.sound:
+                files = (case_file.checksum_path(each.path, case_id) for each in (owner, folder))
+                if len({file.read_bytes() for file in files}) == 1:
+                    continue
+            agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
+            if not agree:
+                problem = f"has other numbers in {folder.path} than in {owner.path}"
+                problem += f" ({sentence.partition(':')[0]});"
+                problem += " compute it alone with knitlab reproduce, and remove the wrong one"
+                faults[case_id] = Fault(f"case {case_id}", problem)
+    named = list(faults.values())[:MOST_NAMED]
+    if len(faults) > MOST_NAMED:
+        named.append(Fault("folders", f"contradict each other in {len(faults)} cases in all"))
+    return named

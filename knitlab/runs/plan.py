@@ -1,0 +1,230 @@
+"""The plan: everything that a run needs, resolved once and stored in ``plan.json``."""
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from knitlab.cubes.cube_file import common_settings
+from knitlab.cubes.recorded_case import case_of_record
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
+from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
+from knitlab.io.json_file import with_checksum
+from knitlab.io.shipped import shipped
+from knitlab.model.stitches import Gauge
+from knitlab.observables.schema import SAMPLE, Variable
+from knitlab.runs import workflow_text
+from knitlab.runs.batches import Batch, Shard, batched, split
+from knitlab.runs.cases import (
+    Designs,
+    cases,
+    designs_of_section,
+    designs_of_stripes,
+    electrode_problems,
+    overridden,
+    unusual_values,
+    with_pattern_files,
+)
+from knitlab.runs.declared_fields import FACTOR
+from knitlab.runs.material import MATERIAL, with_material_file
+from knitlab.runs.parameters import Parameters, read_parameters
+from knitlab.runs.results_folder import Design
+from knitlab.runs.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
+from knitlab.runs.workflow_file import Overrides, workflow_file
+from knitlab.runs.workflow_text import MOST_CASES, WorkflowText
+from knitlab.runs.yarn import YarnOnMachine
+from knitlab.solvers.case import Case
+
+RECORDED = ("workflow", "title", "figures", "dims", "overrides", "inputs", "stripes", "material")
+"""Attributes of a plan that its file has as they are."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A workflow, resolved into cases by their identifiers, and these into batches."""
+
+    workflow: str
+    title: str
+    figures: tuple[str, ...]
+    cases: dict[str, Case]
+    batches: tuple[Batch, ...]
+    excluded: dict[Design, str]  # impossible designs of the grid, with the reason
+    coordinates: dict[str, Variable]  # of the settings that are given as lists
+    overrides: dict[str, Any]  # values that replace the workflow's, by the name of their setting
+    inputs: dict[str, str]  # SHA-256 of every file that the plan was made from, by path
+    stripes: str  # fingerprint of the stripe tables, with the changes that all cases share
+    gauge: Gauge  # size of a stitch, for the cube's sizes in cloth; no case depends on it
+    material: str | None = None  # name of a material in place of the paper's yarn
+    yarn: YarnOnMachine | None = None  # what that says of its yarn and machine
+    warnings: tuple[str, ...] = ()  # values that may be mistakes
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.cases)} cases in {len(self.batches)} batches"
+        return f"<Plan {self.workflow}: {counts}, {len(self.excluded)} designs excluded>"
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Dimensions of the cube along which its designs are ordered."""
+        return tuple(next(iter(self.cases.values())).design)
+
+    @property
+    def designs(self) -> dict[str, Design]:
+        """Labels of the cases, by identifier."""
+        return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
+
+    def share(self, shard: Shard) -> "Plan":
+        """The share of one shard; without cases if there are more shards than cases."""
+        batches = split(self.batches, self.cases, shard.count)[shard.number - 1]
+        wanted = {case_id for batch in batches for case_id in batch.cases}
+        cases = {case_id: case for case_id, case in self.cases.items() if case_id in wanted}
+        return replace(self, cases=cases, batches=batches)
+
+    @cached_property
+    def common(self) -> dict[str, Any]:
+        """The settings that all cases share."""
+        # A factor on a number changes this number too.
+        swept = {*self.dims, *(each.removesuffix(FACTOR) for each in self.dims)}
+        return common_settings([case.record for case in self.cases.values()], swept, self.stripes)
+
+    @property
+    def applied_strain(self) -> tuple[float, ...]:
+        """Strains of the protocol, the same for every case."""
+        return next(iter(self.cases.values())).applied_strain
+
+    def write(self, path: Path) -> None:
+        """Write the plan into a JSON file, one line for each case."""
+        record = {name: getattr(self, name) for name in RECORDED} | {
+            "code": code_fingerprint(),
+            "package": package_fingerprint(),
+            "gauge": asdict(self.gauge),
+            "yarn": self.yarn and self.yarn.given,
+            "parameters": self.common,
+            "batches": [asdict(batch) for batch in self.batches],
+            "excluded": [[*design, reason] for design, reason in self.excluded.items()],
+        }
+        cases = self.cases.items()
+        lines = (f"  {json.dumps(case_id)}: {json.dumps(case.record)}" for case_id, case in cases)
+        head = json.dumps(record, indent=1).removesuffix("\n}")
+        with atomic_write(path) as temporary:
+            text = f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n"
+            temporary.write_text(with_checksum(text), encoding="utf-8")
+
+
+def make_plan(
+    workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
+) -> Plan:
+    """The plan of a workflow, by name or file, with overrides; BadInput has every fault."""
+    text = workflow_text.read_workflow(workflow_file(workflow), overrides)
+    folder = parameter_folder or shipped("params")
+    faults, parameters, read = ErrorCollector(), None, None
+    axes, designs = workflow_text.Axes(), Designs()
+    made: dict[str, Case] = {}
+    inputs = [text.path, *folder.glob("*.toml")]
+    with faults:
+        parameters = read_parameters(folder)
+    with faults:
+        if parameters and (model := text.section("model")):
+            if model.material is not None:
+                inputs.append(text.folder(MATERIAL) / model.material)
+                parameters, text = with_material_file(inputs[-1], parameters, text)
+            if (interpolate := model.interpolate_stripes) is not None:
+                stripes = parameters.stripes.model_copy(update={"interpolate": interpolate})
+                parameters = replace(parameters, stripes=stripes)
+    with faults:
+        read, axes = text.checked()
+    with faults:
+        if parameters and (design := text.section("design")):
+            parameters, files = with_pattern_files(design, parameters, text)
+            inputs += files
+            designs = designs_of_section(design, parameters, text.source)
+        elif parameters and (pure := text.section("stripes")):
+            designs = designs_of_stripes(pure, parameters, text.source)
+    with faults:
+        if parameters and read and not faults.all:
+            sets = math.prod(len(axes[name]) for name in {*axes} - {*text.paired[1:]})
+            if (number := len(designs) * sets) > MOST_CASES:
+                problem = f"asks for {number:,} cases, above {MOST_CASES:,}; give shorter lists"
+                raise fault(str(text.path), problem)
+            made = {
+                case.case_id: case
+                for labels, chosen in workflow_text.combinations(read, axes, text.paired)
+                for case in cases(chosen, labels, designs, parameters, text.source)
+            }
+            faults.all += _misplaced_electrodes(made, text)
+    if parameters is None or read is None or faults.all:
+        raise BadInput(faults.all)
+    # Paired settings share the last dimension.
+    dims = [name for name in axes if name not in text.paired] + [SAMPLE] * bool(text.paired)
+    return Plan(
+        workflow=text.path.stem,
+        title=read.title,
+        figures=read.figures,
+        cases=made,
+        batches=batched(made),
+        excluded={design: reason for design, reason in designs.items() if reason},
+        coordinates={dim: workflow_text.coordinate(dim) for dim in dims},
+        overrides=text.overrides,
+        inputs=digests(sorted(inputs)),
+        stripes=_stripes_fingerprint(parameters, read, set(axes)),
+        gauge=overridden(parameters.gauge, read.gauge),
+        material=parameters.material,
+        yarn=parameters.yarn,
+        warnings=unusual_values(read, made.values(), parameters),
+    )
+
+
+def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fault]:
+    """Faults of the electrodes of cases; one fault for all designs that have it."""
+    designs: dict[str, list[str]] = defaultdict(list)
+    for case in made.values():
+        for problem in electrode_problems(case):
+            designs[problem].append(case.label)
+    given = text.table.get("electrodes", {})
+    source = text.source(f"electrodes.{'mask' if 'mask' in given else 'layout'}")
+    return [
+        Fault(source, f"{problem} (in {labels[0]}{' and others' if len(labels) > 1 else ''})")
+        for problem, labels in designs.items()
+    ]
+
+
+def _stripes_fingerprint(parameters: Parameters, read: Workflow, swept: set[str]) -> str:
+    changes = read.model.model_dump(include=set(CHANGES) - swept)
+    # For linear springs the fingerprint is that of a version without other laws.
+    for name in [name for name in SPRING_LAW_CHANGES if changes.get(name) is None]:
+        changes.pop(name, None)
+    tables = parameters.stripes.model_dump(exclude_none=True)
+    return text_fingerprint(json.dumps([tables, changes]))
+
+
+def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
+    """Recorded plans of one workflow as one; it states inputs only if they have the same cases."""
+    first, cases = records[0], dict[str, Case]()
+    for case_id, stored in dict(item for each in records for item in each["cases"].items()).items():
+        cases[case_id] = case_of_record(stored, f"{source}: {case_id}")
+    designs = {tuple(case.design.values()) for case in cases.values()}
+    excluded = {tuple(row[:-1]): row[-1] for record in records for row in record["excluded"]}
+    alike = all(record["cases"].keys() == cases.keys() for record in records)
+    return Plan(
+        workflow=first["workflow"],
+        title=first["title"],
+        figures=tuple(first["figures"]),
+        cases=cases,
+        batches=batched(cases),
+        excluded={design: why for design, why in excluded.items() if design not in designs},
+        coordinates={
+            name: workflow_text.coordinate(name)
+            for name in first["dims"]
+            if name in (*SETTINGS, SAMPLE) and name not in ("n_stripe", "n_subunit")
+        },
+        overrides=dict(first["overrides"]) if alike else {},
+        inputs=dict(first["inputs"]) if alike else {},
+        stripes=first.get("stripes", ""),
+        gauge=Gauge(**first["gauge"]),
+        material=first.get("material"),
+        yarn=None if (yarn := first.get("yarn")) is None else YarnOnMachine(**yarn),
+    )

@@ -1,0 +1,309 @@
+"""Running a plan: missing cases are simulated, then the cube is built."""
+
+import itertools
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event
+
+import xarray as xr
+
+from knitlab.cubes.case_file import case_path, read_case
+from knitlab.cubes.cube_file import CUBE, differences, parameters_of, write_cube
+from knitlab.io.atomic_write import clear_unfinished
+from knitlab.io.errors import Fault, fault, raise_any
+from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.lock import gate, held, running_shards
+from knitlab.observables.schema import Status
+from knitlab.runs import results_folder, workers
+from knitlab.runs.batches import Shard, workers_that_fit
+from knitlab.runs.cube import DAMAGED_CUBE, build_cube, previous_cube
+from knitlab.runs.plan import Plan
+from knitlab.runs.progress import ProgressBar
+from knitlab.runs.results_folder import (
+    FAILURES,
+    PLAN,
+    CaseState,
+    Failure,
+    cells,
+    earlier_failures,
+    survey,
+)
+from knitlab.runs.simulate import simulate_batch
+from knitlab.runs.workers import BatchError, SchedulerLost, Simulate, Task
+from knitlab.solvers.case import Case
+
+LONGEST = 1e6  # time for one case [s]; timers take no more for a batch of many
+ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a plan is run, see :func:`knitlab.run`; none of these options changes a result.
+
+    Without a number of ``workers`` a single batch is simulated in this process, which is ready
+    sooner, and several by one process for each processor.
+    """
+
+    workers: int | None = 0
+    scheduler: str | None = None
+    retries: int = 0
+    fail_fast: bool = False
+    case_timeout: float | None = None
+    refresh: bool = False
+    shard: Shard | None = None
+    dashboard: bool = False
+    show_progress: bool = False
+    simulate: Simulate = simulate_batch
+
+    def __post_init__(self) -> None:
+        faults = [
+            Fault(f"{name} {number}", "is not a whole number; give 0 or more")
+            for name, number in (("workers", self.workers or 0), ("retries", self.retries))
+            if not isinstance(number, int) or number < 0
+        ]
+        if self.case_timeout is not None and not 0 < self.case_timeout <= LONGEST:
+            problem = f"is not above 0 and at most {LONGEST:,.0f} s; change it, or leave it out"
+            faults.append(Fault(f"case_timeout {self.case_timeout}", problem))
+        raise_any(faults)
+
+    def processors(self, batches: int) -> int:
+        """Processes on this machine for a number of batches, or 0 for this process."""
+        if self.workers is not None:
+            return self.workers
+        # A separate process can be stopped, and its crash does not end the run.
+        return 0 if batches == 1 and self.case_timeout is None else os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class Run:
+    """The result of a run; cases are named by their identifiers."""
+
+    cube: xr.Dataset  # as written; of a shard, the designs of its share alone
+    simulated: tuple[str, ...]
+    states_before: dict[str, CaseState]
+    failures: tuple[Failure, ...]
+    stopped: bool
+    changed: tuple[str, ...]  # differences to the parameters of the cube before the run
+    joined: bool  # whether ``cube.nc`` was written; it is left to other shards that still run
+    rebuilt: bool = False  # whether the cube before the run was damaged
+
+    def left_in(self, *states: CaseState) -> set[str]:
+        """The cases that were in one of some states before the run, which did not simulate them."""
+        before = {case_id for case_id, state in self.states_before.items() if state in states}
+        return before.difference(self.simulated)
+
+    @property
+    def all_ok(self) -> bool:
+        """Whether every case is ok and was computed with the requested parameters."""
+        return not (self.failures or self.stopped or self.left_in(CaseState.stale_parameters))
+
+    def remarks(self, dims: Sequence[str], folder: Path) -> list[str]:
+        """One line for each case that is not ok, then on damaged, stale and unfinished ones."""
+        lines = []
+        for entry in self.failures:
+            label = results_folder.labelled(dims, [entry[name] for name in dims])
+            lines.append(f"{entry['status']}: {label}: {entry['reason']}")
+        for case_id, state in self.states_before.items():
+            if state is CaseState.damaged:
+                path = case_path(folder, case_id)
+                lines.append(f"damaged: {path} was not as it had been written")
+        if self.rebuilt:
+            kept = f"it is kept as {DAMAGED_CUBE}"
+            lines.append(f"damaged: {folder / CUBE} was not as it had been written; {kept}")
+        if self.failures:
+            lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
+        if stale := len(self.left_in(CaseState.stale_code)):
+            kept = f"stale: {stale} cases were computed by other code and are kept"
+            lines.append(f"{kept}; a refresh recomputes them")
+        if stale := len(self.left_in(CaseState.stale_parameters)):
+            listed = "; ".join(self.changed) or "of single designs"
+            kept = f"stale: {stale} cases are kept as computed with other parameters ({listed})"
+            lines.append(f"{kept}; a refresh recomputes them, another results folder keeps both")
+        if self.stopped:
+            left = len(self.left_in(CaseState.pending, CaseState.damaged))
+            left_over = "1 case is left" if left == 1 else f"{left} cases are left"
+            lines.append(f"stopped: finished cases are kept, {left_over}; run again to continue")
+        return lines
+
+
+def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
+    """Simulate the cases of a plan that have no undamaged file, then write ``cube.nc``.
+
+    A batch that raises or whose worker dies is tried again, then each of its cases on its own; a
+    case that still has no result is ``failed``. The last of several shards to end writes the cube.
+    BadInput if another run or plan holds the folder, its cube has other dimensions, or a batch
+    needs more memory than there is; CannotWrite if the folder is full, finished cases are kept.
+    """
+    if options.scheduler is not None:
+        workers.connected(options.scheduler).close()  # before anything is written
+    shard = options.shard
+    share = plan if shard is None else plan.share(shard)
+    with held(results, None if shard is None else (shard.number, shard.count)):
+        with gate(results):
+            there = (results / CUBE).exists()
+            old = previous_cube(plan, results / CUBE)
+            # Another shard that has its lock may still wait at the gate, without a plan written.
+            if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
+                recorded = results_folder.read_plan(results)
+                other_code = recorded.get("code") != code_fingerprint()
+                if other_code or recorded["cases"].keys() != plan.cases.keys():
+                    problem = "is that of the shards that run in this folder, and has other cases"
+                    problem += " or was made by other code; wait for them, or name another results"
+                    raise fault(str(results / PLAN), f"{problem} folder")
+            else:
+                clear_unfinished(results)
+                plan.write(results / PLAN)
+        states = survey(share.designs, results, cells(old), check=True)
+        missing = {
+            case_id: share.cases[case_id]
+            for case_id, state in states.items()
+            if state in (CaseState.pending, CaseState.damaged)
+            or (state is not CaseState.done and options.refresh)
+        }
+        with workers.interrupted_by_signals() as asked:
+            done = _simulate(share, results, missing, options, asked)
+        if joined := shard is None:
+            cube, failures = _join(plan, results, old, states, done)
+        else:
+            shown, after = share, states | dict.fromkeys(done.ended, CaseState.pending)
+            if not share.cases:  # with more shards than cases: a cube without results
+                shown, after = plan, dict.fromkeys(plan.cases, CaseState.damaged)
+            cube = build_cube(shown, results, None, after, done.failed)
+            failures = _failures(share, results, cube, done)
+            with gate(results):
+                of_others = earlier_failures(results)
+                others = [entry for name, entry in of_others.items() if name not in share.cases]
+                results_folder.write_failures(results, [*others, *failures])
+                if joined := not _others_run(results, shard):
+                    # Others may have written the cube while this shard was running.
+                    now = previous_cube(plan, results / CUBE)
+                    states_now = survey(plan.designs, results, cells(now), check=True)
+                    _join(plan, results, now, states_now, done)
+    changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
+    simulated = tuple(sorted(done.ended))
+    return Run(
+        cube,
+        simulated,
+        states,
+        failures,
+        done.stopped,
+        tuple(changed),
+        joined,
+        there and old is None,
+    )
+
+
+def _others_run(results: Path, shard: Shard) -> bool:
+    return any(other != (shard.number, shard.count) for other in running_shards(results))
+
+
+@dataclass
+class _Simulated:
+    ended: set[str] = field(default_factory=set)
+    failed: dict[str, BatchError] = field(default_factory=dict)  # why they have no results
+    stopped: bool = False
+
+
+def _simulate(
+    plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions, asked: Event
+) -> _Simulated:
+    """Simulate cases; a batch that was lost twice is run alone, where it can kill no other."""
+    done = _Simulated()
+    planned = [batch for batch in plan.batches if not missing.keys().isdisjoint(batch.cases)]
+    if not planned:
+        return done
+    batches: list[Sequence[Case]] = [
+        [missing[case_id] for case_id in batch.cases if case_id in missing] for batch in planned
+    ]
+    processors = options.processors(len(batches))
+    count = min(processors, len(batches))
+    if options.scheduler is None:
+        count = workers_that_fit(planned, count)
+    # Processors without a batch go to the others as threads; those of a scheduler are not known.
+    threads = 1 if options.scheduler else processors // max(count, 1)
+    task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
+    with (
+        ProgressBar(missing, shown=options.show_progress) as bar,
+        _until_stopped(bar, done),  # while the workers end
+        workers.pool_of(task, count, options.scheduler, options.dashboard, bar.reached) as pool,
+        _until_stopped(bar, done),
+    ):
+        attempts = 0
+        while batches:
+            again: list[Sequence[Case]] = []
+            together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
+            for batch, error in itertools.chain.from_iterable(map(pool, together)):
+                if error and error.cannot_write:
+                    raise error.cannot_write
+                if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
+                    again.append(batch)
+                    continue
+                if error and len(batch) > 1:
+                    again += [[case] for case in batch]
+                    continue
+                for case_id in (case.case_id for case in batch):
+                    bar.ended(case_id)
+                    if error:
+                        done.failed[case_id] = error
+                    else:
+                        done.ended.add(case_id)
+                    if options.fail_fast:
+                        ok = not error and read_case(results, case_id)["status"] == Status.ok
+                        done.stopped |= not ok
+                done.stopped |= asked.is_set()
+                if done.stopped:
+                    return done
+            batches, attempts = again, attempts + 1
+    return done
+
+
+@contextmanager
+def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
+    """End a step of a run early, but not the run, if it is interrupted or its scheduler is lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        done.stopped = True
+        bar.write("stopping: the workers end and the cube is written; wait a moment")
+    except SchedulerLost:
+        done.stopped = True
+        bar.write("stopping: the dask scheduler ended or cannot be reached")
+
+
+def _join(
+    plan: Plan,
+    results: Path,
+    old: xr.Dataset | None,
+    states: dict[str, CaseState],
+    done: _Simulated,
+) -> tuple[xr.Dataset, tuple[Failure, ...]]:
+    """Write the cube and the failures of a folder, with the states of its cases before the run."""
+    failed = results_folder.without_results(earlier_failures(results)) | done.failed.keys()
+    after = states | dict.fromkeys(done.ended, CaseState.pending)
+    cube = build_cube(plan, results, old, after, failed)
+    failures = _failures(plan, results, cube, done)
+    write_cube(cube, results / CUBE)
+    results_folder.write_failures(results, failures)
+    return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
+
+
+def _failures(plan: Plan, results: Path, cube: xr.Dataset, done: _Simulated) -> tuple[Failure, ...]:
+    """For every design of the cube that is not ok the reason, and the record to run it alone."""
+    earlier = earlier_failures(results)
+    bad = cube["status"].isin([Status.not_converged, Status.failed])
+    entries = []
+    # A case that failed when it was refreshed keeps its old results in the cube.
+    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *done.failed]):
+        error = done.failed.get(case_id)
+        if case_id in earlier and case_id not in done.ended and not error:
+            entries.append(earlier[case_id])
+        elif case := plan.cases.get(case_id):
+            reason = error.reason if error else read_case(results, case_id).attrs["reason"]
+            status = Status.failed if error else Status.not_converged
+            entry = {"case_id": case_id, **case.design, "status": status.name}
+            entry |= {"reason": str(reason), "trace": error.trace if error else ""}
+            entries.append(entry | {"case": case.record})
+    return tuple(entries)

@@ -1,0 +1,104 @@
+"""Equations of equilibrium that depend on one parameter, and those of a fabric under a load."""
+
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from knitlab.model.energy import COMPLETE, Point
+from knitlab.model.fabric import Configuration
+from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium.loading import Loading
+from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.solvers.equilibrium.system import System
+
+Vector = Float[np.ndarray, " free"]
+DIFFERENCE = 1e-6  # of the parameter, for the derivative of the force by it
+
+
+class Equations(Protocol):
+    """An energy V(u, t) of unknowns u and a parameter t, with its derivatives by u."""
+
+    size: float  # scale of u, relative to which the parameter counts along a branch
+    neutral: Float[np.ndarray, "free mode"]  # orthonormal motions that cost no energy
+    lift: Float[np.ndarray, "free mode"]  # and one that does only if something is touched
+
+    def energy(self, u: Vector, t: float) -> float:
+        """V."""
+        ...
+
+    def force(self, u: Vector, t: float) -> Vector:
+        """∂V/∂u, zero in equilibrium."""
+        ...
+
+    def stiffness(self, u: Vector, t: float) -> sp.csc_array:
+        """∂²V/∂u²."""
+        ...
+
+    def force_by_parameter(self, u: Vector, t: float) -> Vector:
+        """∂²V/∂u∂t."""
+        ...
+
+
+class FabricEquations:
+    """A fabric whose held unknowns follow the applied strain of a loading, by its free unknowns."""
+
+    def __init__(self, system: System, loading: Loading) -> None:
+        self.loading, self._system = loading, system.on(loading.shape)
+        self._free = free_stiffness(loading.shape, loading.free)
+        self._elements = ChunkedFabric(loading.shape, system.fabric)
+        sides = np.asarray(system.fabric.cell_sides)
+        self.size = float(sides.min()) * np.sqrt(len(loading.free))
+        translations = _translations(loading)
+        self.neutral, self.lift = translations[:, :2], translations[:, 2:]
+
+    @property
+    def start(self) -> Vector:
+        """The relaxed fabric."""
+        return self.loading.reference[self.loading.free]
+
+    def unknowns(self, u: Vector, t: float) -> Float[np.ndarray, " unknown"]:
+        """All unknowns: the free ones, and those that the strain prescribes [mm]."""
+        whole = self.loading.reference.copy()
+        whole[self.loading.free] = u
+        return self.loading.holding(whole, t)
+
+    def gradient(self, u: Vector, t: float) -> Float[np.ndarray, " unknown"]:
+        """∂V by all unknowns, held ones too [N]."""
+        return np.asarray(self._system.evaluate(Point(self.unknowns(u, t))).gradient)
+
+    def energy(self, u: Vector, t: float) -> float:
+        """Elastic energy [N mm]."""
+        return float(self._system.evaluate(Point(self.unknowns(u, t))).energy.total)
+
+    def force(self, u: Vector, t: float) -> Vector:
+        """∂V/∂u [N]."""
+        return self.gradient(u, t)[self.loading.free]
+
+    def stiffness(self, u: Vector, t: float) -> sp.csc_array:
+        """∂²V/∂u² [N/mm]."""
+        return stiffness_of(self._elements, self._free, self.unknowns(u, t))
+
+    def force_by_parameter(self, u: Vector, t: float) -> Vector:
+        """∂²V/∂u∂ε by a central difference [N]."""
+        ahead, behind = self.force(u, t + DIFFERENCE), self.force(u, t - DIFFERENCE)
+        return (ahead - behind) / (2 * DIFFERENCE)
+
+
+def stiffness_of(
+    elements: ChunkedFabric, free: FreeStiffness, unknowns: Float[np.ndarray, " unknown"]
+) -> sp.csc_array:
+    """The whole symmetric stiffness of the free unknowns of a fabric [N/mm]."""
+    lower = free.lower(free.entries(elements.element_hessians(COMPLETE, unknowns)))
+    return sp.csc_array(lower + sp.tril(lower, -1).T)
+
+
+def _translations(loading: Loading) -> Float[np.ndarray, "free mode"]:
+    """Translations in the plane and across it, of periodic fabric; clamps allow none."""
+    shape = loading.shape
+    if not shape.periodic:
+        return np.zeros((len(loading.free), 0))
+    moves = np.broadcast_to(np.eye(3)[:, None, None], (3, shape.nodes_y, shape.nodes_x, 3))
+    whole = np.asarray(Configuration(moves, np.zeros((3, shape.lengths))).flattened())
+    return np.linalg.qr(whole[:, loading.free].T)[0]

@@ -1,0 +1,485 @@
+"""Search of the pairs of parts of a fabric that may come within reach of each other.
+
+A grid cell owns its lower left node, the edges that start there and its two triangles, so that
+every pair of parts belongs to one pair of cells, and is found once. Periodic fabric is compared
+with itself, and with its images above and to the right: all other pairs are images of these.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from knitlab.model.contact_layers import TRIANGLES, ContactLayers
+from knitlab.model.network import MeshShape
+from knitlab.solvers.dynamics.closest_points import Kind, distance
+from knitlab.solvers.dynamics.contact import Contact, PairList, chunk_size
+
+NODE = np.array([[[0, 0]]])
+EDGES = np.array([[[0, 0], [0, 1]], [[0, 0], [1, 0]], [[0, 0], [1, 1]]])
+"""Node and edges that a cell owns, by the steps (y, x) to their corners."""
+CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
+NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
+"""Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
+SPLIT: dict[Kind, int] = {"triangle": 1, "edges": 2}
+"""Number of the first corner of the second part of a pair."""
+MARGINS = 0.1, 0.5  # least and greatest margin of a list, over the shortest side of a cell
+PLACES = 4  # of a list at least, for each node
+BLOCK = 1024  # pairs of cells whose parts are compared together
+UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
+CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
+MOST_BLOCKS = 256  # into which a grid is divided, about
+FRESH = 0.4  # part of their margin up to which close cells serve for a new list
+PARALLEL = 1e-3  # squared sine between edges of unit length, below which they count as parallel
+
+Cells = Int[np.ndarray, "cell 2"]  # row and column of lower left nodes, images included
+Pairs = Int[np.ndarray, "pair 4 2"]  # the same of the four corners
+Positions = Float[np.ndarray, "node 3"]
+Lengths = Float[np.ndarray, "2"]
+Boxes = Float[np.ndarray, "3 cell"]
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Pairs of parts of one kind that are not too far apart."""
+
+    corners: Pairs
+    near: Bool[np.ndarray, " pair"]  # whether they are near each other on the grid
+    gap: Float[np.ndarray, " pair"]  # distance beyond that at which their barrier begins [mm]
+
+    def within(self, margin: float) -> "Parts":
+        """Those with a gap of at most a margin, the closest first."""
+        which = np.argsort(self.gap)[: np.count_nonzero(self.gap <= margin)]
+        return Parts(self.corners[which], self.near[which], self.gap[which])
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where the nodes of a fabric are."""
+
+    positions: Positions  # [mm]
+    lengths: Lengths  # L_x and L_y [mm]
+
+
+@dataclass(frozen=True, eq=False)
+class CloseCells:
+    """Pairs of cells, but for neighbours, that were within a distance of each other."""
+
+    place: Place
+    within: float  # [mm]
+    between: Float[np.ndarray, "block block"]  # least distance of others, by their blocks [mm]
+    one: Cells
+    other: Cells
+
+    def gaps(
+        self, shape: MeshShape, low: Boxes, high: Boxes, lengths: Lengths
+    ) -> Float[np.ndarray, " pair"]:
+        """Gaps between the boxes of pairs of cells, whose lowest and highest corners are given."""
+        (one, turns), (other, others) = (
+            _nodes_and_turns(shape, each) for each in (self.one, self.other)
+        )
+        apart = np.zeros(len(one))
+        for axis in range(3):
+            shift = 0.0
+            if shape.periodic and axis < 2:
+                shift = (others - turns)[:, 1 - axis] * lengths[axis]
+            ahead = low[axis][other] + shift - high[axis][one]
+            behind = low[axis][one] - high[axis][other] - shift
+            apart += np.maximum(np.maximum(ahead, behind), 0.0) ** 2
+        return np.sqrt(apart)
+
+
+class Watched(NamedTuple):
+    """Pairs of cells, and how far they may approach before some of their parts are not listed."""
+
+    one: Int[Array, " pair"]  # number of the cell
+    other: Int[Array, " pair"]
+    turns: Float[Array, "2 pair"]  # sides L_x, L_y between the images that are compared
+    slack: Float[Array, " pair"]  # [mm]
+
+
+@dataclass(frozen=True, eq=False)
+class Listed:
+    """The pairs that can come within reach before parts have approached by more than a margin."""
+
+    place: Place  # where they were found
+    margin: float  # [mm]
+    parts: dict[Kind, Parts]
+    cells: CloseCells
+    watched: "Watched"
+
+    def within(self, used: float) -> dict[Kind, int]:
+        """How many of the first pairs can be within reach, by the used part of the margin."""
+        reach = used * self.margin
+        return {kind: int((each.gap <= reach).sum()) for kind, each in self.parts.items()}
+
+
+@dataclass(frozen=True)
+class PairFinder:
+    """Finds the pairs of a fabric of a mesh shape that can touch."""
+
+    shape: MeshShape
+    layers: ContactLayers
+
+    def listed(self, place: Place, last: Listed | None = None, wanted: float = 0.0) -> Listed:
+        """The pairs at a configuration, with a wide margin where few parts are close.
+
+        The cells that are close to each other are searched only if those of the ``last`` list may
+        not be all. The margin is as ``wanted`` at least, if not wider than can be [mm].
+        """
+        least, margin = (fraction * self.layers.cell for fraction in MARGINS)
+        least = min(max(least, wanted), margin)
+        within = self.layers.far.begins + margin
+        if last is None or not self._spent(last.cells, place) < FRESH:
+            cells = self._close_cells(place, within + CLOSE * self.layers.cell)
+        else:
+            cells = last.cells
+        parts, watched = self._parts(cells, place, margin)
+        gaps = np.concatenate([each.gap for each in parts.values()])
+        few = self.shape.nodes // 4
+        if len(gaps) > few:
+            margin = max(least, float(np.partition(gaps, few)[few]))
+        one, other, slack = watched
+        watch = self._watched(one, other, np.maximum(slack, margin))
+        listed: dict[Kind, Parts] = {kind: each.within(margin) for kind, each in parts.items()}
+        return Listed(place, margin, listed, cells, watch)
+
+    def used(self, listed: Listed, place: Place) -> float:
+        """Part of its margins that a motion has used of a list; above 1 it may be incomplete."""
+        motion = place.positions - listed.place.positions
+        motion = motion.T.reshape(3, self.shape.nodes_y, self.shape.nodes_x)
+        used = float(_used(motion, place.lengths - listed.place.lengths, listed.watched))
+        spent = self._spent(listed.cells, place)
+        return max(used, spent) if np.isfinite(used + spent) else np.inf
+
+    def _spent(self, cells: CloseCells, place: Place) -> float:
+        """Part of their margin by which cells that are not close may have approached.
+
+        They approach by the stretch of the fabric along x and y, and by the other motion of the
+        blocks that they are in.
+        """
+        before = cells.place
+        if self.shape.periodic:
+            plane = place.lengths / before.lengths
+        else:
+            spans = (np.ptp(each.positions[:, :2], axis=0) for each in (place, before))
+            plane = np.divide(*spans)
+        motion = place.positions - before.positions * [*plane, 1.0]
+        low, high = blocks(self.shape, motion)
+        nearer = np.zeros_like(cells.between)
+        for axis in range(3):
+            spread = high[:, None, axis] - low[None, :, axis]
+            nearer += np.maximum(spread, spread.T) ** 2
+        left = cells.between * min(float(plane.min()), 1.0) - np.sqrt(nearer)
+        return float((cells.within - left).max()) / (CLOSE * self.layers.cell)
+
+    def _watched(self, one: Cells, other: Cells, slack: Float[np.ndarray, " pair"]) -> Watched:
+        spare = 2 ** int(np.ceil(np.log2(max(len(one), 1024)))) - len(one)
+        number, turns = _nodes_and_turns(self.shape, one)
+        other_number, other_turns = _nodes_and_turns(self.shape, other)
+        turns = np.pad((turns - other_turns)[:, ::-1].T.astype(float), ((0, 0), (0, spare)))
+        numbers = (np.pad(each, (0, spare)).astype(np.int32) for each in (number, other_number))
+        return Watched(
+            *map(jnp.asarray, (*numbers, turns, np.pad(slack, (0, spare), constant_values=np.inf)))
+        )
+
+    def _parts(
+        self, cells: CloseCells, place: Place, margin: float
+    ) -> tuple[dict[Kind, Parts], tuple[Cells, Cells, Float[np.ndarray, " pair"]]]:
+        """Pairs with gaps up to a margin, among close cells and neighbours that fold together.
+
+        Also all pairs of cells that could come close, and by how much they may.
+        """
+        at = self._corners(_cells(self.shape), place)
+        gap = cells.gaps(self.shape, at.min(axis=0), at.max(axis=0), place.lengths)
+        gap -= self.layers.far.begins
+        close = gap <= margin
+        *beside, folded = self._neighbours(place)
+        watched = (
+            np.concatenate([cells.one, beside[0]]),
+            np.concatenate([cells.other, beside[1]]),
+            np.concatenate([gap, np.where(folded, 0.0, UNFOLDED * self.layers.cell)]),
+        )
+        beside = [each[folded] for each in beside]
+        cell = np.concatenate([cells.one[close], beside[0]])
+        cell_other = np.concatenate([cells.other[close], beside[1]])
+        distances = self._distances(cell, cell_other, place)
+        found: dict[Kind, Parts] = {}
+        for kind, split in SPLIT.items():
+            steps = _STEPS[kind]
+            limit = self.layers.far.begins + margin
+            number, which = np.nonzero(limit >= distances[kind].T)
+            if kind == "triangle":
+                swap = which >= 2
+                own = np.where(swap[:, None], cell_other[number], cell[number])
+                against = np.where(swap[:, None], cell[number], cell_other[number])
+                step = steps[which % 2]
+            else:
+                own, against, step = cell[number], cell_other[number], steps[which]
+            corners = np.concatenate(
+                [own[:, None] + step[:, :split], against[:, None] + step[:, split:]], axis=1
+            )
+            distance = distances[kind][which, number]
+            apart = _apart_on_grid(corners, split)
+            exist = (apart > 0).all(axis=(1, 2))
+            if not self.shape.periodic:
+                inside = (corners >= 0) & (corners < [self.shape.nodes_y, self.shape.nodes_x])
+                exist &= inside.all(axis=(1, 2))
+            of_layers = []
+            for near, layer in ((False, self.layers.far), (True, self.layers.near)):
+                on_grid = (apart <= self.layers.near_cells) == near
+                those = exist & on_grid.any(axis=(1, 2))
+                pairs = Parts(
+                    corners[those], np.full(those.sum(), near), distance[those] - layer.begins
+                )
+                of_layers.append(pairs.within(margin))
+            found[kind] = Parts(
+                *(
+                    np.concatenate([getattr(each, name) for each in of_layers])
+                    for name in ("corners", "near", "gap")
+                )
+            )
+        return found, watched
+
+    def _close_cells(self, place: Place, within: float) -> CloseCells:
+        """Pairs of cells whose boxes are within a distance [mm], but for neighbours."""
+        cells, own = _cells(self.shape), len(_cells(self.shape))
+        at = self._corners(cells, place)
+        low, high = at.min(axis=0).T, at.max(axis=0).T
+        if self.shape.periodic:
+            # Images whose boxes may come near those of the fabric.
+            inner, outer = low.min(axis=0) - within, high.max(axis=0) + within
+            for period in NEIGHBOURS:
+                shift = np.array([*(period[::-1] * place.lengths), 0.0])
+                reaches = ((low[:own] + shift <= outer) & (high[:own] + shift >= inner)).all(axis=1)
+                image = period * [self.shape.cells_y, self.shape.cells_x]
+                cells = np.concatenate([cells, cells[:own][reaches] + image])
+                low = np.concatenate([low, low[:own][reaches] + shift])
+                high = np.concatenate([high, high[:own][reaches] + shift])
+        size = high - low
+        # Boxes can only be so close if their centres are, in units of the largest box.
+        scaled = (low + high) / 2 / (size.max(axis=0) + within)
+        one, other = cKDTree(scaled).query_pairs(1.0, p=np.inf, output_type="ndarray").T
+        which = (one < own) | (other < own)
+        which &= np.abs(cells[one] - cells[other]).max(axis=1) > 1
+        one, other = one[which], other[which]
+        gap = np.maximum(np.maximum(low[one] - high[other], low[other] - high[one]), 0.0)
+        close = np.einsum("pc,pc->p", gap, gap) <= within**2
+        return CloseCells(
+            place, within, self._between(place, within), cells[one[close]], cells[other[close]]
+        )
+
+    def _between(self, place: Place, within: float) -> Float[np.ndarray, "block block"]:
+        """Least distances of cells of two blocks that are not within a distance [mm]."""
+        low, high = blocks(self.shape, place.positions)
+        if self.shape.periodic:
+            return np.full((len(low), len(low)), within)  # their images may be nearer
+        gaps = np.maximum(low[:, None] - high, (low[:, None] - high).transpose(1, 0, 2))
+        return np.maximum(np.linalg.norm(gaps.clip(0.0), axis=-1), within)
+
+    def _neighbours(self, place: Place) -> tuple[Cells, Cells, Bool[np.ndarray, " pair"]]:
+        """Pairs of neighbouring cells, and whether they are folded by more than a right angle.
+
+        Others cannot come as near as the barrier of near parts reaches.
+        """
+        cells = _cells(self.shape)
+        at = self._corners(cells, place)
+        normals = np.cross((at[2] - at[0]).T, (at[3] - at[1]).T)
+        one, other = _beside(self.shape)
+        numbers = (_nodes_and_turns(self.shape, each)[0] for each in (one, other))
+        against = np.einsum("nc,nc->n", *(normals[number] for number in numbers))
+        return one, other, against <= 0
+
+    def _corners(self, cells: Cells, place: Place) -> Float[np.ndarray, "4 3 cell"]:
+        """Positions of the corners of cells; beyond an edge those of the edge [mm]."""
+        corners = (cells[:, None] + CORNERS).transpose(1, 0, 2)
+        if not self.shape.periodic:
+            corners = np.minimum(corners, [self.shape.cells_y, self.shape.cells_x])
+            return place.positions[
+                corners[..., 0] * self.shape.nodes_x + corners[..., 1]
+            ].transpose(0, 2, 1)
+        nodes, turns = _nodes_and_turns(self.shape, corners)
+        at = place.positions[nodes]
+        at[..., :2] += turns[..., ::-1] * place.lengths
+        return at.transpose(0, 2, 1)
+
+    def _distances(
+        self, one: Cells, other: Cells, place: Place
+    ) -> dict[Kind, Float[np.ndarray, "pair cell"]]:
+        """Distances of all that the cells of a pair own [mm]."""
+        count = len(one)
+        spare = -count % BLOCK
+        at = [
+            np.pad(self._corners(cells, place), ((0, 0), (0, 0), (0, spare)))
+            for cells in (one, other)
+        ]
+        blocks = [
+            _cell_distances(*(each[..., start : start + BLOCK] for each in at))
+            for start in range(0, count, BLOCK)
+        ]
+        if not blocks:
+            return {"triangle": np.zeros((4, 0)), "edges": np.zeros((9, 0))}
+        return {
+            kind: np.concatenate([np.asarray(block[kind]) for block in blocks], axis=1)[:, :count]
+            for kind in SPLIT
+        }
+
+
+@lru_cache(maxsize=8)
+def _beside(shape: MeshShape) -> tuple[Cells, Cells]:
+    """All pairs of neighbouring cells."""
+    cells = _cells(shape)
+    one = np.repeat(cells, len(NEIGHBOURS), axis=0)
+    other = one + np.tile(NEIGHBOURS, (len(cells), 1))
+    if shape.periodic:
+        return one, other
+    inside = ((other >= 0) & (other < [shape.nodes_y, shape.nodes_x])).all(axis=1)
+    return one[inside], other[inside]
+
+
+@jax.jit
+def _used(
+    motion: Float[Array, "3 row column"], stretch: Float[Array, "2"], watched: Watched
+) -> Float[Array, ""]:
+    """Largest part of their slack by which cells may have approached in a motion."""
+    after = jnp.pad(motion, ((0, 0), (0, 1), (0, 1)), "edge")
+    corners = jnp.stack([motion, after[:, :-1, 1:], after[:, 1:, 1:], after[:, 1:, :-1]])
+    mean = corners.mean(axis=0)
+    spread = jnp.sqrt(((corners - mean) ** 2).sum(axis=1).max(axis=0)).ravel()
+    x, y, z = mean.reshape(3, -1)
+    one, other = watched.one, watched.other
+    square = (
+        (x[one] - x[other] + stretch[0] * watched.turns[0]) ** 2
+        + (y[one] - y[other] + stretch[1] * watched.turns[1]) ** 2
+        + (z[one] - z[other]) ** 2
+    )
+    return jnp.max((jnp.sqrt(square) + spread[one] + spread[other]) / watched.slack)
+
+
+_STEPS: dict[Kind, Int[np.ndarray, "pair 4 2"]] = {
+    "triangle": np.array([[*NODE[0], *triangle] for triangle in TRIANGLES]),
+    "edges": np.array([[*one, *other] for one in EDGES for other in EDGES]),
+}
+"""Steps to the corners of what two cells own, those of the first cell and those of the second."""
+
+
+@jax.jit
+def _cell_distances(
+    one: Float[Array, "4 3 cell"], other: Float[Array, "4 3 cell"]
+) -> dict[Kind, Float[Array, "pair cell"]]:
+    """Distances between what two cells own: the node of each and triangles, and edges [mm]."""
+    place = {(int(y), int(x)): number for number, (y, x) in enumerate(CORNERS)}
+
+    def distances(kind: Kind, first: Array, second: Array) -> list[Array]:
+        split = SPLIT[kind]
+        found = []
+        for steps in _STEPS[kind]:
+            numbers = [place[int(y), int(x)] for y, x in steps]
+            corners = jnp.stack(
+                [first[n] if i < split else second[n] for i, n in enumerate(numbers)]
+            )
+            found.append(distance(corners, kind))
+        return found
+
+    return {
+        "triangle": jnp.stack(
+            distances("triangle", one, other) + distances("triangle", other, one)
+        ),
+        "edges": jnp.stack(distances("edges", one, other)),
+    }
+
+
+def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) -> Contact:
+    """The contact of a batch of fabrics of one mesh shape, in lists of one length."""
+    shape = finders[0].shape
+    lists: dict[Kind, PairList] = {}
+    # Few lengths, so that few programs are compiled.
+    places = 2 ** int(np.ceil(np.log2(max(PLACES * shape.nodes, chunk_size()))))
+    while places < max(len(pairs.gap) for each in listed for pairs in each.parts.values()):
+        places *= 4
+    for kind in SPLIT:
+        each = [
+            _pair_list(shape, finder.layers, pairs, kind, places)
+            for finder, pairs in zip(finders, listed, strict=True)
+        ]
+        lists[kind] = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
+    chunks = chunks_of([each.within(1.0) for each in listed])
+    return Contact(lists, chunks, shape.periodic)
+
+
+def chunks_of(pairs: Sequence[dict[Kind, int]]) -> dict[Kind, Int[Array, ""]]:
+    """Chunks that hold the first pairs of every fabric of a batch, by how many these are."""
+    return {
+        kind: jnp.asarray(-(-max(each[kind] for each in pairs) // chunk_size())) for kind in SPLIT
+    }
+
+
+def _pair_list(
+    shape: MeshShape, layers: ContactLayers, listed: Listed, kind: Kind, places: int
+) -> PairList:
+    parts = listed.parts[kind]
+    count, spare = len(parts.gap), places - len(parts.gap)
+    nodes, turns = _nodes_and_turns(shape, parts.corners)
+    near, far = layers.near, layers.far
+    spare_corners = np.tile([[0], [1], [0], [1]], spare)  # an edge with itself, of some length
+    parallel = np.zeros(count)
+    if kind == "edges":
+        squares = ((parts.corners[:, 1::2] - parts.corners[:, ::2]) ** 2).sum(axis=-1)
+        parallel = PARALLEL * squares.prod(axis=1)
+
+    def by_layer(name: str, spare_value: float = 0.0) -> Float[np.ndarray, " place"]:
+        values = np.where(parts.near, getattr(near, name), getattr(far, name))
+        return np.pad(values, (0, spare), constant_values=spare_value)
+
+    columns = (
+        np.concatenate([nodes.T, spare_corners], axis=1).astype(np.int32),
+        np.pad(turns.transpose(2, 1, 0)[::-1], ((0, 0), (0, 0), (0, spare))).astype(np.int8),
+        by_layer("least") ** 2,
+        by_layer("range_squared", -1.0),
+        by_layer("strength"),
+        np.pad(parallel, (0, spare), constant_values=1.0),
+    )
+    return PairList(*map(jnp.asarray, columns))
+
+
+def blocks(
+    shape: MeshShape, of_nodes: Float[np.ndarray, "node 3"]
+) -> tuple[Float[np.ndarray, "block 3"], Float[np.ndarray, "block 3"]]:
+    """Least and greatest vectors of the corners of cells in each block of the grid."""
+    side = int(np.ceil(np.sqrt(shape.nodes / MOST_BLOCKS)))
+    rows, columns = (np.arange(0, count, side) for count in (shape.nodes_y, shape.nodes_x))
+    grid = of_nodes.reshape(shape.nodes_y, shape.nodes_x, 3)
+    grid = np.pad(grid, ((0, 1), (0, 1), (0, 0)), "wrap" if shape.periodic else "edge")
+
+    def reduced(function: np.ufunc) -> Float[np.ndarray, "block 3"]:
+        along = function.reduceat(function(grid[:-1], grid[1:]), rows, axis=0)
+        both = function.reduceat(function(along[:, :-1], along[:, 1:]), columns, axis=1)
+        return both.reshape(-1, 3)
+
+    return reduced(np.minimum), reduced(np.maximum)
+
+
+def _nodes_and_turns(
+    shape: MeshShape, grid: Int[np.ndarray, "*place 2"]
+) -> tuple[Int[np.ndarray, "*place"], Int[np.ndarray, "*place 2"]]:
+    """Numbers of nodes on the grid, and the periods (y, x) from each to the image that is meant."""
+    turns, nodes = np.divmod(grid, [shape.nodes_y, shape.nodes_x])
+    return nodes[..., 0] * shape.nodes_x + nodes[..., 1], turns
+
+
+@lru_cache(maxsize=8)
+def _cells(shape: MeshShape) -> Cells:
+    """All cells, and beyond the last ones of a sample those that own what lies on its edges."""
+    return np.indices((shape.nodes_y, shape.nodes_x)).reshape(2, -1).T
+
+
+def _apart_on_grid(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner other"]:
+    """Rows or columns, whichever are more, between the corners of both parts of pairs."""
+    steps = pairs[:, :split, None] - pairs[:, None, split:]
+    return np.abs(steps).max(axis=-1)

@@ -1,0 +1,393 @@
+"""One search for an equilibrium: minimisation of the energy by quasi-Newton steps.
+
+Folds move far while the yarn hardly stretches, so that the energy is a narrow curved valley, and a
+long straight Newton step would raise it. A factorisation costs about ten gradients and solves. So
+one factorisation of K + μ I is the initial inverse Hessian of many L-BFGS steps (Nocedal and
+Wright, Numerical Optimization, Alg. 7.4), which learn the curvature of the valley. The stiffness is
+refactorised when a step gains less than the average since the last factorisation, including its
+cost, and does not halve the force either, as steps near the minimum may. The first step predicts
+which nodes will touch the walls (:func:`step_between_walls`); later ones keep these.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg.blas import daxpy
+from scipy.optimize import brentq
+
+from knitlab.model.energy import Evaluation, Point
+from knitlab.model.fabric import Configuration
+from knitlab.model.network import UPRIGHT
+from knitlab.solvers.equilibrium.settings import Solver
+from knitlab.solvers.equilibrium.state import Outcome, State
+from knitlab.solvers.equilibrium.stiffness import FreeStiffness
+from knitlab.solvers.equilibrium.system import System
+
+if TYPE_CHECKING:
+    from knitlab.model.barrier import Barrier
+
+NEARLY = 1e3  # force of a search that has nearly ended, over the tolerance
+LEAST_RAISED_SHIFT, LARGEST_SHIFT = 1e-6, 1e6
+ENERGY_ROUND_OFF = 1e-13  # relative change of energy below which the force decides instead
+MOST_CHANGES = 50  # nodes that come to a wall or leave it, above which an update costs too much
+MOST_ACTIVE_SETS = 10
+
+Vector = Float[np.ndarray, " free"]
+
+
+@dataclass(frozen=True, eq=False)
+class Drag:
+    """Drag during one strain step: the paper's damping without inertia, c u̇ + ∇V = 0.
+
+    By implicit Euler, the state after a strain step Δε at a strain rate ε̇ is a minimum of the
+    incremental potential V(u) + ½ (c ε̇ / Δε) ‖u − u_before‖² over the free unknowns.
+    """
+
+    before: Float[np.ndarray, " unknown"]  # unknowns before the step [mm]
+    stiffness: float  # c ε̇ / Δε [N/mm]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchRules:
+    """Rules of a search."""
+
+    free: FreeStiffness
+    settings: Solver
+    floor: float = -np.inf  # stop below it: the state sought has more energy [N mm]
+    convexified: bool = True  # rather than raise μ
+    contact: "Barrier | None" = None
+    exact: bool = False  # double precision from the start
+    drag: Drag | None = None
+
+
+class Search:
+    """Current configuration of a search, its energy and forces, and the cost so far.
+
+    ``step_length`` is the longest change of the vector between neighbouring nodes in a step [mm],
+    ``limit`` the number of iterations at which the search ends, ``exact`` whether the stiffness is
+    factorised in double precision, and ``shift`` μ [N/mm].
+    """
+
+    def __init__(self, system: System, at: Point, rules: SearchRules) -> None:
+        self.system, self.rules, self.dofs = system, rules, rules.free.dofs
+        fabric, settings = system.fabric, rules.settings
+        self.step_length = settings.step_limit * float(fabric.cell_sides.min())
+        self.z_max, self._k_wall = float(fabric.z_max), float(fabric.k_wall)
+        self.limit, self.exact = settings.max_iterations, rules.exact
+        self.iterations = self.factorisations = 0
+        self.begin(at, self.evaluated(at))
+
+    def evaluated(self, at: Point) -> Evaluation:
+        """Energy and gradient of a configuration, contact and drag included."""
+        evaluation, contact, drag = self.system.evaluate(at), self.rules.contact, self.rules.drag
+        if drag is not None:
+            moved = at.unknowns[self.dofs] - drag.before[self.dofs]
+            gradient: Any = np.array(evaluation.gradient)
+            gradient[self.dofs] += drag.stiffness * moved
+            potential = 0.5 * drag.stiffness * float(moved @ moved)
+            evaluation = Evaluation(replace(evaluation.energy, drag=potential), gradient)
+        if contact is None or not np.isfinite(at.unknowns).all():
+            return evaluation
+        return contact.added(evaluation, at.unknowns)
+
+    def begin(self, at: Point, evaluation: Evaluation) -> None:
+        """Start, or restart, from a configuration; the cost so far is kept."""
+        self.move(at, evaluation)
+        self.shift = self.steepest_shift if self.rules.convexified else 1e-4
+
+    def move(self, at: Point, evaluation: Evaluation) -> None:
+        """Continue from another configuration, given its energy and gradient."""
+        self.at, self.evaluation = at, evaluation
+        self.energy = float(evaluation.energy.total)
+        self.gradient: Vector = np.asarray(evaluation.gradient)[self.dofs]
+        self.force = float(np.abs(self.gradient).max())
+
+    def end(self) -> Outcome | None:
+        """The outcome if the search ends at the current configuration, else None."""
+        if self.force <= self.rules.settings.tolerance:
+            return Outcome.converged
+        if self.energy < self.rules.floor:
+            return Outcome.left_branch
+        if self.iterations >= self.limit:
+            return Outcome.iteration_limit
+        return None if np.isfinite(self.force) else Outcome.stalled
+
+    @property
+    def nearly_ended(self) -> bool:
+        """Whether so little force is left that the stiffness must be positive definite."""
+        return self.force <= min(NEARLY * self.rules.settings.tolerance, 1e-3)
+
+    @property
+    def steepest_shift(self) -> float:
+        """μ with which the largest force moves a node by the step limit [N/mm]."""
+        return self.force / self.step_length
+
+    @property
+    def heights(self) -> Vector:
+        """Heights of the free nodes [mm]."""
+        return self.at.unknowns[self.dofs[self.rules.free.heights]]
+
+    @property
+    def wall_stiffness(self) -> float:
+        """Stiffness of the walls at the current stage [N/mm]."""
+        return self._k_wall * float(self.at.stage.wall)
+
+    def of_all(self, step: Vector) -> Float[np.ndarray, " unknown"]:
+        """A step of all unknowns, which the held ones do not take."""
+        whole = np.zeros(self.rules.free.shape.unknowns)
+        whole[self.dofs] = step
+        return whole
+
+    def longest_fraction(self, step: Vector) -> float:
+        """The fraction of a step with the largest allowed relative motion of neighbouring nodes."""
+        shape = self.rules.free.shape
+        move = Configuration.of(self.of_all(step), shape)
+        nodes, lengths = np.asarray(move.positions), np.asarray(move.lengths)
+        changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
+        if shape.periodic:
+            by_shear = lengths[2] if len(lengths) > 2 else 0.0
+            images = np.array([[lengths[0], by_shear], [0.0, lengths[1]], [0.0, 0.0]])
+            courses, wales = (images @ np.array(shape.frame or UPRIGHT)).T
+            changes.append(nodes[0] - nodes[-1] + wales)
+            changes.append(nodes[:, 0] - nodes[:, -1] + courses)
+        longest = max(np.einsum("...c,...c->...", change, change).max() for change in changes)
+        return self.step_length / max(float(longest), np.finfo(float).tiny) ** 0.5
+
+    def state(self, outcome: Outcome) -> State:
+        """The current state."""
+        energy, gradient = self.evaluation.energy, np.asarray(self.evaluation.gradient)
+        shape, cost = self.rules.free.shape, (self.iterations, self.factorisations)
+        return State(shape, self.at.unknowns, energy, gradient, outcome, self.force, *cost)
+
+
+def minimise(search: Search, once: bool = False) -> Outcome:
+    """Minimise the energy over the free unknowns until the forces on them vanish.
+
+    Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
+    If K + μ I is not positive definite, it is either convexified, which is fast and takes large
+    steps, or μ is raised until it is, which stays in the valley of the initial configuration, as a
+    slow motion would. A convexified search begins with a μ that keeps its steps near the step
+    limit. μ decreases while steps succeed; once it is negligible, convergence is that of Newton's
+    method.
+
+    Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ;
+    if the search has nearly ended, first in double precision, which it then keeps. With ``once``
+    the search ends, as at its limit of iterations, when one factorisation is no longer useful.
+    """
+    rules, system, smallest = search.rules, search.system, search.rules.settings.smallest_shift
+    while (outcome := search.end()) is None:
+        system.assemble(search.at, rules.free)
+        drag = 0.0 if rules.drag is None else rules.drag.stiffness
+        contact = rules.contact and rules.contact.hessian(search.at.unknowns, search.dofs)
+        raised = False
+        while True:
+            search.factorisations += 1
+            if system.factorise(search.shift + drag, rules.convexified, contact, search.exact):
+                break
+            if search.nearly_ended and not search.exact:
+                search.exact = True
+                continue
+            search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
+            if search.shift > LARGEST_SHIFT:
+                return Outcome.stalled
+        descent = _descend(search)
+        if not (descent.steps or search.exact) and (search.nearly_ended or descent.below_round_off):
+            search.exact = True
+            continue
+        if descent.below_round_off and not descent.steps and search.shift <= smallest:
+            return Outcome.stalled
+        if descent.shortened:
+            longest = max(search.steepest_shift, search.shift)
+            search.shift = min(max(10 * search.shift, LEAST_RAISED_SHIFT), longest)
+        elif descent.below_round_off or not (descent.blocked or raised):
+            search.shift = max(0.1 * search.shift, smallest)
+        elif not descent.steps:
+            search.shift = max(10 * search.shift, LEAST_RAISED_SHIFT)
+        elif descent.blocked:
+            search.shift *= 2
+        if search.shift > LARGEST_SHIFT:
+            return Outcome.stalled
+        if descent.steps and once and search.end() is None:
+            return Outcome.iteration_limit
+    return outcome
+
+
+@dataclass(frozen=True)
+class _Descent:
+    """Result of the quasi-Newton steps with one factorisation.
+
+    It was ``blocked`` if no fraction of the next step lowered the energy, and ``below_round_off``
+    if the expected decrease was: then the shift is too large for the force to fall. It was
+    ``shortened`` if the step limit left only a small fraction of most steps of a convexified
+    stiffness, so that only its softest modes moved: then μ is too small.
+    """
+
+    steps: int
+    blocked: bool = False
+    below_round_off: bool = False
+    shortened: bool = False
+
+
+def _descend(search: Search) -> _Descent:
+    """Quasi-Newton steps with one factorisation."""
+    rules = search.rules
+    # Cost of a factorisation in steps, most steps with one, which the L-BFGS memory holds, and
+    # consecutive poor steps after which the stiffness is factorised again. If μ is raised, a
+    # factorisation costs twice as much, as several attempts may fail first.
+    cost, most_steps, patience = (8, 30, 2) if rules.convexified else (16, 60, 3)
+    memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=most_steps)
+    highest, steps, poor, shortened = search.energy, 0, 0, 0
+    while steps < most_steps and search.iterations < search.limit:
+        if steps:
+            direction = _direction(search, memory)
+            curvature = -float(search.gradient @ direction)
+        else:
+            direction, curvature = step_between_walls(search)
+        slope = float(search.gradient @ direction)
+        if not slope < 0:
+            return _Descent(steps, blocked=True)
+        fraction = min(1.0, search.longest_fraction(direction))
+        shortened += fraction < 0.1
+        free = 1.0
+        if rules.contact is not None:
+            free = rules.contact.free_fraction(
+                search.at.unknowns, search.of_all(direction * fraction)
+            )
+        fraction *= free
+        before = search.energy, search.gradient, search.force
+        step, slope, curvature = direction * fraction, slope * fraction, curvature * fraction**2
+        walls = search.z_max, search.wall_stiffness
+        rise = step[rules.free.heights]
+        length = lowest_fraction(search.heights, rise, slope, curvature, *walls)
+        length = _line_search(search, step, slope, length)
+        if not length:
+            noise = ENERGY_ROUND_OFF * abs(search.energy)
+            return _Descent(steps, blocked=True, below_round_off=-slope < noise)
+        steps += 1
+        # Contact that has come within reach is in the forces, but not in the factorisation.
+        if search.end() is not None or free < 1:
+            break
+        step, change = step * length, search.gradient - before[1]
+        curvature = float(step @ change)
+        if curvature > 1e-8 * np.sqrt((step @ step) * (change @ change)):
+            memory.append((step, change, curvature))
+        total, is_poor = highest - search.energy, search.force > 0.5 * before[2]
+        if total > 1e-10 * abs(search.energy):  # else the energy gained is round-off
+            is_poor &= before[0] - search.energy < total / (cost + steps)
+        poor = poor + 1 if is_poor else 0
+        if poor == patience:
+            break
+    return _Descent(steps, shortened=rules.convexified and shortened > steps / 2)
+
+
+def _direction(search: Search, memory: deque[tuple[Vector, Vector, float]]) -> Vector:
+    """The L-BFGS direction, with the factorised stiffness as the initial Hessian."""
+    direction, weights = -search.gradient, list[float]()
+    for step, change, curvature in reversed(memory):
+        weights.append(float(step @ direction) / curvature)
+        direction = daxpy(change, direction, a=-weights[-1])
+    direction = search.system.solve(direction)
+    for (step, change, curvature), weight in zip(memory, reversed(weights), strict=True):
+        direction = daxpy(step, direction, a=weight - float(change @ direction) / curvature)
+    return direction
+
+
+def _line_search(search: Search, step: Vector, slope: float, length: float) -> float:
+    """Move by the fraction of a step, at most ``length``, that lowers the energy; 0 if none."""
+    energy, force = search.energy, search.force
+    noise = ENERGY_ROUND_OFF * abs(energy)
+    for _ in range(5):
+        unknowns = search.at.unknowns.copy()
+        unknowns[search.dofs] += length * step
+        trial = replace(search.at, unknowns=unknowns)
+        evaluation = search.evaluated(trial)
+        search.iterations += 1
+        trial_energy = float(evaluation.energy.total)
+        trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.dofs]).max())
+        lower = trial_energy <= energy + 1e-4 * length * slope + noise  # sufficient decrease
+        if lower and (trial_energy < energy - noise or trial_force <= force):
+            search.move(trial, evaluation)
+            return length
+        if evaluation.energy.contact:
+            # The barrier rises only at the very end of a step, which no parabola describes.
+            length /= 2
+            continue
+        excess = trial_energy - energy - length * slope
+        lowest = -slope * length**2 / (2 * excess) if excess > 0 else length / 2
+        length = min(max(lowest, 0.1 * length), 0.5 * length)
+    return 0.0
+
+
+def step_between_walls(search: Search) -> tuple[Float[np.ndarray, " free"], float]:
+    """The step from the last factorised configuration to the minimum between the walls [mm].
+
+    In a Newton step the energy with walls is piecewise quadratic. The minimum is found by active
+    sets: nodes that the step would bring to a wall are added to the factorised stiffness, and those
+    that it would take off one are removed, by a low-rank update, until the step agrees with them.
+    Of a longer step than the step limit the allowed part counts; contact of the fabric with itself
+    is ignored.
+
+    If many nodes come to a wall or leave one, or the active sets do not settle, it is the Newton
+    step with the walls touched now: then a factorisation of the next configuration is cheaper.
+    Otherwise the factorised stiffness keeps the changes. Also returns the second derivative of the
+    energy along the step, with the walls touched now [N mm].
+    """
+    system, z_max, heights = search.system, search.z_max, search.rules.free.heights
+    z, gradient, stiffness = search.heights, search.gradient, search.wall_stiffness
+    touching = active = np.abs(z) > z_max
+    step = newton = system.solve(-gradient)
+    curvature = of_newton = -float(gradient @ newton)
+    for _ in range(MOST_ACTIVE_SETS):
+        end = z + min(1.0, search.longest_fraction(step)) * step[heights]
+        active_after = np.abs(end) > z_max
+        if (active_after == active).all():
+            return step, curvature
+        active = active_after
+        changed = np.flatnonzero(active != touching)
+        dofs, change = heights[changed], np.where(active[changed], stiffness, -stiffness)
+        few = len(changed) <= MOST_CHANGES
+        if not (few and system.change_diagonal(dofs, change)):
+            break
+        # An added wall pushes from z_max on rather than from z, and a removed one no longer.
+        wall = np.copysign(z_max, np.where(active, end, z)[changed])
+        modified = gradient.copy()
+        modified[dofs] += change * (z[changed] - wall)
+        step = system.solve(-modified)
+        curvature = -float(modified @ step) - float(change @ step[dofs] ** 2)
+    system.change_diagonal(heights[:0], np.zeros(0))
+    return newton, of_newton
+
+
+def lowest_fraction(
+    heights: Float[np.ndarray, " node"],
+    rise: Float[np.ndarray, " node"],
+    slope: float,
+    curvature: float,
+    z_max: float,
+    stiffness: float,
+) -> float:
+    """Fraction of a step with the least energy between the walls, at most 1.
+
+    A quadratic model of the energy, with a negative ``slope`` and a ``curvature`` with the walls
+    that are touched now [N mm], holds only until further nodes touch a wall. The wall penalty is
+    known exactly, so that it replaces its part of the model. ``heights`` rise by ``rise`` [mm].
+    """
+    touching = np.maximum(np.abs(heights), np.abs(heights + rise)) > z_max
+    z, dz = heights[touching], rise[touching]
+
+    def pushed(fraction: float) -> float:
+        height = z + fraction * dz
+        return stiffness * float((height - np.clip(height, -z_max, z_max)) @ dz)
+
+    now = np.abs(z) > z_max
+    first, second = pushed(0.0), stiffness * float(dz[now] @ dz[now])
+
+    def derivative(fraction: float) -> float:
+        return slope + fraction * (curvature - second) + pushed(fraction) - first
+
+    if derivative(1.0) <= 0:
+        return 1.0
+    return float(brentq(derivative, 0.0, 1.0, xtol=1e-12, rtol=1e-3))

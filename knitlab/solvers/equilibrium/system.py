@@ -1,0 +1,201 @@
+"""The equations of one fabric: its energy, forces and factorised stiffness, as solvers use them.
+
+The stiffness is factorised by a sparse Cholesky, ordered by nested dissection: the multifrontal
+method (:mod:`knitlab.solvers.factorisation`) is faster here than CHOLMOD, PARDISO and SuperLU,
+with which ``benchmarks.solver`` compares it.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from threading import Event
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+from threadpoolctl import ThreadpoolController
+
+from knitlab.model.energy import Evaluation, Point
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape
+from knitlab.model.threads import ALONE, Threads
+from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium.stiffness import FreeStiffness
+from knitlab.solvers.equilibrium.subdomains import worth_dividing
+from knitlab.solvers.factorisation.multifrontal import Multifrontal
+from knitlab.solvers.factorisation.symbolic_factorisation import planned
+
+if TYPE_CHECKING:
+    from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
+
+MOST_EARLIER = 4  # couplings that are kept, over those of the present contact
+KeptFactors = dict[tuple[FreeStiffness, bool], Multifrontal]
+"""Factors by free unknowns, and by whether they are in double precision; their memory is reused."""
+
+
+class System:
+    """Energy, forces and factorised stiffness of one fabric.
+
+    If ``stopped`` is set by another thread, the next evaluation raises ``InterruptedError``.
+    Systems of one thread may share the factors ``kept``. ``factorised`` is called after every
+    factorisation, and ``subdomains`` solves those of a large sample, once they have been asked for.
+    """
+
+    def __init__(
+        self,
+        shape: MeshShape,
+        fabric: Fabric,
+        threads: Threads = ALONE,
+        stopped: Event | None = None,
+        kept: KeptFactors | None = None,
+    ) -> None:
+        self.shape, self.fabric, self.threads = shape, fabric, threads
+        self.factorised: Callable[[], None] = lambda: None
+        self.subdomains: SubdomainSolver | None = None
+        self._kept: KeptFactors = {} if kept is None else kept
+        self._elements, self._stopped = ChunkedFabric(shape, fabric, threads), stopped
+        self._free: FreeStiffness | None = None
+        self._entries = np.zeros(0)
+        self._factors: Multifrontal | None = None
+        self._touching: TouchingFactors | None = None
+
+    def on(self, shape: MeshShape) -> "System":
+        """The same fabric, with the unknowns of another mesh shape."""
+        if shape == self.shape:
+            return self
+        system = System(shape, self.fabric, self.threads, self._stopped)
+        system.factorised = self.factorised
+        return system
+
+    def of(self, fabric: Fabric) -> "System":
+        """The equations of another fabric of the same mesh shape, with the same memory."""
+        system = System(self.shape, fabric, self.threads, self._stopped, self._kept)
+        system.factorised = self.factorised
+        return system
+
+    def evaluate(self, at: Point) -> Evaluation:
+        """Energy and gradient, in NumPy arrays."""
+        if self._stopped is not None and self._stopped.is_set():
+            raise InterruptedError("the search was abandoned")
+        return self._elements.evaluate(at.stage, at.unknowns)
+
+    def assemble(self, at: Point, free: FreeStiffness) -> None:
+        """Assemble the stiffness of the free unknowns."""
+        hessians = self._elements.element_hessians(at.stage, at.unknowns)
+        self._free, self._entries = free, free.entries(hessians, self.threads)
+
+    def factorise(
+        self,
+        shift: float,
+        convexified: bool,
+        contact: sp.csc_array | None = None,
+        exact: bool = False,
+    ) -> bool:
+        """Factorise the assembled stiffness plus a shift [N/mm]; whether it is positive definite.
+
+        With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing.
+        The Hessian of ``contact`` [N/mm] may couple any two unknowns. If ``exact``, it is in double
+        precision; single takes half the time and memory, enough for a search.
+        """
+        if self._free is None:
+            raise RuntimeError("nothing is assembled")
+        free, key = self._free, (self._free, exact)
+        entries = free.shifted(self._entries, shift)
+        if contact is not None:
+            lower = sp.tril(contact, format="coo")
+            if self._touching is None or not self._touching.holds(free, exact, lower):
+                self._touching = TouchingFactors(free, exact, lower, self._touching, self.threads)
+            factors = self._touching.factors
+            entries = self._touching.entries(entries, lower)
+        elif key in self._kept:
+            factors = self._kept[key]
+        else:
+            if worth_dividing(self.shape):
+                # Factors are most of the memory of a large sample, whose free unknowns change only
+                # once, between relaxation and tensile test.
+                self._factors = None
+                for old in [old for old in self._kept if old[0].shape == self.shape]:
+                    del self._kept[old]
+            factors = self._kept[key] = self.new_factors(free, exact)
+        self._factors = factors if factors.factorise(entries, convexified) else None
+        self.factorised()
+        return self._factors is not None
+
+    def new_factors(self, free: FreeStiffness, exact: bool) -> Multifrontal:
+        """Memory for factors of the stiffness of these free unknowns."""
+        return Multifrontal(free.plan, self.threads, np.float64 if exact else np.float32)
+
+    def change_diagonal(
+        self, dofs: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
+    ) -> bool:
+        """Add to the factorised diagonal, in place of earlier changes; False if not definite."""
+        return self._factor.change_diagonal(dofs, changes)
+
+    def solve(self, right: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+        """K⁻¹ times a vector, with the last factorisation."""
+        return self._factor.solve(right)
+
+    @property
+    def _factor(self) -> Multifrontal:
+        if self._factors is None:
+            raise RuntimeError("nothing is factorised")
+        return self._factors
+
+
+class TouchingFactors:
+    """Factors of the stiffness of fabric that touches itself, for its couplings by contact so far.
+
+    A new symbolic factorisation takes as long as the numeric one, and more couplings hardly add to
+    that. So those of earlier contact are kept, unless they are many times those of the present.
+    """
+
+    def __init__(
+        self,
+        free: FreeStiffness,
+        exact: bool,
+        contact: sp.coo_array,
+        before: "TouchingFactors | None",
+        threads: Threads,
+    ) -> None:
+        self._free, self._exact, size = free, exact, len(free.dofs)
+        of_grid = np.repeat(np.arange(size), np.diff(free.indptr)) * size + free.indices
+        present = np.setdiff1d(np.unique(self._keys(free, contact)), of_grid, assume_unique=True)
+        self._coupled = present
+        if before is not None and before._free is free:
+            both = np.union1d(present, before._coupled)
+            if len(both) <= MOST_EARLIER * len(present):
+                self._coupled = both
+        self._every = np.sort(np.concatenate([of_grid, self._coupled]), kind="stable")
+        self._of_grid = np.searchsorted(self._every, of_grid)
+        column, row = np.divmod(self._every, size)
+        indptr = np.searchsorted(column, np.arange(size + 1))
+        precision = np.float64 if exact else np.float32
+        self.factors = Multifrontal(planned(free.order, indptr, row), threads, precision)
+
+    @staticmethod
+    def _keys(free: FreeStiffness, contact: sp.coo_array) -> Int[np.ndarray, " coupling"]:
+        """Places of the entries of contact in the stiffness, column by column."""
+        return contact.col.astype(np.int64) * len(free.dofs) + contact.row
+
+    def holds(self, free: FreeStiffness, exact: bool, contact: sp.coo_array) -> bool:
+        """Whether they are of these free unknowns and precision, and have all couplings."""
+        if (free, exact) != (self._free, self._exact):
+            return False
+        keys = self._keys(free, contact)
+        at = np.minimum(np.searchsorted(self._every, keys), len(self._every) - 1)
+        return bool((self._every[at] == keys).all())
+
+    def entries(
+        self, entries: Float[np.ndarray, " nonzero"], contact: sp.coo_array
+    ) -> Float[np.ndarray, " coupled"]:
+        """Non-zeros of the stiffness with those of contact added [N/mm]."""
+        every = np.zeros(len(self._every))
+        every[self._of_grid] = entries
+        places = np.searchsorted(self._every, self._keys(self._free, contact))
+        every[places] += contact.data
+        return every
+
+
+def one_thread_of_blas() -> AbstractContextManager[object]:
+    """Limit BLAS to one thread, as more threads slow down small fronts."""
+    return ThreadpoolController().limit(limits=1, user_api="blas")

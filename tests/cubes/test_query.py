@@ -1,0 +1,279 @@
+import contextlib
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from knitlab.cubes.condition import holds
+from knitlab.cubes.query import designs_of_all, designs_table, formatted, queried, query_cubes
+from knitlab.io.errors import BadInput
+from tests.cubes.artificial_cubes import made_up_cube
+
+TABLE = designs_table(made_up_cube())
+
+
+def pairs(table):
+    return list(zip(table["n_stripe"], table["n_subunit"], strict=True))
+
+
+def test_excluded_combinations_are_no_designs_but_failures_are():
+    assert len(TABLE) == 6
+    assert set(TABLE["status"]) == {"ok", "failed", "pending", "not_converged"}
+
+
+def test_where_sort_and_columns():
+    found = queried(
+        TABLE, "poisson_ratio_min < -0.3", ["-poisson_ratio_min"], ["n_subunit", "n_stripe"]
+    )
+    assert pairs(found) == [(4, 32), (4, 16)]
+    assert list(found.columns) == ["n_subunit", "n_stripe"]
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ('status == "failed" or status == "pending"', [(2, 32), (2, 64)]),
+        ("-0.5 < poisson_ratio_min <= -0.4", [(4, 32)]),
+        ("not poisson_ratio_min < 0 and n_stripe == 2 and n_subunit < 32", [(2, 16)]),
+        ("n_subunit / (2 * n_stripe) == 2", [(4, 16), (8, 32)]),
+        ("periods > 4 and not n_stripe == 4", [(2, 32), (2, 64)]),
+        (
+            "poisson_ratio_min + 1 > applied_strain_at_min - 1 + 2 * -0.5",
+            [(2, 16), (4, 16), (4, 32)],
+        ),
+    ],
+)
+def test_expressions_are_evaluated(expression, expected):
+    assert pairs(queried(TABLE, expression)) == expected
+
+
+@pytest.mark.parametrize(
+    ("expression", "message"),
+    [
+        ("poison_ratio_min < 0", "did you mean 'poisson_ratio_min'"),
+        ("poisson_ratio_min <", "cannot be parsed"),
+        ("poisson_ratio_min", "not a condition"),
+        ("3 < 4", "not a condition"),
+        ("n_stripe > 1" + " + 1" * 3000, "is too long"),
+        ("n_stripe and n_subunit", "'n_stripe' is not a condition"),
+        ('n_stripe < "four"', "compares a word with a number"),
+        ("status == 0", "compares a word with a number"),
+        ("status == 'fialed'", "did you mean 'failed'"),
+        ("-status == 'ok'", "cannot be computed"),
+        ("1 / 0 < n_stripe", "cannot be computed: it divides by zero"),
+        ("poisson_ratio_min != nan", r"nothing equals nan; use isnan\(NAME\)"),
+        ("capacitor_status == 'touching'", "these designs have no capacitor_status"),
+        ("__import__('os').system('true')", "not allowed"),
+        ("status.map(print)", "not allowed"),
+        ("[x for x in n_stripe]", "not allowed"),
+        ("n_stripe in n_subunit", "not allowed"),
+        ("n_stripe ** 9 ** 9 > 1", "not allowed"),
+        ("(lambda: 1)()", "not allowed"),
+    ],
+)
+def test_anything_else_is_refused(expression, message):
+    with pytest.raises(BadInput, match=message):
+        queried(TABLE, expression)
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("status == 'OK'", [(2, 16), (4, 16), (4, 32)]),
+        ("status != 'Ok' and n_subunit == 64", [(2, 64)]),
+        ("1 / (n_stripe - 4) > 0", [(8, 32)]),
+        ("not 1 / (n_stripe - 4) > 0", [(2, 16), (2, 32), (2, 64)]),
+        ("(n_stripe - 4) / (n_stripe - 4) == 1 and n_stripe > 2", [(8, 32)]),
+    ],
+)
+def test_flags_are_compared_by_name_and_a_division_by_zero_is_missing(expression, expected):
+    assert pairs(queried(TABLE, expression)) == expected
+
+
+@given(
+    st.lists(st.one_of(st.none(), st.integers(-3, 3)), min_size=1, max_size=6),
+    st.sampled_from(["<", "<=", ">", ">=", "==", "!="]),
+    st.integers(-3, 3),
+)
+def test_what_is_missing_fulfils_neither_a_condition_nor_its_negation(values, sign, limit):
+    table = pd.DataFrame({"a": pd.array(values, dtype="Float64").to_numpy(float, na_value=np.nan)})
+    said = f"a {sign} {limit}"
+    true = [value is not None and eval(f"{value} {sign} {limit}") for value in values]
+    false = [value is not None and not each for value, each in zip(values, true, strict=True)]
+    assert holds(said, table).tolist() == true
+    assert holds(f"not {said}", table).tolist() == false
+
+
+@given(st.permutations([0, 1, 1, 2]), st.permutations([5, 5, 6, 7]))
+def test_sorted_by_two_columns_the_second_decides_where_the_first_is_equal(first, second):
+    table = pd.DataFrame({"a": first, "b": second})
+    found = queried(table, sort=["-a", "b"])
+    rows = sorted(zip(first, second, strict=True), key=lambda row: (-row[0], row[1]))
+    assert list(zip(found["a"], found["b"], strict=True)) == rows
+
+
+def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
+    cubes = []
+    for name, boundary, cells in (("one", "periodic", "flat"), ("two", "clamped", "relaxed")):
+        cube = made_up_cube().assign_attrs(
+            workflow=name, model_boundary=boundary, model_cell_size=cells, model_hinges="all"
+        )
+        cubes.append(cube)
+    table = designs_of_all(cubes)
+    shown = table[["cube", "boundary", "cell_size"]].drop_duplicates().values.tolist()
+    assert shown == [["one", "periodic", "flat"], ["two", "clamped", "relaxed"]]
+    assert "hinges" not in table
+
+
+def test_cubes_of_one_name_are_told_apart_by_their_folders(tmp_path):
+    paths = [tmp_path / f"{place}/periodic/cube.nc" for place in ("a/x", "b/x", "b/x")]
+    cubes = [made_up_cube().assign_attrs(workflow="periodic") for _ in range(4)]
+    for cube, path in zip(cubes, paths, strict=False):
+        cube.encoding["source"] = str(path)
+    cubes[3] = cubes[3].assign_attrs(workflow="other")
+    found = designs_of_all(cubes)["cube"].unique().tolist()
+    assert found == ["a/x/periodic", "b/x/periodic (1)", "b/x/periodic (2)", "other"]
+
+
+@pytest.mark.slow
+@given(st.text(max_size=30))
+def test_any_text_filters_or_is_refused(expression):
+    with contextlib.suppress(BadInput):
+        assert holds(expression, TABLE).dtype == bool
+
+
+def test_a_selected_strain_brings_its_variables():
+    table = designs_table(made_up_cube(), {"applied_strain": [0.1, 0.2], "n_stripe": 4})
+    assert list(table["poisson_ratio"]) == [-0.8, -0.4, -0.4, -0.2]
+    assert "poisson_ratio" not in TABLE
+
+
+def test_a_selected_word_may_hold_commas():
+    cube = made_up_cube().assign_coords(n_stripe=["a,b", "04", "4"])
+    assert designs_table(cube, {"n_stripe": "a,b"})["n_stripe"].unique() == ["a,b"]
+    assert designs_table(cube, {"n_stripe": [4]})["n_stripe"].unique() == ["4"]
+
+
+def test_a_selected_dimension_that_no_column_has_changes_nothing():
+    cube = made_up_cube().expand_dims(cell_x=[0, 1])
+    cube["status"] = cube["status"].isel(cell_x=0)
+    table = designs_table(cube[["status"]].assign(wide=cube["poisson_ratio"]), {"cell_x": 0})
+    assert pairs(table) == pairs(TABLE)
+
+
+def test_a_column_named_twice_appears_once():
+    assert list(queried(TABLE, columns=["n_stripe", "n_stripe"]).columns) == ["n_stripe"]
+    table = designs_table(made_up_cube(), {"n_stripe": [4, 4]})
+    assert pairs(table) == [(4, 16), (4, 32)]
+
+
+def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
+    with pytest.raises(BadInput, match="select applied_strain=VALUE"):
+        queried(TABLE, "poisson_ratio < 0")
+
+
+@pytest.mark.parametrize(
+    ("selection", "message"),
+    [
+        ({"n_stripe": 3}, "n_stripe=3: the cube has no n_stripe = 3; choose from 2, 4, 8"),
+        ({"n_stripes": 4}, "did you mean 'n_stripe'"),
+        ({"n_stripe": "four"}, "'four' is not a number"),
+        ({"n_stripe": [4, None]}, "n_stripe=4,None: None is not a number"),
+        ({"n_stripe": slice(2, 4)}, "is not a number"),
+        ({"n_stripe": 10**400}, "is not a number"),
+        ({"n_stripe": []}, "n_stripe=: has no value; give one"),
+        ({"status": 1}, "there is no 'status'; choose from applied_strain, n_stripe, n_subunit"),
+    ],
+)
+def test_a_bad_selection_is_named(selection, message):
+    with pytest.raises(BadInput, match=message):
+        designs_table(made_up_cube(), selection)
+
+
+SUMS = [
+    " + ".join(f"mean(poisson_ratio, 0.0{number}:0.{place})" for number in range(1, 10))
+    for place in range(11, 23)
+]
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"columns": [f"n_stripe + {number}" for number in range(101)]}, "are 101; take at most"),
+        ({"sort": [f"n_stripe + {number}" for number in range(101)]}, "are 101; take at most"),
+        ({"columns": SUMS}, "expressions: are 108; take at most 100 at once"),
+        ({"applied_strain": [0.1] * 10_001}, "applied_strain: has 10,001 values; give at most"),
+    ],
+)
+def test_too_much_at_once_is_refused_by_its_number(asked, message):
+    with pytest.raises(BadInput, match=message):
+        made_up_cube().knitlab.query(**asked)
+
+
+def test_unknown_names_are_reported_with_the_nearest():
+    with pytest.raises(BadInput) as caught:
+        queried(TABLE, sort=["-poisson_min"], columns=["perods"])
+    text = str(caught.value)
+    assert "sort -poisson_min" in text
+    assert "'poisson_ratio_min'" in text
+    assert "'periods'" in text
+
+
+def test_formats_hold_the_same_rows():
+    as_csv = pd.read_csv(pd.io.common.StringIO(formatted(TABLE, "csv")))
+    as_json = pd.DataFrame(json.loads(formatted(TABLE, "json")))
+    assert pairs(as_csv) == pairs(as_json) == pairs(TABLE)
+    assert as_json["poisson_ratio_min"][0] == TABLE["poisson_ratio_min"][0]
+    assert formatted(TABLE, "table").count("\n") == len(TABLE)
+    assert formatted(TABLE[:0], "table") == "no design matches"
+
+
+def test_headings_for_people_have_units_and_names_for_programs_do_not():
+    cube = made_up_cube()
+    cube["period"] = ("n_stripe", [1.0, 2.0, 3.0], {"units": "mm"})
+    cube["poisson_ratio"].attrs["units"] = "1"
+    cube["pull"] = cube["poisson_ratio"].assign_attrs(units="N")
+    asked = ["n_stripe", "period", "poisson_ratio", "slope(pull, 0.1:0.2)", "2 * period"]
+    table = query_cubes([cube, cube], {"applied_strain": 0.1}, columns=asked)
+    heading = formatted(table, "table").splitlines()[0]
+    for name in ("period [mm]", "slope(pull, 0.1:0.2) [N]"):
+        assert name in heading
+    assert heading.count("[") == 2
+    assert "period," in formatted(table, "csv").splitlines()[0]
+    assert json.loads(formatted(table, "json"))[0].keys() == set(table.columns)
+
+
+@given(st.floats(0.0, 1.0), st.integers(0, 3))
+def test_strains_between_those_of_the_cube_are_interpolated_as_in_windows(share, number):
+    cube = made_up_cube()
+    strains = cube["applied_strain"].values
+    at = float(strains[1] + share * (strains[-1] - strains[1]))
+    # A strain that is nearer to one of the cube is that one to a query.
+    assume(not 0 < abs(strains - at).min() < 1e-6)
+    table = query_cubes([cube], {"applied_strain": at}, columns=["poisson_ratio", "n_stripe"])
+    reduced = query_cubes([cube], columns=[f"mean(poisson_ratio, {at}:{at})"])
+    np.testing.assert_allclose(
+        table["poisson_ratio"].to_numpy(float), reduced.iloc[:, 0].to_numpy(float), atol=1e-12
+    )
+
+
+def test_counts_between_two_strains_are_known_only_if_both_agree():
+    cube = made_up_cube()
+    strains = cube["applied_strain"].values
+    counts = xr.zeros_like(cube["poisson_ratio"], dtype=np.int32)
+    counts[..., 2] = 5
+    cube["self_intersections"] = counts
+    middles = [float(strains[k : k + 2].mean()) for k in (0, 1)]
+    read = cube.knitlab.select(applied_strain=middles)["self_intersections"]
+    assert read.sizes["applied_strain"] == 2
+    assert (read.isel(applied_strain=0) == 0).all()
+    assert read.isel(applied_strain=1).isnull().all()
+
+
+def test_strains_beyond_the_cube_are_refused():
+    with pytest.raises(BadInput, match="has no applied_strain"):
+        query_cubes([made_up_cube()], {"applied_strain": 9.0})

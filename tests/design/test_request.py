@@ -1,0 +1,143 @@
+"""Requests of designs: their contents, and every mistake with its position."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from knitlab.cubes.strain_window import REDUCTIONS
+from knitlab.cubes.target import read_target
+from knitlab.design.request import (
+    WITHIN_RANGE,
+    checked_request,
+    contradictions,
+    read_request,
+    with_tolerance,
+)
+from knitlab.io.errors import BadInput
+
+TARGET = "poisson_ratio = -0.3 @ 0.05:0.25"
+
+
+def request(**changes):
+    return checked_request("sleeve", {"targets": [TARGET], **changes})
+
+
+def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
+    asked = request(targets=[TARGET, "reaction_force = 0 @ 0.1", "knit_cell_x < 20 ± 2"])
+    assert [each.tolerance for each in asked.targets] == pytest.approx([0.015, 0.01, 2])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "contradictory"),
+    [
+        ("poisson_ratio < -0.3 @ 0.05:0.25", "poisson_ratio > -0.2 @ 0.2:0.4", True),
+        ("poisson_ratio < -0.3 @ 0.05:0.15", "poisson_ratio > -0.2 @ 0.2:0.4", False),
+        ("poisson_ratio < -0.2 @ 0.05:0.25", "poisson_ratio > -0.3 @ 0.2:0.4", False),
+        ("poisson_ratio = -0.3 ± 0.06 @ 0.1", "poisson_ratio > -0.25 @ 0.05:0.2", False),
+        ("poisson_ratio = -0.3 ± 0.04 @ 0.1", "poisson_ratio > -0.25 @ 0.05:0.2", True),
+        ("mean(poisson_ratio) < -0.3 @ 0.1:0.2", "poisson_ratio > -0.2 @ 0.05:0.25", True),
+        ("mean(poisson_ratio) < -0.3 @ 0.1:0.3", "poisson_ratio > -0.2 @ 0.05:0.25", False),
+        ("slope(poisson_ratio) < -3 @ 0.1:0.2", "poisson_ratio > -2 @ 0.05:0.25", False),
+        ("max(reaction_force) < 1 @ 0.1:0.2", "min(reaction_force) > 2 @ 0.1:0.2", False),
+        ("max(reaction_force) < 1 @ 0.1:0.2", "max(reaction_force) > 2 @ 0.1:0.2", True),
+        ("knit_cell_x < 10", "knit_cell_y > 20", False),
+    ],
+)
+def test_only_targets_that_no_curve_meets_contradict_each_other(one, other, contradictory):
+    targets = [with_tolerance(read_target(text)) for text in (one, other)]
+    assert bool(list(contradictions(targets))) == contradictory
+    assert bool(list(contradictions(targets[::-1]))) == contradictory
+
+
+CURVES = st.lists(st.floats(-1, 1), min_size=2, max_size=5)
+RELATIONS = st.sampled_from(["<", ">", "="])
+REDUCED = st.sampled_from(["poisson_ratio", *(f"{name}(poisson_ratio)" for name in WITHIN_RANGE)])
+PLACES = st.sampled_from([0.0, 0.1, 0.2, 0.3])
+
+
+@given(
+    CURVES,
+    st.lists(
+        st.tuples(REDUCED, RELATIONS, st.sampled_from([-0.5, 0.0, 0.5]), PLACES, PLACES),
+        min_size=2,
+        max_size=8,
+    ),
+)
+def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked):
+    strains = np.linspace(0, 0.3, len(curve))
+
+    def met(target):
+        inside, values = target.window.read(strains, np.array([curve]))
+        if target.reduction:
+            inside, values = inside[:1], REDUCTIONS[target.reduction](inside, values)
+        return (abs(target.departure(values, inside)) <= target.allowance).all()
+
+    targets = [
+        with_tolerance(read_target(f"{name} {relation} {value} @ {min(one, two)}:{max(one, two)}"))
+        for name, relation, value, one, two in asked
+    ]
+    assert not list(contradictions([target for target in targets if met(target)]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"targets": []}, "targets"),
+        ({"targets": 3}, "targets"),
+        ({"targets": ["poisson_ratio_min < 0"] * 31}, "targets: value should have at most 30"),
+        ({"subject_to": 3}, "subject_to"),
+        ({"vary": [1, 2]}, "vary"),
+        ({"targets": ["poisson_ratio"]}, "cannot be read"),
+        ({"vary": {"rib_kt": [1, 2]}}, "unknown variable 'rib_kt'|no variable 'rib_kt'"),
+        ({"vary": {"rib_k_t": [2, 1]}}, "lowest and highest value"),
+        ({"vary": {"rib_k_t": 2}}, "lowest and highest value"),
+        ({"vary": {"n_stripe": [4, 0]}}, "whole numbers"),
+        ({"vary": {"n_stripe": [4.5]}}, "whole numbers"),
+        ({"vary": {"pattern": ["GR", "RG"]}}, "list names of patterns"),
+        ({"vary": {"pattern": 4}}, "list names of patterns"),
+        ({"settings": {"k_s": 2}}, "k_s"),
+        ({"settings": {"k_t_factor": 2}, "vary": {"k_t_factor": [1, 2]}}, "may also vary"),
+        ({"settings": {"robustness": 2}}, "next to targets"),
+        ({"settings": {"cell_size": ["flat", "relaxed"]}}, "is a list"),
+        ({"starts": 0}, "starts"),
+        ({"targets": ["knit_cell_x < 10"], "subject_to": ["knit_cell_x > 20"]}, "no value meets"),
+        (
+            {"targets": [{"name": "poisson_ratio", "applied_strain": [0.1, 0.2], "value": [1]}]},
+            "1 values at 2 strains",
+        ),
+        (
+            {"targets": [{"name": "poisson_ratio", "applied_strain": [0.2, 0.1], "value": [1, 2]}]},
+            "do not ascend",
+        ),
+    ],
+)
+def test_mistakes_of_a_request_are_named(changes, message):
+    with pytest.raises(BadInput, match=message):
+        request(**changes)
+
+
+def test_every_mistake_of_a_file_is_listed_and_its_paths_are_of_its_folder(tmp_path):
+    path = tmp_path / "sleeve.toml"
+    path.write_text('targets = "poisson_ratio"\n[vary]\nrib_k_t = [2, 1]\nn_stripe = [0]\n')
+    with pytest.raises(BadInput) as error:
+        read_request(path)
+    assert len(error.value.faults) == 3
+    assert all(str(path) in str(fault) for fault in error.value.faults)
+    path.write_text(f'targets = "{TARGET}"\ncubes = ["known"]\n')
+    assert read_request(path).cubes == (str(tmp_path / "known"),)
+
+
+def test_a_curve_is_read_from_a_table_or_a_file(tmp_path):
+    path = tmp_path / "wanted.csv"
+    path.write_text("strain [1],poisson_ratio [1]\n0.1,-0.4\n0.2,-0.2\n")
+    table = {"name": "poisson_ratio", "applied_strain": [0.1, 0.2], "value": [-0.4, -0.2]}
+    of_file, of_table = request(targets=[f"poisson_ratio = {path} ± 0.02", table]).targets
+    assert of_file.curve == of_table.curve
+    assert of_file.tolerance == 0.02
+    assert of_file.bounds(0.15)[0] == pytest.approx(-0.3)
+    (tmp_path / "sleeve.toml").write_text('targets = "poisson_ratio = wanted.csv"\n')
+    assert read_request(tmp_path / "sleeve.toml").targets[0].curve == of_table.curve
+    path.write_text("strain [1],ratio [1]\n0.1,-0.4\n")
+    with pytest.raises(BadInput, match="column poisson_ratio"):
+        request(targets=[f"poisson_ratio = {path}"])

@@ -1,0 +1,49 @@
+"""The size of a stitch against the needles of a machine."""
+
+import pytest
+
+from knitlab.export.knitting.machine import read_machine
+from knitlab.export.knitting.stitch_size import HEIGHTS, WIDTHS, implausible_size
+from knitlab.model.stitches import Gauge
+from knitlab.runs.parameters import defaults
+
+PAPER, KNITERATE = read_machine(), read_machine({"model": "Kniterate"})
+
+
+def test_the_papers_gauge_is_that_of_its_machine_and_no_other():
+    gauge = defaults().gauge
+    assert implausible_size(gauge, PAPER) is None
+    problem = implausible_size(gauge, KNITERATE)
+    assert problem is not None
+    # The thing, its value, the pitch of 25.4 / 7 mm and the remedies.
+    for word in ("stitch_width", "1.35 mm", "Kniterate", "3.63 mm", "swatch", "needles_per_inch"):
+        assert word in problem
+    assert (
+        implausible_size(gauge, read_machine({"model": "Kniterate", "needles_per_inch": 15}))
+        is None
+    )
+
+
+@pytest.mark.parametrize("machine", [PAPER, KNITERATE])
+@pytest.mark.parametrize(
+    ("factor", "found"), [(0.49, True), (0.51, False), (1.49, False), (1.51, True)]
+)
+def test_a_stitch_is_half_to_one_and_a_half_needles_wide(machine, factor, found):
+    assert WIDTHS == (0.5, 1.5)
+    width = factor * 25.4 / machine.needles_per_inch
+    assert (implausible_size(Gauge(width, 0.6 * width), machine) is not None) == found
+
+
+@pytest.mark.parametrize("by", [10, 0.1])
+def test_a_misplaced_decimal_point_is_found(by):
+    # 1.9 mm, as one may measure it, and 19.
+    assert implausible_size(Gauge(1.9, 1.1), PAPER) is None
+    assert "stitch_width" in (implausible_size(Gauge(1.9 * by, 1.1), PAPER) or "")
+    assert "stitch_height" in (implausible_size(Gauge(1.9, 1.1 * by), PAPER) or "")
+
+
+@pytest.mark.parametrize("end", HEIGHTS)
+def test_the_height_of_a_stitch_is_judged_by_its_width(end):
+    inside, outside = (1 + (0.01 if end < 1 else -0.01)), (1 + (-0.01 if end < 1 else 0.01))
+    assert implausible_size(Gauge(1.5, 1.5 * end * inside), PAPER) is None
+    assert implausible_size(Gauge(1.5, 1.5 * end * outside), PAPER) is not None

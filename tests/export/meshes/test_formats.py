@@ -1,0 +1,233 @@
+"""Files of meshes, read back by meshio, by trimesh, and from their bytes."""
+
+import base64
+import json
+import struct
+import zlib
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import meshio
+import numpy as np
+import pytest
+import trimesh
+
+from knitlab.export.meshes.fabric import ELECTRODE, KNIT, fabric_meshes
+from knitlab.export.meshes.formats import (
+    ELECTRODE_COLOURS,
+    FORMATS,
+    KNIT_COLOURS,
+    linear,
+    node_colours,
+    write_mesh,
+    write_series,
+)
+from knitlab.export.meshes.surface import solid_of
+from knitlab.io.errors import CannotWrite
+from tests.export.meshes.made_up import kept_file
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    return fabric_meshes(kept_file(), [5], (1, 2))[0]
+
+
+@pytest.fixture(params=["sheet", "solid", "triangles"])
+def mesh(request, sheet):
+    if request.param == "sheet":
+        return sheet
+    solid = solid_of(sheet, 0.1)
+    return solid if request.param == "solid" else solid.triangulated()
+
+
+@pytest.fixture
+def written(mesh, tmp_path):
+    def write(suffix):
+        path = tmp_path / f"shape{suffix}"
+        write_mesh(mesh, path)
+        assert [each.name for each in tmp_path.iterdir()] == [path.name]
+        return path
+
+    return write
+
+
+def loaded(path):
+    """A file as trimesh reads it; it divides quads as knitlab does."""
+    return trimesh.load(path, process=False, force="mesh")
+
+
+def test_a_vtu_file_holds_mesh_and_fields(mesh, written):
+    read = meshio.read(written(".vtu"))
+    assert (read.points == mesh.nodes).all()
+    (block,) = read.cells
+    assert block.type == {3: "triangle", 4: "quad"}[mesh.faces.shape[1]]
+    assert (block.data == mesh.faces).all()
+    assert list(read.point_data) == list(mesh.node_fields)
+    assert list(read.cell_data) == list(mesh.face_fields)
+    for name, values in mesh.node_fields.items():
+        assert (read.point_data[name] == values).all()
+    for name, values in mesh.face_fields.items():
+        np.testing.assert_array_equal(read.cell_data[name][0], values)
+
+
+TYPES = {"Float64": "<f8", "Int32": "<i4", "Int64": "<i8"}
+
+
+def decoded(array):
+    """A data array of VTK's XML: blocks, compressed, after a header of their sizes."""
+    text = array.text.strip()
+    blocks = struct.unpack("<I", base64.b64decode(text[:8])[:4])[0]
+    length = 4 * -(-(4 * (3 + blocks)) // 3)
+    sizes = struct.unpack(f"<{3 + blocks}I", base64.b64decode(text[:length]))[3:]
+    data, content = base64.b64decode(text[length:]), b""
+    for size in sizes:
+        content, data = content + zlib.decompress(data[:size]), data[size:]
+    return np.frombuffer(content, TYPES[array.get("type")])
+
+
+def test_a_vtu_file_is_what_the_format_says(mesh, written):
+    root = ElementTree.parse(written(".vtu")).getroot()
+    assert root.get("type") == "UnstructuredGrid"
+    assert root.get("byte_order") == "LittleEndian"
+    (piece,) = root.iter("Piece")
+    assert int(piece.get("NumberOfPoints")) == len(mesh.nodes)
+    assert int(piece.get("NumberOfCells")) == len(mesh.faces)
+    arrays = {array.get("Name"): array for array in piece.iter("DataArray")}
+    assert (decoded(arrays["Points"]).reshape(-1, 3) == mesh.nodes).all()
+    assert (decoded(arrays["connectivity"]).reshape(mesh.faces.shape) == mesh.faces).all()
+    assert set(decoded(arrays["types"])) == {{3: 5, 4: 9}[mesh.faces.shape[1]]}  # of VTK
+    for name, values in (mesh.node_fields | mesh.face_fields).items():
+        np.testing.assert_array_equal(decoded(arrays[name]), values)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_an_obj_or_ply_file_holds_quads_or_triangles(mesh, written, suffix):
+    path = written(suffix)
+    read = meshio.read(path)
+    np.testing.assert_allclose(read.points, mesh.nodes, rtol=1e-12)
+    assert (read.cells[0].data == mesh.faces).all()
+    second = loaded(path)
+    assert by_corners(second.faces) == by_corners(mesh.triangulated().faces)
+    np.testing.assert_allclose(second.vertices, mesh.nodes, rtol=1e-12)
+
+
+def by_corners(triangles):
+    """Triangles in any order, each from its lowest corner on, in its own sense."""
+    first = np.argmin(triangles, axis=1)[:, None]
+    return sorted(np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1).tolist())
+
+
+def test_a_ply_file_has_colours_and_the_fields_of_nodes(mesh, written):
+    path = written(".ply")
+    colours = node_colours(mesh)
+    assert (loaded(path).visual.vertex_colors[:, :3] == colours).all()
+    read = meshio.read(path).point_data
+    assert list(read) == ["red", "green", "blue", "height_mm", "fold_angle_rad", "applied_strain"]
+    for name, values in zip(list(read)[3:], mesh.node_fields.values(), strict=True):
+        assert (read[name] == values).all()
+
+
+def test_an_stl_file_holds_every_triangle_outside_out(mesh, written):
+    path = written(".stl")
+    content = path.read_bytes()
+    (count,) = struct.unpack("<I", content[80:84])
+    triangles = mesh.triangulated().faces
+    assert count == len(triangles)
+    facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("none", "<u2")])
+    facets = np.frombuffer(content[84:], facet)
+    np.testing.assert_allclose(facets["corners"], mesh.nodes[triangles], atol=1e-6)
+    a, b, c = mesh.nodes[triangles].swapaxes(0, 1)
+    assert ((np.cross(b - a, c - a) * facets["normal"]).sum(axis=1) > 0).all()
+    assert len(meshio.read(path).cells[0].data) == count
+
+
+def test_a_printed_solid_is_watertight_once_its_corners_are_joined(sheet, tmp_path):
+    solid = solid_of(sheet, 0.1)
+    write_mesh(solid, tmp_path / "print.stl")
+    body = trimesh.load(tmp_path / "print.stl")
+    assert body.is_watertight
+    assert body.is_winding_consistent
+    assert len(body.vertices) == len(solid.nodes)
+    assert body.euler_number == 2
+    # Mitred folds keep the volume near that of the sheet; its cells are not quite planes.
+    area = trimesh.Trimesh(sheet.nodes, sheet.triangulated().faces, process=False).area
+    assert body.volume == pytest.approx(0.1 * area, rel=0.05)
+
+
+def test_a_glb_file_is_in_metres_with_y_up(mesh, written):
+    path = written(".glb")
+    content = path.read_bytes()
+    length, kind = struct.unpack("<I4s", content[12:20])
+    tree = json.loads(content[20 : 20 + length])
+    assert (content[:4], kind) == (b"glTF", b"JSON")
+    (material,) = tree["materials"]
+    assert material["doubleSided"]
+    scene = trimesh.load_scene(path)
+    (body,) = scene.geometry.values()
+    np.testing.assert_allclose(body.vertices, mesh.nodes, rtol=1e-6)
+    assert (body.faces == mesh.triangulated().faces).all()
+    transform, _ = scene.graph["fabric"]
+    x, y, z = trimesh.transform_points(mesh.nodes, transform).T
+    np.testing.assert_allclose(np.stack([x, -z, y], axis=1), mesh.nodes / 1000, atol=1e-12)
+    assert np.linalg.det(transform[:3, :3]) > 0, "a mirror image"
+    light = np.rint(255 * linear(node_colours(mesh)))
+    assert (body.visual.vertex_attributes["color"][:, :3] == light).all()
+
+
+def test_a_node_within_a_patch_has_its_colour_and_one_on_a_border_the_mean(sheet):
+    colours = node_colours(sheet).reshape(17, 33, 3)
+    rib, garter, _ = KNIT_COLOURS
+    assert (colours[4, 4] == rib).all()
+    assert (colours[4, 12] == garter).all()
+    assert (colours[4, 8] == np.mean([rib, garter], axis=0).round()).all()
+
+
+def test_electrodes_have_colours_of_their_own(sheet):
+    plated = np.zeros_like(sheet.face_fields[KNIT]).reshape(16, 32)
+    plated[:, 2:6], plated[:, 8:12] = 1, 2
+    fields = {**sheet.face_fields, ELECTRODE: plated.ravel()}
+    colours = node_colours(replace(sheet, face_fields=fields)).reshape(17, 33, 3)
+    assert (colours[:, 3:6] == ELECTRODE_COLOURS[0]).all()
+    assert (colours[:, 9:12] == ELECTRODE_COLOURS[1]).all()
+    assert (colours[4, 1] == KNIT_COLOURS[0]).all()
+
+
+def test_linear_light_is_that_of_the_standard():
+    # IEC 61966-2-1: 0.5 of sRGB is 0.2140 of the light, and its dark end is a straight line.
+    shades = np.array([[0, 255, 10]], np.uint8)
+    np.testing.assert_allclose(linear(shades), [[0, 1, 10 / 255 / 12.92]])
+    assert linear(np.full((1, 3), 128, np.uint8)) == pytest.approx(0.2158605, rel=1e-6)
+
+
+def test_a_series_lists_a_file_for_every_strain(tmp_path):
+    meshes = fabric_meshes(kept_file(), [0, 2])
+    files = write_series(meshes, [0.0, 0.06], tmp_path / "pulled.pvd")
+    assert [str(each.relative_to(tmp_path)) for each in files] == [
+        "pulled.pvd",
+        "pulled/strain_0.vtu",
+        "pulled/strain_0.06.vtu",
+    ]
+    root = ElementTree.parse(files[0]).getroot()
+    assert root.get("type") == "Collection"
+    listed = {float(each.get("timestep")): each.get("file") for each in root.iter("DataSet")}
+    assert list(listed) == [0.0, 0.06]
+    for mesh, file in zip(meshes, listed.values(), strict=True):
+        assert (meshio.read(tmp_path / file).points == mesh.nodes).all()
+    assert len([*tmp_path.rglob("*")]) == 4, "something unfinished is left"
+
+
+def test_a_series_that_is_written_again_leaves_no_mesh_of_the_earlier_one(sheet, tmp_path):
+    write_series([sheet] * 3, [0.0, 0.1, 0.2], tmp_path / "pulled.pvd")
+    (tmp_path / "pulled/notes.txt").write_text("mine")
+    write_series([sheet] * 2, [0.0, 0.15], tmp_path / "pulled.pvd")
+    left = {path.name for path in (tmp_path / "pulled").iterdir()}
+    assert left == {"strain_0.vtu", "strain_0.15.vtu", "notes.txt"}
+
+
+@pytest.mark.parametrize("suffix", [*FORMATS, ".VTU", ".STL"])
+def test_a_file_that_cannot_be_written_leaves_nothing(sheet, tmp_path, suffix):
+    (tmp_path / "taken").write_text("a file where a folder should be")
+    with pytest.raises(CannotWrite, match="cannot be written"):
+        write_mesh(sheet, tmp_path / "taken" / f"shape{suffix}")
+    write_mesh(sheet, tmp_path / f"shape{suffix}")
+    assert (tmp_path / f"shape{suffix}").stat().st_size > 1000

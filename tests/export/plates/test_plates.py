@@ -1,0 +1,217 @@
+"""Plates of cases and cubes, their table and cards, and what is refused with a sentence."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import knitlab as kl
+from knitlab.cli import main
+from knitlab.cubes.case_file import LENGTH_FACTOR, in_cloth
+from knitlab.export.plates.plate_stiffness import in_plane, plates_of_case, stiffness_of
+from knitlab.io.errors import BadInput
+from knitlab.solvers.plate_condensation import PlateStatus
+from tests.export.meshes.made_up import PREVIEW, kept_case, kept_file, sample
+
+ONE = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.15}
+TEXT = ["plate", str(PREVIEW), *(f"--select={name}={value}" for name, value in ONE.items())]
+
+
+@pytest.fixture(scope="module")
+def plates() -> xr.Dataset:
+    """Both designs whose shapes are kept, at three strains."""
+    return kl.plate_stiffness(PREVIEW, applied_strain=[0.12, 0.15, 0.45])
+
+
+@pytest.fixture(scope="module")
+def state(plates) -> xr.Dataset:
+    return plates.sel(ONE)
+
+
+def test_every_design_with_a_shape_has_its_place(plates):
+    assert plates.sizes == {
+        **{"n_stripe": 2, "n_subunit": 2, "applied_strain": 3},
+        **{"row": 3, "column": 3},
+    }
+    status = plates["plate_status"].max("applied_strain").values
+    assert (status[[0, 1], [1, 0]] == PlateStatus.no_shape).all()
+    assert (status[[0, 1], [0, 1]] < PlateStatus.unstable).all()
+    assert np.isnan(plates["modulus_x"].sel(n_stripe=4, n_subunit=64)).all()
+    assert {plates[name].attrs["units"] for name in plates if "stiffness" in str(name)} == {
+        *("N/mm", "N", "N mm")
+    }
+
+
+def test_forces_over_the_width_of_cloth_are_those_of_the_test(plates):
+    pulled = plates["membrane_force"].sel(row="yy") * plates["length_x"]
+    force = kl.open_cube(PREVIEW)["reaction_force"].sel(pulled.drop_vars("row").coords)
+    known = pulled.notnull()
+    assert known.sum() == 6
+    np.testing.assert_allclose(pulled.where(known, 0), force.where(known, 0), atol=1e-8)
+
+
+def test_in_cloth_the_network_is_larger_and_its_forces_are_the_same():
+    case, chosen = kept_file(), {"applied_strain": 0.15}
+    cloth = in_cloth(case, kl.open_cube(PREVIEW).sel(n_stripe=4, n_subunit=16))
+    factor = cloth.attrs[LENGTH_FACTOR]
+    assert factor == pytest.approx(cloth["length_x"].values[0] / case["length_x"].values[0])
+    small, large = plates_of_case(case, chosen), plates_of_case(cloth, chosen)
+    assert small.attrs["length_unit"] == "mm of network"
+    assert large.attrs["length_unit"] == "mm"
+    powers = {"membrane_stiffness": -1, "coupling_stiffness": 0, "bending_stiffness": 1}
+    powers |= {"membrane_force": -1, "moment": 0, "modulus_y": -1, "length_y": 1}
+    for name, power in powers.items():
+        scaled = small[name] * factor**power
+        np.testing.assert_allclose(large[name], scaled, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 1.2, np.pi / 2])
+def test_the_modulus_along_an_angle_is_that_of_turned_axes(state, angle):
+    cosine, sine = np.cos(angle), np.sin(angle)
+    # Strain (xx, yy, 2 xy) in the model's axes from that in axes turned by the angle.
+    turned = np.array(
+        [
+            [cosine**2, sine**2, -cosine * sine],
+            [sine**2, cosine**2, cosine * sine],
+            [2 * cosine * sine, -2 * cosine * sine, cosine**2 - sine**2],
+        ]
+    )
+    membrane = state["membrane_stiffness"].values
+    compliance = np.linalg.inv(turned.T @ membrane @ turned)
+    modulus, ratio = in_plane(membrane, angle)
+    assert modulus == pytest.approx(1 / compliance[0, 0])
+    assert ratio == pytest.approx(-compliance[0, 1] / compliance[0, 0])
+
+
+def test_a_cube_a_test_and_a_condition_give_the_same(state):
+    cube = kl.open_cube(PREVIEW)
+    where = kl.plate_stiffness(cube, where="n_stripe == 4", applied_strain=0.15)
+    test = in_cloth(kept_file(), cube.sel(n_stripe=4, n_subunit=16))
+    xr.testing.assert_allclose(where.squeeze()["moment"], state["moment"])
+    alone = kl.plate_stiffness(test, applied_strain=0.15).squeeze()
+    np.testing.assert_allclose(stiffness_of(alone), stiffness_of(state), atol=1e-12)
+
+
+def test_a_card_of_abaqus_has_the_upper_triangle_by_columns(state, tmp_path):
+    said = CliRunner().invoke(main, [*TEXT, "-o", str(tmp_path / "card.inp")])
+    assert said.exit_code == 0, said.output
+    lines = (tmp_path / "card.inp").read_text().splitlines()
+    keyword = lines.index("*SHELL GENERAL SECTION, ELSET=KNIT")
+    assert all(line.startswith("**") for line in lines[:keyword])
+    rows = [[float(entry) for entry in line.split(",")] for line in lines[keyword + 1 :]]
+    assert [len(row) for row in rows] == [8, 8, 5]
+    matrix = np.zeros((6, 6))
+    matrix.T[np.tril_indices(6)] = np.concatenate(rows)
+    matrix = matrix + np.triu(matrix, 1).T
+    np.testing.assert_allclose(matrix, stiffness_of(state), rtol=1e-8, atol=1e-8)
+    assert np.linalg.eigvalsh(matrix)[0] > 0
+
+
+def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
+    kl.plate_stiffness(PREVIEW, tmp_path / "card.json", applied_strain=[0.12, 0.15])
+    card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
+    assert len(card["states"]) == 4
+    for each in card["states"]:
+        labels = {name: each[name] for name in ONE}
+        wanted = stiffness_of(plates.sel(labels))
+        np.testing.assert_allclose(each["ABD"], wanted, atol=1e-8)
+    kl.plate_stiffness(PREVIEW, tmp_path / "table.csv", applied_strain=[0.12, 0.15, 0.45])
+    table = pd.read_csv(tmp_path / "table.csv")
+    assert table["status"].tolist() == ["ok"] * 5 + ["negative"]
+    row = table[(table["n_stripe"] == 4) & (table["applied_strain"] == 0.15)].iloc[0]
+    state = plates.sel(ONE)
+    assert row["A12 [N/mm]"] == state["membrane_stiffness"].sel(row="xx", column="yy")
+    assert row["B61 [N]"] == state["coupling_stiffness"].sel(row="xy", column="xx")
+    assert row["D66 [N mm]"] == state["bending_stiffness"].sel(row="xy", column="xy")
+    assert row["M2 [N]"] == state["moment"].sel(row="yy")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"applied_strain": 0.14}, "the cube has no applied_strain = 0.14"),
+        ({"cell_x": 0}, "is not a coordinate of a shape; select along"),
+        ({"n_subunit": 24}, "has no case file in"),
+        ({"where": "n_stripe > 9"}, "leaves no design; choose others"),
+        ({"output": "card.txt"}, "has no suffix of a card or table; give one of .csv, .json, .inp"),
+        (
+            {"output": "card.inp", "applied_strain": [0.12, 0.15]},
+            "is a card of one state, and 2 are",
+        ),
+    ],
+)
+def test_what_is_at_fault_is_a_sentence(change, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadInput, match=re.escape(message)):
+        kl.plate_stiffness(PREVIEW, **(ONE | change))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_state_that_is_no_plate_is_reported_and_has_no_card(tmp_path):
+    words = ["plate", str(PREVIEW), "--select", "n_stripe=8", "--select", "applied_strain=0.45"]
+    said = CliRunner().invoke(main, words)
+    assert said.exit_code == 1
+    assert " negative " in said.output
+    said = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "card.inp")])
+    assert said.exit_code == 2
+    assert "is negative, which no shell element can have" in said.output
+
+
+def test_clamped_samples_are_refused(tmp_path):
+    said = CliRunner().invoke(main, ["plate", str(PREVIEW.with_name("paper"))])
+    assert said.exit_code == 2
+    assert said.output == (
+        "knitlab: paper: is of clamped samples, and a plate is the mean of periodic fabric;"
+        " simulate it with boundary = periodic\n"
+    )
+    record = json.dumps(sample(kept_case()).record)
+    with pytest.raises(BadInput, match="is of clamped samples"):
+        plates_of_case(kept_file().assign_attrs(parameters=record))
+
+
+def test_a_test_without_shapes_or_with_a_condition_is_refused():
+    with pytest.raises(BadInput, match="has no node positions"):
+        kl.plate_stiffness(kept_file().drop_vars("position"))
+    with pytest.raises(BadInput, match="is a condition on designs, and a test is one"):
+        kl.plate_stiffness(kept_file(), where="n_stripe == 4")
+
+
+def test_a_strain_that_was_not_reached_is_reported():
+    case = kept_file().copy(deep=True)
+    case["position"][-1] = np.nan
+    status = plates_of_case(case, {"applied_strain": [0.42, 0.45]})["plate_status"].values
+    assert status.tolist() == [PlateStatus.ok, PlateStatus.not_converged]
+
+
+def test_where_plies_touch_a_plate_is_unknown_and_elsewhere_it_balances_the_test():
+    held = kl.simulate(kl.Design(4, 16, boundary="periodic"), [0.0, 0.1])
+    assert (held["energy_contact"] > 0).values.tolist() == [True, False]
+    found = kl.plate_stiffness(held)
+    assert found["plate_status"].values[0] == PlateStatus.plies_touch
+    assert np.isnan(found["bending_stiffness"][0]).all()
+    pulled = (found["membrane_force"].sel(row="yy") * found["length_x"])[1]
+    np.testing.assert_allclose(pulled, held["reaction_force"][1], atol=1e-6)
+
+
+def test_designs_without_any_shape_are_one_sentence(tmp_path):
+    shutil.copy(PREVIEW / "cube.nc", tmp_path)
+    with pytest.raises(BadInput, match="none of these 10 designs has a shape; run one"):
+        kl.plate_stiffness(tmp_path)
+
+
+def test_the_figure_shows_moduli_along_every_direction(plates):
+    figure = kl.plot.polar(PREVIEW, n_stripe=4, n_subunit=16, applied_strain=[0.12, 0.15])
+    modulus, ratio = figure.axes
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        *("pulled 12%", "pulled 15%"),
+    ]
+    state = plates.sel(ONE)
+    quarter = 90
+    assert modulus.lines[1].get_ydata()[0] == pytest.approx(float(state["modulus_x"]))
+    assert modulus.lines[1].get_ydata()[quarter] == pytest.approx(float(state["modulus_y"]))
+    assert ratio.lines[1].get_ydata()[quarter] == pytest.approx(float(state["poisson_ratio_y"]))

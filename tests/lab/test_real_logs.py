@@ -1,0 +1,90 @@
+"""Logs as meters and testing machines write them: overloads, blocks, rows of units."""
+
+import numpy as np
+import pytest
+
+from knitlab.io.errors import BadInput
+from knitlab.lab.experiment import import_records
+from tests.lab.recorded import Laboratory, capacitance
+
+
+@pytest.fixture
+def laboratory(tmp_path):
+    made = Laboratory(tmp_path)
+    made.write()
+    return made
+
+
+def imported(laboratory, kind):
+    return import_records(kind, laboratory.folder / "sheet.toml", laboratory.folder / "results")
+
+
+@pytest.mark.parametrize("reading", [9.9e37, -9.9e37, 9.91e37, 2.0])
+def test_what_the_meter_could_not_measure_is_left_out_and_counted(laboratory, reading):
+    meter = laboratory.meter().astype(float)
+    meter["Status"] = 0
+    wrong = [80, 81, 150]
+    meter.loc[wrong, "C"] = reading
+    if reading < 1e3:  # only the status shows it
+        meter.loc[wrong, "Status"] = 1
+    meter.to_csv(laboratory.folder / "meter.csv", index=False)
+    read = imported(laboratory, "capacitance")
+    assert any("3 readings that report an overload" in line for line in read.summary)
+    cube = read.cube.squeeze()
+    np.testing.assert_allclose(cube.capacitance, capacitance(cube.applied_strain), rtol=1e-9)
+
+
+def test_a_status_in_words_is_not_a_number_to_check(laboratory):
+    meter = laboratory.meter().assign(status="ok")
+    meter.to_csv(laboratory.folder / "meter.csv", index=False)
+    assert np.isfinite(imported(laboratory, "capacitance").cube.capacitance).all()
+
+
+def test_a_meter_that_only_overloads_is_refused(laboratory):
+    laboratory.meter().assign(C=9.9e37).to_csv(laboratory.folder / "meter.csv", index=False)
+    with pytest.raises(BadInput, match="has 0 rows of measurements"):
+        imported(laboratory, "capacitance")
+
+
+BLOCKS = {
+    "Bluehill, raw": ["Specimen properties : Width,45.0,mm", 'Specimen label,"A"', ""],
+    "Bluehill, results": [
+        '"Results Table 1"',
+        ',"Maximum Load"',
+        ',"(cN)"',
+        '"1","90"',
+        "",
+        '"Results Table 2"',
+    ],
+    "TestXpert": ["Prüfer;Ann", "Datum;27.11.2026", "Prüfgeschwindigkeit;0,8;mm/s"],
+    "WinTest": ["Test name\tsheet", "Gauge length\t80\tmm", ""],
+}
+
+
+@pytest.mark.parametrize("program", BLOCKS)
+@pytest.mark.parametrize("units_below", [True, False])
+def test_exports_of_testing_machines_are_the_plain_table(laboratory, program, units_below):
+    plain = imported(laboratory, "tensile").cube.reaction_force
+    separator = {"TestXpert": ";", "WinTest": "\t"}.get(program, ",")
+    machine = laboratory.machine()
+    units = {"time": "min", "extension": "cm", "trigger": "V", "force": "cN"}
+    header = list(machine) if units_below else [f"{name} ({units[name]})" for name in machine]
+    lines = [*BLOCKS[program], separator.join(header)]
+    if units_below:
+        lines.append(separator.join(f"({units[name]})" for name in machine))
+    mark = "," if program == "TestXpert" else "."
+    lines += [
+        separator.join(repr(float(value)).replace(".", mark) for value in row)
+        for row in machine.to_numpy()
+    ]
+    text = "\r\n".join(lines) + "\r\n"
+    encoding = "cp1252" if program == "TestXpert" else "utf-16" if program == "WinTest" else "utf-8"
+    (laboratory.folder / "tensile.csv").write_bytes(text.encode(encoding))
+    np.testing.assert_array_equal(imported(laboratory, "tensile").cube.reaction_force, plain)
+
+
+def test_a_unit_in_the_file_that_contradicts_the_description_is_refused(laboratory):
+    machine = laboratory.machine().rename(columns={"force": "force [N]"})
+    machine.to_csv(laboratory.folder / "tensile.csv", index=False)
+    with pytest.raises(BadInput, match=r"column force: is in \[N\] by its header, but cN"):
+        imported(laboratory, "tensile")

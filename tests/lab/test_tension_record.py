@@ -1,0 +1,411 @@
+"""Records of a testing machine: units, repeats, cycles and noise, and what is refused."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import knitlab as kl
+from knitlab.io.errors import BadInput
+from knitlab.lab.tension_record import period_of, read_tension_record
+from knitlab.model.pure_stripe import PureStripe
+from knitlab.model.settings import ModelOptions
+from knitlab.model.stripe import cell_length
+from tests.fabrics import compiled_tension_across, stripe
+
+GOOD = "strain [1],force [N]\n0,0\n0.1,0.2\n0.2,0.5\n0.3,0.9\n"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "curve.csv"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "strain", "force", "options"),
+    [
+        ("strain [1],force [N]", 1, 1, {}),
+        ("Strain [%], Force [cN]", 100, 100, {}),
+        ("strain [mm/mm],force [mN],time [s]", 1, 1000, {}),
+        ("Axial strain (%),Load (N)", 100, 1, {}),
+        ("extension [mm],force [N]", 80, 1, {"gauge_length": 80.0}),
+        ("Extension (cm),Load (N)", 8, 50, {"gauge_length": 80.0, "width": 50.0}),
+        ("strain [1],stress [N/mm]", 1, 1, {}),
+        ("strain [1],stress [N/m]", 1, 1000, {}),
+        ("strain [1],stress [MPa]", 1, 1 / 2, {"thickness": 2.0}),
+        ("strain [1],stress [kPa]", 1, 1000 / 2, {"thickness": 2.0}),
+    ],
+)
+def test_units_of_the_header_are_converted(tmp_path, header, strain, force, options):
+    extra = ",7" if "time" in header else ""
+    strains, forces = [0.0, 0.1, 0.1, 0.3, 0.4], [0.0, 0.2, 0.5, 0.9, 1.0]
+    rows = [f"{strain * a},{force * b}{extra}" for a, b in zip(strains, forces, strict=True)]
+    path = written(tmp_path, "\n".join(["# a comment", header, *rows]))
+    curve = read_tension_record(path, **options)
+    np.testing.assert_allclose(curve.strain, strains)
+    np.testing.assert_allclose(curve.force, [forces])
+    assert curve.per_width == ("stress" in header or "width" in options)
+
+
+EXPORTS = {
+    "testXpert": (
+        "Prüfprotokoll;\nPrüfer;A. Müller\nMessrate;10,5;Hz\n\nProbe 1\n"
+        "Prüfzeit;Standardweg;Standardkraft\ns;mm;N\n",
+        "{t};{e};{f}",
+    ),
+    "testXpert, strain": ("Zeit [s];Dehnung [%];Kraft [N]\n", "{t};{s};{f}"),
+    "testXpert, quoted": ('"Dehnung";"Standardkraft"\n"%";"N"\n', '"{s}";"{f}"'),
+    "with in": ("Traversenweg in mm;Kraft in N;Zyklus\n", "{e};{f};1"),
+    "with a stroke": ("Weg / mm;Kraft / N\n", "{e};{f}"),
+    "testXpert, English": ("Standard travel\tStandard force\nmm\tN\n", "{e}\t{f}"),
+    "force standard": ("Travel (mm),Force standard (N)\n", "{e},{f}"),
+    "Bluehill": (
+        'Results Table 1\n,Maximum Load\n,(N)\n1,1.0\n\n"Time","Extension","Load"\n'
+        '"(s)","(mm)","(N)"\n',
+        '"{t}","{e}","{f}"',
+    ),
+    "Bluehill, German": (
+        "Probe;Zeit (s);Verlängerung (mm);Last (N);Zugdehnung (%)\n",
+        "1;{t};{e};{f};{s}",
+    ),
+    "Bluehill, one row": ("Time (s),Tensile strain (mm/mm),Tensile stress (MPa)\n", "{t},{r},{f}"),
+    "MTS": ("Crosshead \tLoad \tTime \nmm \tN \tsec \n", "{e}\t{f}\t{t}"),
+    "MTS, axial": ("Axial Displacement (mm)\tAxial Force (kN)\n", "{e}\t{k}"),
+    "elongation, relative": ("Elongation [%],Force [N]\n", "{s},{f}"),
+    "elongation, absolute": ("Elongation [mm],Force [N]\n", "{e},{f}"),
+}
+"""Headers as programs of testers write them, and a row."""
+
+
+@pytest.mark.parametrize("export", EXPORTS)
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_what_testers_export_is_read(tmp_path, export, encoding):
+    header, row = EXPORTS[export]
+    strains, forces = np.linspace(0, 0.5, 12), np.linspace(0, 3, 12)
+    rows = [
+        row.format(t=f"{10 * s:.2f}", e=f"{80 * s:.6f}", s=f"{100 * s:.6f}", r=s, f=f, k=f / 1000)
+        for s, f in zip(strains, forces, strict=True)
+    ]
+    if ";" in row:
+        rows = [each.replace(".", ",") for each in rows]
+    path = tmp_path / "export.csv"
+    path.write_bytes((header + "\n".join(rows) + "\n").encode(encoding))
+    sizes = {"gauge_length": 80.0} | ({"thickness": 1.0} if "stress" in header else {})
+    record = read_tension_record(path, **sizes)
+    np.testing.assert_allclose(record.strain, strains, atol=1e-7)
+    np.testing.assert_allclose(record.force, [forces], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("header", "parts"),
+    [
+        ("Dehnung [mm],Kraft [N]", ("Dehnung: is in mm", "[%]", "extension")),
+        ("Weg [%],Kraft [N]", ("Weg: is in %", "[mm]", "strain")),
+        ("Dehnung [%],Spannung [V]", ("Spannung: is in V", "[N/mm]")),
+        ("Dehnung [%],Kraft [mm]", ("Kraft: is in mm", "of force")),
+        ("Dehnung,Kraft [N]", ("Dehnung: has no unit",)),
+        ("Weg [mm],Traversenweg [mm],Kraft [N]", ("Traversenweg: is extension", "Weg", "keep one")),
+        ("Dehnung [%],Kraft [N],Dehnung [%],Kraft [N]", ("Dehnung: occurs twice", "repeat")),
+        ("Elongation [N],Kraft [N]", ("Elongation: is in N",)),
+    ],
+)
+def test_what_can_be_read_two_ways_is_refused_in_a_sentence(tmp_path, header, parts):
+    width = header.count(",") + 1
+    rows = [",".join([f"{k / 10}"] * width) for k in range(9)]
+    with pytest.raises(BadInput) as caught:
+        read_tension_record(written(tmp_path, "\n".join([header, *rows])), gauge_length=80.0)
+    message = str(caught.value).splitlines()[0]
+    for part in parts:
+        assert part in message
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (GOOD.replace("[N]", ""), {}, "column force: has no unit"),
+        (GOOD.replace("strain [1]", "strain"), {}, "column strain: has no unit"),
+        (GOOD.replace("[N]", "[]"), {}, "column force: has no unit"),
+        (GOOD.replace("[N]", "[mm]"), {}, r"is in mm; give it in a unit of force"),
+        (GOOD.replace("[N]", "[wurble]"), {}, "unknown unit 'wurble'"),
+        (GOOD.replace("strain [1]", "strain [N]"), {}, "is in N"),
+        (GOOD.replace("strain [1]", "time [s]"), {}, "column strain: is missing"),
+        (GOOD.replace("force [N]", "pull [N]"), {}, "has neither"),
+        (GOOD.replace("0.2,0.5", "0.2,nan"), {}, "point 3 is 'nan'"),
+        (GOOD.replace("0.2,0.5", "0.2,"), {}, "point 3 is empty"),
+        (GOOD.replace("0.2,0.5", "0.2,inf"), {}, "point 3 is 'inf'"),
+        (GOOD.replace("strain [1]", "extension [mm]"), {}, "needs the gauge_length"),
+        (GOOD, {"cycle": 2}, "has 1 cycles; choose one of them, not cycle 2"),
+        (GOOD.replace("0,0\n", "-1,0\n"), {}, "goes down to -1"),
+        ("strain [1],force [N]\n0,0\n0.1,1\n", {}, "has 2 points"),
+        ("strain [1],force [N]\n", {}, "has no table of numbers"),
+        ("", {}, "has no table of numbers"),
+        (GOOD.replace("0.2,0.5", "0.2,0.5,3"), {}, "line 4: has 3 fields"),
+        ("strain [1],force [N]\n0,0,0,0\n0,1,0,5\n0,2,0,9\n0,3,1,0\n", {}, "decimal mark"),
+        (GOOD.replace("0.2,", "0.1,").replace("0.3,", "0.1,"), {}, "has 2 points"),
+        (GOOD, {"thickness": 0.3}, "thickness 0.3: is for stress"),
+        (GOOD.replace("force [N]", "stress [N/mm]"), {"width": 3.0}, "width 3: is for force"),
+        (GOOD.replace("force [N]", "stress [MPa]"), {}, "give the thickness in mm"),
+        (GOOD.replace("force", "strain"), {}, "occurs twice"),
+        (GOOD.replace("force [N]", "strain [1]"), {}, "occurs twice"),
+        (GOOD.replace("strain [1]", "strain [deg]"), {}, "is in deg"),
+        (GOOD.replace("strain [1]", "strain [dB]"), {}, "is in dB"),
+        (GOOD.replace("0.2,0.5", "0.2,0.5 # slack"), {}, "point 3 is '0.5 # slack'"),
+        (GOOD.replace("0.2,0.5", "0.2"), {}, "line 4: has 1 fields"),
+    ],
+)
+def test_a_bad_curve_is_refused(tmp_path, text, options, message):
+    with pytest.raises(BadInput, match=message):
+        read_tension_record(written(tmp_path, text), **options)
+
+
+def test_all_faults_are_in_one_message(tmp_path):
+    path = written(tmp_path, "strain [m],force [kg]\n0,0\nx,1\n0.2,2\n0.3,nan\n")
+    with pytest.raises(BadInput) as caught:
+        read_tension_record(path)
+    assert len(caught.value.faults) == 4
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(BadInput, match=r"nowhere\.csv: cannot be read"):
+        read_tension_record(tmp_path / "nowhere.csv")
+
+
+RIB = replace(stripe("rib", 4), period=10.0)
+GAUGE_LENGTH, WIDTH = 80.0, 60.0
+ROW = float(cell_length(RIB, ModelOptions(cell_size="relaxed")))
+
+
+def pulls(strain, factor=1.0):
+    """Force of a swatch of the stripe, as wide as WIDTH."""
+    force = compiled_tension_across(PureStripe.of(RIB), jnp.maximum(jnp.asarray(strain), 0.0))
+    return factor * WIDTH / ROW * np.asarray(force)
+
+
+def raw_record(tmp_path, seed=0, repeats=5, peaks=(0.6, 2.0, 2.0), noise=0.01, softening=0.8):
+    """What a tester writes: cycles, noise, small negative values, and repeats that differ."""
+    random = np.random.default_rng(seed)
+    rows = ["Specimen,Time (s),Extension (mm),Load (N)"]
+    for repeat in range(1, repeats + 1):
+        strain = np.concatenate(
+            [np.concatenate([np.linspace(0, p, 150), np.linspace(p, 0, 150)]) for p in peaks]
+        )
+        rising = np.gradient(strain) >= 0
+        force = pulls(strain, 1 + 0.03 * (repeat - 3)) * np.where(rising, 1.0, softening)
+        force = force + noise * random.normal(size=len(force))
+        extension = GAUGE_LENGTH * strain + 0.05 * random.normal(size=len(strain))
+        rows += [
+            f"{repeat},{k},{e:.4f},{f:.4f}"
+            for k, (e, f) in enumerate(zip(extension, force, strict=True))
+        ]
+    path = tmp_path / "raw.csv"
+    path.write_text("\n".join(rows))
+    return path
+
+
+@pytest.mark.slow
+def test_a_raw_record_gives_the_stripe_that_it_was_made_of(tmp_path):
+    record = read_tension_record(
+        raw_record(tmp_path), gauge_length=GAUGE_LENGTH, width=WIDTH, cycle=2
+    )
+    assert record.per_width
+    assert record.force.shape[0] == 5
+    assert "loading of cycle 2" in record.summary[0]
+    fit = kl.calibrate(record.strain, record.force, period=10.0, per_width=True)
+    assert fit.usable
+    for name in ("k_s", "k_t", "theta_0"):
+        low, high = fit.intervals[name]
+        assert low <= getattr(RIB, name) <= high
+        assert fit.values[name] == pytest.approx(getattr(RIB, name), rel=0.05)
+    # Repeats differ by 1.5 % of k_s and k_t on average; the points alone would hide that.
+    scatter = 0.03 * np.std([-2, -1, 0, 1, 2], ddof=1) / np.sqrt(5)
+    assert fit.standard_errors["k_t"] / fit.values["k_t"] == pytest.approx(scatter, rel=0.3)
+    one = kl.calibrate(record.strain, record.force.mean(axis=0), period=10.0, per_width=True)
+    assert one.standard_errors["k_t"] < fit.standard_errors["k_t"]
+
+
+def test_of_cycles_one_loading_branch_is_taken(tmp_path):
+    path = raw_record(tmp_path, repeats=1, noise=0.0)
+    curves = {}
+    for cycle in (1, 2):
+        record = read_tension_record(path, gauge_length=80.0, width=WIDTH, cycle=cycle)
+        np.testing.assert_allclose(
+            record.force[0], pulls(record.strain, 0.94) / WIDTH, atol=0.01 * record.force.max()
+        )
+        curves[cycle] = record.strain.max()
+    assert curves[1] < 0.62 < 1.9 < curves[2]
+
+
+@pytest.mark.slow
+def test_forces_over_the_width_are_those_of_rows_as_wide_as_cells_are_long():
+    strain = np.linspace(0.0, 2.0, 30)
+    force = np.asarray(compiled_tension_across(PureStripe.of(RIB), jnp.asarray(strain)))
+    per_row = kl.calibrate(strain, force, period=10.0)
+    per_width = kl.calibrate(strain, force / ROW, period=10.0, per_width=True)
+    for name, value in per_row.values.items():
+        assert per_width.values[name] == pytest.approx(value, rel=1e-6)
+
+
+@settings(deadline=None, max_examples=20)
+@given(shift=st.floats(-0.01, 0.01), seed=st.integers(0, 100))
+def test_records_that_start_off_zero_are_cut_there(tmp_path_factory, shift, seed):
+    folder = tmp_path_factory.mktemp("record")
+    random = np.random.default_rng(seed)
+    strain = np.linspace(shift, 1.0, 200) + 0.002 * random.normal(size=200)
+    rows = [f"{a},{b}" for a, b in zip(strain, pulls(strain), strict=True)]
+    path = written(folder, "\n".join(["strain [1],force [N]", *rows]))
+    record = read_tension_record(path)
+    assert record.strain.min() >= 0
+    assert np.all(np.diff(record.strain) > 0)
+    np.testing.assert_allclose(
+        record.force[0], pulls(record.strain), atol=0.02 * record.force.max()
+    )
+
+
+def test_the_period_follows_from_stitches():
+    assert period_of(4, gauge_length=80.0, gauge_stitches=64) == pytest.approx(10.0)
+    assert period_of(4, 10.0) == 10.0
+    for given_twice in ({"period": 1.0, "gauge_stitches": 4.0}, {}, {"gauge_stitches": 4.0}):
+        with pytest.raises(BadInput):
+            period_of(4, **given_twice)
+
+
+def gripped(tmp_path, tension=0.0, offset=0.0, noise=0.0, seed=3, repeats=1, points=200):
+    """A spring of 2 N, gripped under a tension; the gauge length is that between the grips."""
+    random = np.random.default_rng(seed)
+    first, rows = tension / 2, []
+    for repeat in range(1, repeats + 1):
+        relaxed = np.linspace(first, first + 0.5, points)
+        force = 2 * relaxed + offset + noise * random.normal(size=points)
+        measured = (1 + relaxed) / (1 + first) - 1
+        rows += [f"{repeat},{e:.9f},{f:.9f}" for e, f in zip(measured, force, strict=True)]
+    return written(tmp_path, "\n".join(["repeat,strain [1],force [N]", *rows, ""]))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+@pytest.mark.parametrize(
+    ("truth", "known"),
+    [
+        ({}, {}),
+        ({"tension": 0.06}, {"preload": 0.06}),
+        ({"offset": 0.06}, {"zero": "start"}),
+        ({"offset": -0.06}, {"zero": "start"}),
+        ({"offset": 0.06}, {"zero": 0.06}),
+        ({"tension": 0.06, "offset": -0.06}, {"zero": "start", "preload": 0.06}),
+        ({"tension": 0.06, "offset": 0.2}, {"zero": 0.2, "preload": 0.06}),
+    ],
+)
+@pytest.mark.parametrize("width", [None, 50.0])
+def test_what_is_known_of_the_start_gives_the_curve_of_the_spring(
+    tmp_path, truth, known, noise, width
+):
+    path = gripped(tmp_path, **truth, noise=noise, repeats=2)
+    record = read_tension_record(path, width=width, **known)
+    force = record.force * (width or 1.0)
+    np.testing.assert_allclose(force, [2 * record.strain] * 2, atol=max(1e-6, 3 * noise))
+    said = " ".join(record.summary)
+    assert ("is subtracted from the force" in said) == ("zero" in known)
+    assert ("preload of 0.06 N" in said and "%" in said) == ("preload" in known)
+    one = kl.read_cycles(path, width=width, **known).passages[0]
+    np.testing.assert_allclose(
+        one.force * (width or 1.0), 2 * one.strain, atol=max(1e-6, 3 * noise)
+    )
+
+
+@pytest.mark.parametrize("truth", [{"tension": 0.06}, {"offset": 0.06}, {"offset": -0.06}])
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+@pytest.mark.parametrize("read", [read_tension_record, kl.read_cycles])
+def test_a_force_at_zero_strain_above_the_noise_is_refused_with_both_remedies(
+    tmp_path, truth, noise, read
+):
+    with pytest.raises(BadInput) as caught:
+        read(gripped(tmp_path, **truth, noise=noise))
+    (message,) = str(caught.value).splitlines()
+    size = float(message.split(" is ")[1].split(" N ")[0])
+    assert size == pytest.approx(sum(truth.values()), abs=3 * noise + 1e-3)
+    for part in ("noise of", "zero = start", "zero = none"):
+        assert part in message
+    assert ("preload = " in message) == (sum(truth.values()) > 0)
+    kept = read_tension_record(gripped(tmp_path, **truth, noise=noise), zero="none")
+    assert "is kept at zero strain" in kept.summary[1]
+    np.testing.assert_allclose(kept.force[0, -1], 1 + sum(truth.values()), atol=4 * noise + 0.02)
+
+
+@pytest.mark.slow
+def test_noise_alone_is_rarely_taken_for_an_offset_and_a_large_offset_never_for_noise(tmp_path):
+    """Three repeats with noise of 1 % of the largest force."""
+
+    def refused(**truth):
+        try:
+            read_tension_record(gripped(tmp_path, noise=0.01, repeats=3, **truth))
+        except BadInput:
+            return True
+        return False
+
+    assert np.mean([refused(seed=seed) for seed in range(60)]) <= 0.1
+    assert all(refused(seed=seed, offset=0.05) for seed in range(20))
+
+
+def test_without_a_preload_no_strain_is_moved(tmp_path):
+    """Whatever the noise hides: strains end where the machine did."""
+    for seed in range(10):
+        record = read_tension_record(gripped(tmp_path, noise=0.03, seed=seed), zero="start")
+        assert record.strain.max() == 0.5
+
+
+def test_readings_at_rest_give_the_force_at_zero_strain(tmp_path):
+    """A curve that rises steeply at first: a parabola through its first tenth would miss that."""
+    strain = np.concatenate([np.zeros(20), np.linspace(0, 1, 200)])
+    force = 0.3 + strain + 0.2 * np.tanh(strain / 0.02)
+    rows = [
+        f"{e},{f + 0.001 * (-1) ** k}" for k, (e, f) in enumerate(zip(strain, force, strict=True))
+    ]
+    path = written(tmp_path, "\n".join(["strain [1],force [N]", *rows]))
+    record = read_tension_record(path, zero="start")
+    assert abs(record.force[0].min()) < 0.003
+
+
+@pytest.mark.slow
+def test_a_preloaded_stripe_is_counted_from_its_relaxed_length(tmp_path):
+    """Independent: the sheet of three unknowns, stretched by 10 % when it is gripped."""
+    swatch = replace(RIB, k_s=2.6, k_t=0.93, theta_0=0.74)
+    relaxed = np.linspace(0.1, 2.2, 300)
+    force = np.asarray(compiled_tension_across(PureStripe.of(swatch), jnp.asarray(relaxed)))
+    force = force + 1e-3 * force.max() * np.random.default_rng(0).normal(size=len(relaxed))
+    rows = [f"{e},{f}" for e, f in zip((1 + relaxed) / 1.1 - 1, force, strict=True)]
+    path = written(tmp_path, "\n".join(["strain [1],force [N]", *rows]))
+    record = read_tension_record(path, preload=force[:5].mean())
+    assert record.strain.max() == pytest.approx(2.2, rel=0.02)
+    assert "preload" in record.summary[1]
+
+
+@pytest.mark.parametrize(
+    ("truth", "known", "message"),
+    [
+        ({"offset": 0.06}, {"preload": 0.3}, "is 0.06 N at zero strain, not the preload of 0.3 N"),
+        ({"tension": 0.06, "offset": -0.06}, {"preload": 0.06}, "zero = start"),
+        ({"tension": 0.06}, {"zero": 0.05, "preload": 0.06}, "is 0.01 N at zero strain"),
+        ({"offset": 3.0}, {"preload": 3.0}, "no relaxed length follows from a preload of 3 N"),
+        ({}, {"zero": "begin"}, "zero: is 'begin'; give none, start, or a number"),
+        ({}, {"zero": float("nan")}, "zero: is nan"),
+        ({}, {"preload": -1.0}, "preload: is -1 N; give a tension above 0"),
+    ],
+)
+def test_what_contradicts_the_record_is_refused(tmp_path, truth, known, message):
+    with pytest.raises(BadInput, match=message):
+        read_tension_record(gripped(tmp_path, **truth), **known)
+
+
+def test_newtons_are_not_subtracted_from_a_stress_and_a_late_start_has_no_zero(tmp_path):
+    stress = written(tmp_path, GOOD.replace("force [N]", "stress [N/mm]"))
+    for known in ({"zero": 0.1}, {"preload": 0.1}):
+        with pytest.raises(BadInput, match=r"0\.1: is in N, but the record holds stress"):
+            read_tension_record(stress, **known)
+    late = written(tmp_path, GOOD.replace("0,0\n", "").replace("0.3,", "0.4,0.8\n0.5,"))
+    for known in ({"zero": "start"}, {"preload": 0.1}):
+        with pytest.raises(BadInput, match="too few readings near zero strain"):
+            read_tension_record(late, **known)
+    assert read_tension_record(late, zero=0.1).force.max() == pytest.approx(0.8)

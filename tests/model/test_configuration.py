@@ -1,0 +1,64 @@
+"""Configurations: the vector of unknowns and back, of one state and of several, and gradients."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from knitlab.model.energy import energy
+from knitlab.model.fabric import Configuration, flat_sheet
+from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered, shaken
+
+
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+@pytest.mark.parametrize("states", [(), (3,), (2, 3)], ids=["one", "three", "two by three"])
+def test_flattening_and_back_is_the_identity(options, states):
+    shape = checkered(4, 1, options)[0].shape
+    unknowns = np.random.default_rng(0).normal(size=(*states, shape.unknowns))
+    configuration = Configuration.of(unknowns, shape)
+    assert configuration.positions.shape == (*states, shape.nodes_y, shape.nodes_x, 3)
+    assert configuration.lengths.shape == (*states, 2)
+    np.testing.assert_array_equal(configuration.flattened(), unknowns)
+
+
+def test_the_flat_sheet_lies_on_its_grid():
+    net, fabric = checkered(4, 1, PERIODIC)
+    flat = flat_sheet(net, fabric)
+    width, height = cell_of(fabric)
+    np.testing.assert_allclose(flat.positions[2, 3], [3 * width, 2 * height, 0])
+    np.testing.assert_allclose(
+        flat.lengths, [net.shape.cells_x * width, net.shape.cells_y * height]
+    )
+
+
+def test_states_are_stacked_and_picked_out_again():
+    net, fabric = checkered(4, 1, CLAMPED)
+    states = [shaken(flat_sheet(net, fabric), 0.1, seed) for seed in range(3)]
+    together = Configuration.stacked(states)
+    np.testing.assert_array_equal(together[1].positions, states[1].positions)
+    np.testing.assert_array_equal(together[1:].lengths[0], states[1].lengths)
+
+
+def test_the_gradient_of_a_function_is_a_configuration():
+    net, fabric = checkered(4, 1, CLAMPED)
+    at = shaken(flat_sheet(net, fabric), 0.1)
+
+    def width(configuration):
+        return jnp.ptp(configuration.positions[..., 0])
+
+    slope = jax.grad(width)(at)
+    x = np.asarray(at.positions[..., 0])
+    expected = np.zeros((*x.shape, 3))
+    expected[np.unravel_index(x.argmax(), x.shape)] = [1, 0, 0]
+    expected[np.unravel_index(x.argmin(), x.shape)] = [-1, 0, 0]
+    np.testing.assert_array_equal(slope.positions, expected)
+    assert not np.any(slope.lengths)
+
+
+@pytest.mark.slow
+def test_a_configuration_is_mapped_as_a_pytree():
+    net, fabric = checkered(4, 1, PERIODIC)
+    states = [shaken(flat_sheet(net, fabric), 0.1, seed) for seed in range(2)]
+    together = jax.vmap(lambda at: energy(net, fabric, at).total)(Configuration.stacked(states))
+    alone = [float(energy(net, fabric, state).total) for state in states]
+    np.testing.assert_allclose(together, alone, rtol=1e-12)

@@ -1,0 +1,60 @@
+"""Friction and cycles of a workflow: dimensions, what is refused, what a cube derives."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import knitlab as kl
+from knitlab.cubes.cube_file import with_derived
+from knitlab.runs.batches import seconds
+from knitlab.runs.plan import make_plan
+
+ONE = ("n_stripe=4", "n_subunit=8", "robustness=0", "strain_max=0.06")
+
+
+def test_cycles_are_a_dimension_and_take_their_time():
+    plan = make_plan("periodic", (*ONE, "cycle=1,3", "fold_friction=0.1"))
+    assert plan.dims == ("n_stripe", "n_subunit", "cycle")
+    first, third = plan.cases.values()
+    assert (first.cycle, third.cycle) == (1, 3)
+    assert first.friction.fold_friction == third.friction.fold_friction == 0.1
+    assert seconds([third]) > seconds([first])
+
+
+def test_numbers_that_friction_does_not_use_name_no_case():
+    plain, other = (make_plan("periodic", (*ONE, *more)) for more in ((), ("fold_slide=0.2",)))
+    assert plain.cases.keys() == other.cases.keys()
+    used = make_plan("periodic", (*ONE, "fold_slide=0.2", "fold_friction=0.1"))
+    assert plain.cases.keys() != used.cases.keys()
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        (("fold_friction=-1",), "fold_friction.*greater than or equal to 0"),
+        (("cycle=0",), "cycle.*greater than or equal to 1"),
+        (("cycle=2", "method=dynamics"), "found by equilibria; take method = equilibrium"),
+        (("fold_drift=0.1", "sensitivities=true"), "has no sensitivities"),
+        (("fold_friction=0.1", "boundary=clamped", "drag=0.1"), "not combined with drag"),
+    ],
+)
+def test_what_has_no_meaning_is_refused(settings, problem):
+    with pytest.raises(kl.BadInput, match=problem):
+        make_plan("periodic", (*ONE, *settings))
+
+
+def test_a_second_cycle_without_friction_is_said_to_be_as_the_first():
+    (sentence,) = make_plan("periodic", (*ONE, "cycle=2")).warnings
+    assert sentence.startswith("cycle = 2 is as the first without friction, unless the fabric")
+
+
+def test_a_set_is_where_the_force_of_unloading_vanishes():
+    strain = np.array([0.0, 0.1, 0.2, 0.3])
+    back = xr.DataArray(
+        [[-1.0, -0.5, 0.5, 2.0], [0.0, 1, 2, 3], [1.0, 2, 3, 4]], dims=("n", "applied_strain")
+    )
+    cube = xr.Dataset(
+        {"reaction_force": abs(back) + 1, "reaction_force_unloading": back},
+        {"applied_strain": strain},
+    )
+    np.testing.assert_allclose(with_derived(cube)["residual_strain"], [0.15, 0.0, np.nan])

@@ -1,0 +1,146 @@
+"""The gauge of a cube: sizes in cloth that follow it without a new simulation."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import knitlab
+from knitlab.cli import main
+from knitlab.cubes.cube_file import with_derived
+from knitlab.io.errors import BadInput
+from knitlab.io.shipped import shipped
+from knitlab.observables.knit_size import ALONG_X, ALONG_Y
+from knitlab.runs.plan import make_plan
+from knitlab.runs.results_folder import CaseState
+from knitlab.runs.run import RunOptions, run_plan
+from tests.runs import stand_in
+
+SIZES = (*ALONG_X, *ALONG_Y)
+DESIGN = ("n_stripe=4", "n_subunit=16,24", "strain_max=0.03", "strain_step=0.03")
+
+
+def ran(results, *overrides, workflow="paper", simulate=stand_in.simulate):
+    plan = make_plan(workflow, (*DESIGN, *overrides) if workflow == "paper" else overrides)
+    return run_plan(plan, results, RunOptions(simulate=simulate))
+
+
+def never(results, cases, progress):
+    raise AssertionError("nothing is missing")
+
+
+def test_sizes_in_cloth_follow_contraction_and_stitches(tmp_path):
+    cube = ran(tmp_path, "scale=0.3").cube.isel(n_stripe=0)
+    for n_subunit, cells_y, cells_x in ((16, 6, 3), (24, 4, 2)):
+        design = cube.sel(n_subunit=n_subunit)
+        cell_x = design["relaxed_cell_x"] / design["flat_cell_x"] * 2 * n_subunit * 1.35
+        cell_y = design["relaxed_cell_y"] / design["flat_cell_y"] * 4 * n_subunit * 0.8
+        wave = design["wavelength_x"] / design["relaxed_cell_x"]
+        np.testing.assert_allclose(design["knit_cell_x"], cell_x)
+        np.testing.assert_allclose(design["knit_cell_y"], cell_y)
+        np.testing.assert_allclose(design["knit_wavelength_x"], wave * cell_x)
+        np.testing.assert_allclose(design["knit_width"], cells_x * cell_x)
+        np.testing.assert_allclose(design["knit_length"], cells_y * cell_y)
+    for name in SIZES:
+        assert cube[name].attrs["units"] == "mm"
+        assert "approximate" in cube[name].attrs["description"]
+
+
+@pytest.mark.slow
+def test_another_gauge_changes_sizes_in_cloth_alone_and_simulates_nothing(tmp_path):
+    before = ran(tmp_path).cube
+    run = ran(tmp_path, "stitch_width=2.7", simulate=never)
+    assert run.simulated == ()
+    assert not run.left_in(CaseState.stale_parameters)
+    for name in ALONG_X:
+        np.testing.assert_allclose(run.cube[name], 2 * before[name])
+    xr.testing.assert_identical(
+        run.cube.drop_vars(ALONG_X).drop_attrs(deep=False),
+        before.drop_vars(ALONG_X).drop_attrs(deep=False),
+    )
+    back = ran(tmp_path, simulate=never).cube
+    xr.testing.assert_allclose(back, before)
+    assert back.attrs == before.attrs
+
+
+@pytest.mark.slow
+def test_a_cube_has_one_gauge_whenever_its_designs_were_run(tmp_path):
+    for n_subunit, gauge in ((16, 0.5), (24, 0.6)):
+        cube = ran(
+            tmp_path / "turns", f"n_subunit={n_subunit}", f"gauge.stitch_height={gauge}"
+        ).cube
+    once = ran(tmp_path / "once", "stitch_height=0.6").cube
+    xr.testing.assert_allclose(cube, once)
+    for made in (cube, knitlab.open_cube(tmp_path / "turns")):
+        assert made.attrs["gauge_stitch_height"] == 0.6
+        assert made.attrs["gauge_stitch_width"] == 1.35
+
+
+def test_a_plan_records_the_gauge_and_its_cases_do_not(tmp_path):
+    plan, other = (make_plan("paper", (*DESIGN, *more)) for more in ((), ("stitch_width=2",)))
+    assert plan.cases == other.cases
+    other.write(tmp_path / "plan.json")
+    frozen = json.loads((tmp_path / "plan.json").read_text())["gauge"]
+    assert frozen == {"stitch_width": 2.0, "stitch_height": plan.gauge.stitch_height}
+
+
+def test_a_workflow_may_give_its_gauge(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'title = "mine"\n[design]\nn_stripe = [4]\nn_subunit = [16]\n[gauge]\nstitch_width = 0.7\n'
+    )
+    assert make_plan(str(path)).gauge.stitch_width == 0.7
+
+
+def test_periodic_fabric_has_cells_in_cloth_but_no_width_or_length(tmp_path):
+    cube = ran(tmp_path, "boundary=clamped,periodic", "scale=0.3").cube
+    for name in SIZES:
+        assert np.isfinite(cube[name].sel(boundary="clamped")).all()
+        missing = np.isnan(cube[name].sel(boundary="periodic")).all()
+        assert missing == (name in ("knit_width", "knit_length"))
+
+
+def test_pure_stripes_have_no_size_in_cloth(tmp_path):
+    cube = ran(tmp_path, "n=2", "strain_max=0.03", "strain_step=0.03", workflow="stripes").cube
+    assert not {*SIZES} & {*cube.data_vars}
+    assert not [name for name in cube.attrs if name.startswith("gauge")]
+
+
+def test_a_query_shows_sizes_in_cloth_as_the_first_millimetres(tmp_path):
+    cube = with_derived(ran(tmp_path).cube)
+    shown = [name for name in cube.knitlab.query() if cube[name].attrs.get("units") == "mm"]
+    assert shown[: len(SIZES)] == [
+        "knit_cell_x",
+        "knit_cell_y",
+        "knit_wavelength_x",
+        "knit_wavelength_y",
+        "knit_width",
+        "knit_length",
+    ]
+
+
+@pytest.mark.parametrize("text", ["stitch_width=0", "stitch_width=-1", "stitch_height=0.5,0.6"])
+def test_a_bad_gauge_is_refused(text):
+    with pytest.raises(BadInput, match=f"settings {text}: ") as caught:
+        make_plan("paper", (text,))
+    assert len(caught.value.faults) == 1
+
+
+def test_an_unknown_key_of_the_gauge_is_refused():
+    with pytest.raises(BadInput, match="did you mean 'stitch_width'"):
+        make_plan("paper", ("gauge.stitch_depth=1",))
+
+
+def test_a_bad_gauge_file_is_one_message_with_its_path_and_exit_code_2(tmp_path, monkeypatch):
+    folder = tmp_path / "params"
+    shutil.copytree(shipped("params"), folder)
+    path = folder / "gauge.toml"
+    path.write_text(path.read_text().replace("value = 1.35", "value = 0.0"))
+    monkeypatch.setattr("knitlab.runs.plan.shipped", lambda _: folder)
+    ran = CliRunner().invoke(main, ("plan", "paper", "--results", str(tmp_path)))
+    assert ran.exit_code == 2
+    assert ran.output.count(f"{path}: stitch_width.value: ") == 1
+    assert len(ran.output.splitlines()) == 1

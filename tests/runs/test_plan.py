@@ -1,0 +1,340 @@
+import json
+import shutil
+from dataclasses import replace
+
+import pytest
+
+from knitlab.io.errors import BadInput
+from knitlab.io.shipped import shipped
+from knitlab.runs.plan import batched, make_plan
+
+
+def designs(plan):
+    return sorted(tuple(case.design.values()) for case in plan.cases.values())
+
+
+def workflow(tmp_path, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_the_preview_holds_the_papers_designs_up_to_four_periods():
+    plan = make_plan("periodic")
+    assert len(plan.cases) == 10
+    assert {case.design["n_stripe"] for case in plan.cases.values()} == {2, 4, 6, 8}
+    assert max(case.periods for case in plan.cases.values()) == 4
+    assert plan.applied_strain == tuple(round(0.03 * k, 12) for k in range(16))
+
+
+def test_a_batch_shares_one_mesh_shape_and_no_case_is_left_out():
+    plan = make_plan("periodic")
+    for batch in plan.batches:
+        assert len({plan.cases[case_id].mesh_shape for case_id in batch.cases}) == 1
+        assert batch.unknowns <= 8_000
+        assert batch.estimated_seconds > 0
+        assert batch.estimated_bytes < 2e9
+    planned = [case_id for batch in plan.batches for case_id in batch.cases]
+    assert sorted(planned) == sorted(plan.cases)
+
+
+def test_cases_of_another_kind_of_fold_angle_are_not_in_one_batch():
+    (case,) = make_plan("periodic", ("n_stripe=4", "n_subunit=16")).cases.values()
+    other = replace(case, options=replace(case.options, fold_angle="across_edge"))
+    assert len(batched({"one": case, "same": case, "other": other})) == 2
+
+
+def test_overrides_reach_the_case():
+    overrides = (
+        "n_stripe=4",
+        "n_subunit=16",
+        "cell_size=flat",
+        "model.z_max=0.6",
+        "path_step=0.02",
+    )
+    (case,) = make_plan("periodic", overrides).cases.values()
+    assert case.design == {"n_stripe": 4, "n_subunit": 16}
+    assert case.options.cell_size == "flat"
+    assert case.sheet.z_max == 0.6
+    assert case.solver.path_step == 0.02
+
+
+def test_one_coordinate_alone_keeps_members_of_the_set():
+    assert designs(make_plan("periodic", ("n_stripe=4",))) == [(4, 16), (4, 24), (4, 32)]
+    assert designs(make_plan("periodic", ("n_subunit=48",))) == [(6, 48), (8, 48)]
+
+
+def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
+    plan = make_plan("periodic", ("n_stripe=4,5,6", "n_subunit=24,32"))
+    assert designs(plan) == [(4, 24), (4, 32), (6, 24)]
+    assert sorted(plan.excluded) == [(5, 24), (5, 32), (6, 32)]
+    assert "no rib stripe" in plan.excluded[5, 24]
+    assert "multiple of 2 × n_stripe = 12" in plan.excluded[6, 32]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (("n_stripe=5", "n_subunit=20"), "n_stripe = 5 has no rib stripe"),
+        (("n_stripe=4", "n_subunit=18"), "n_subunit = 18 is not a positive multiple"),
+        (("n_stripe=4,6", "n_subunit=10,14"), "is not a positive multiple"),
+        (("n_stripe=10",), "set 'preview' has no n_stripe = 10"),
+        (("set=papers",), "no set 'papers'"),
+        (("cell_size=loose",), r"settings cell_size=loose: .*'flat' or 'relaxed'"),
+        (("k_wall=-1",), r"settings k_wall=-1: .*greater than 0"),
+        (("strain_step=0",), r"settings strain_step=0: .*greater than 0"),
+        (("strain_step=1e-9",), r"gives 4.5e\+08 strains; give at most 1000"),
+        (("strain_max=0.1",), "not a whole multiple of strain_step = 0.03"),
+        (("strain_step=0.5",), "not a whole multiple of strain_step = 0.5"),
+        (("set=papers", "n_stripe=4", "n_subunit=16"), "no set 'papers'"),
+        (("unit_cells=3",), "settings unit_cells=3: value 2: is missing"),
+        (("n_strip=4",), "there is no setting 'n_strip'; did you mean 'n_stripe'"),
+        (("design.z_max=4",), r"is in \[model\]; give model\.z_max"),
+        (("n_stripe",), "not KEY=VALUE"),
+        (("pattern=RG,R",), "not a rectangle"),
+        (("drag=-1",), "settings drag=-1: .*greater than or equal to 0"),
+        (("drag=1e-5",), "periodic fabric has no place to move from: take boundary = clamped"),
+        (
+            ("drag=1e-5", "boundary=clamped", "sensitivities=true"),
+            "settings drag=1e-5: has no sensitivities",
+        ),
+        (("unit_cells=0,1",), "greater than 0"),
+    ],
+)
+def test_a_bad_override_is_named(overrides, message):
+    with pytest.raises(BadInput, match=message):
+        make_plan("periodic", overrides)
+
+
+def test_further_strains_join_the_even_ones():
+    plan = make_plan(
+        "periodic", ("strain_max=0.3", "strain_step=0.1", "further_strains=0.23,0.1,0.4")
+    )
+    assert plan.applied_strain == (0.0, 0.1, 0.2, 0.23, 0.3)
+
+
+def test_every_fault_of_a_workflow_is_in_one_message(tmp_path):
+    path = workflow(
+        tmp_path,
+        'figures = ["maps"]\n[design]\nn_stripe = [0]\n'
+        "[model]\nwall = 3\n[protocol]\nstrain_max = -1\n",
+    )
+    with pytest.raises(BadInput) as caught:
+        make_plan(path, ("hinges=none",))
+    text = "\n".join(map(str, caught.value.faults))
+    for part in (
+        "title",
+        "figures.0",
+        "n_stripe.0",
+        "model.wall",
+        "strain_max",
+        "settings hinges=none",
+    ):
+        assert part in text
+
+
+def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
+    shutil.copytree(shipped("params"), tmp_path / "params")
+    sheet = tmp_path / "params" / "sheet.toml"
+    sheet.write_text(sheet.read_text().replace("value = 6.0", "value = -6.0"))
+    overrides = ("n_stripe=5", "n_subunit=20", "k_wall=-1", "hinge=all")
+    with pytest.raises(BadInput) as caught:
+        make_plan("periodic", overrides, tmp_path / "params")
+    assert [fault.path for fault in caught.value.faults][1:] == [
+        "settings hinge=all",
+        "settings k_wall=-1",
+    ]
+    with pytest.raises(BadInput) as caught:
+        make_plan("periodic", overrides)
+    assert [fault.path for fault in caught.value.faults] == [
+        "settings hinge=all",
+        "settings k_wall=-1",
+        "settings n_stripe=5, settings n_subunit=20",
+    ]
+
+
+def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
+    path = workflow(tmp_path, 'title = "mine"\n[design]\nn_stripe = [4]\nn_subunit = [16]\n')
+    plan = make_plan(path)
+    assert plan.workflow == "mine"
+    assert designs(plan) == [(4, 16)]
+
+
+def test_a_missing_workflow_is_reported_with_the_nearest():
+    with pytest.raises(BadInput, match="no workflow 'previews'; did you mean 'preview'"):
+        make_plan("previews")
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "z_max=5.9",
+        "hinges=fold_lines",
+        "strain_max=0.42",
+        "tolerance=1e-9",
+        "unit_cells=1,2",
+        "garter_start=mountain",
+        "pattern=RG,GR",
+    ],
+)
+def test_whatever_changes_numbers_changes_the_identifier(override):
+    design = ("n_stripe=4", "n_subunit=16")
+    (one,), (other,) = (
+        make_plan("periodic", settings).cases for settings in (design, (*design, override))
+    )
+    assert one != other
+
+
+def test_what_changes_no_number_leaves_the_identifier(tmp_path):
+    text = '{title}\n[design]\nset = "preview"\nn_stripe = [{n}]\n[model]\nboundary = "periodic"\n'
+    alone = make_plan(workflow(tmp_path, text.format(title='title = "a"', n="4")))
+    among = make_plan(
+        workflow(tmp_path, text.format(title='title = "b"\nfigures = ["curves"]', n="4, 8"))
+    )
+    assert set(alone.cases) < set(among.cases)
+
+
+def test_a_plan_records_everything_it_resolved(tmp_path):
+    plan = make_plan("periodic", ("n_stripe=4",))
+    plan.write(tmp_path / "plan.json")
+    record = json.loads((tmp_path / "plan.json").read_text())
+    assert list(record["cases"]) == list(plan.cases)
+    case = next(iter(record["cases"].values()))
+    assert case["warp"] == {
+        "knit": "garter",
+        "n": 8,
+        "period": 1.44,
+        "k_s": 4.78,
+        "theta_0": 0.68,
+        "k_t": 0.045,
+        "stiffening_strain": None,
+        "spring_curve": None,
+        "row_width": None,
+        "stretch_along": None,
+        "curve_along": None,
+    }
+    assert case["options"]["fold_phase"] == "stripe_border"
+    assert list(tmp_path.iterdir()) == [tmp_path / "plan.json"]
+
+
+def test_the_stripes_workflow_holds_all_nine_under_both_boundaries():
+    plan = make_plan("stripes")
+    assert plan.dims == ("knit", "n", "boundary")
+    assert len(plan.cases) == 18
+    assert all(case.pure and case.pattern == ("G",) for case in plan.cases.values())
+    assert {case.options.boundary for case in plan.cases.values()} == {"periodic", "clamped"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "same"),
+    [
+        (("boundary=periodic",), True),
+        (("boundary=periodic", "method=dynamics"), False),
+        (("boundary=clamped", "start=dynamics"), False),
+        (("boundary=clamped", "start=flat"), True),
+        (("boundary=clamped", "start=periodic"), True),
+    ],
+)
+def test_mass_and_damping_change_the_identifier_of_what_moves_alone(settings, same):
+    design = ("n_stripe=4", "n_subunit=16", *settings)
+    for name, values in (("damping_ratio", (0.01, 0.03)), ("surface_density", (1e-4, 3e-4))):
+        (one,), (other,) = (make_plan("periodic", (*design, f"{name}={v}")).cases for v in values)
+        assert (one == other) is same
+
+
+def test_fabrics_that_move_otherwise_are_not_in_one_batch():
+    settings = ("n_stripe=4", "n_subunit=16", "boundary=clamped", "start=dynamics")
+    swept = make_plan("periodic", (*settings, "damping_ratio=0.01,0.03"))
+    assert len(batched(swept.cases)) == 1
+    swept = make_plan("periodic", (*settings, "rest_force=1e-6,1e-7"))
+    assert len(batched(swept.cases)) == 2
+
+
+def test_a_workflow_is_of_checkerboards_or_of_stripes(tmp_path):
+    with pytest.raises(BadInput, match=r"either \[design\] or \[stripes\]"):
+        make_plan("stripes", ("n_stripe=4",))
+    with pytest.raises(BadInput, match=r"either \[design\] or \[stripes\]"):
+        make_plan(workflow(tmp_path, 'title = "neither"\n'))
+    with pytest.raises(BadInput, match="no stripe of n"):
+        make_plan("stripes", ("n=5",))
+
+
+def written(tmp_path, design):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'title = "mine"\n[design]\n{design}\n', encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("design", "expected"),
+    [
+        ("n_stripe = 4\nn_subunit = 16", [(4, 16)]),
+        ("n_stripe = 4\nn_subunit = [16, 32]", [(4, 16), (4, 32)]),
+    ],
+)
+def test_a_single_value_may_stand_for_a_list(tmp_path, design, expected):
+    plan = make_plan(written(tmp_path, design))
+    assert [(c.design["n_stripe"], c.design["n_subunit"]) for c in plan.cases.values()] == expected
+
+
+def test_a_nested_list_gives_one_sentence(tmp_path):
+    with pytest.raises(BadInput) as caught:
+        make_plan(written(tmp_path, "n_stripe = [[4, 6]]\nn_subunit = 24"))
+    (fault,) = caught.value.faults
+    assert "is a list within a list, [4, 6]" in str(fault)
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("n_strip = 4", "'n_stripe'"),
+        ('n_stripe = 4\n[model]\ncell_sise = "flat"', "'cell_size'"),
+        ("n_stripe = 4\n[modell]\nz_max = 1.0", "'model'"),
+    ],
+)
+def test_a_misspelt_key_is_reported_with_the_likely_one(tmp_path, line, meant):
+    with pytest.raises(BadInput, match=f"did you mean .*{meant}"):
+        make_plan(written(tmp_path, line))
+
+
+@pytest.mark.parametrize(
+    ("lines", "place"),
+    [
+        ('[design]\nmaterial = "mine.toml"', r"design.material: belongs to \[model\]"),
+        ("strain_max = 0.3\n[design]", r"strain_max: belongs to \[protocol\]"),
+        ('[design]\nfigures = ["auxetic"]', "design.figures: belongs to the top level"),
+        ("[design.model]", "design.model: belongs to the top level"),
+    ],
+)
+def test_a_key_of_another_table_is_reported_with_its_table(tmp_path, lines, place):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'title = "mine"\n{lines}\n', encoding="utf-8")
+    with pytest.raises(BadInput, match=place) as caught:
+        make_plan(str(path))
+    assert len(caught.value.faults) == 1
+
+
+def test_a_misspelt_figure_is_reported_with_the_likely_one(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('title = "mine"\nfigures = ["auxetc"]\n[design]\n', encoding="utf-8")
+    with pytest.raises(BadInput, match="did you mean 'auxetic'") as caught:
+        make_plan(str(path))
+    assert len(caught.value.faults) == 1
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("strain_max=9", "strain_max = 9 is 900% of the length; usual are 0.2 to 0.6"),
+        ("k_t_factor=1e4", "k_t of rib 4 is 178 N; usual are 0.0048 to 0.0498 N"),
+        ("rib_period=0.01", "period of rib 4 is 0.01 mm; usual are 1.09 to 2.44 mm"),
+    ],
+)
+def test_an_unusual_value_gives_a_warning_with_the_usual_range(setting, said):
+    plan = make_plan("periodic", ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
+    assert any(said in warning for warning in plan.warnings)
+
+
+@pytest.mark.parametrize("workflow", ["periodic", "paper", "sensor", "stripes", "options"])
+def test_shipped_values_give_no_warning(workflow):
+    assert make_plan(workflow).warnings == ()

@@ -1,0 +1,137 @@
+import tomllib
+from dataclasses import asdict
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from knitlab.io.errors import BadInput
+from knitlab.io.shipped import shipped
+from knitlab.model.stripe import OF_OWN_YARN, SPRING_LAWS, STRIPE_QUANTITIES, Stripe
+from knitlab.runs.declared_fields import declared, unit_of
+from knitlab.runs.parameters import TABLES, Model, read_parameters
+from knitlab.runs.plan import make_plan
+from knitlab.runs.workflow import SECTIONS, SETTINGS
+from knitlab.solvers.dynamics.settings import Dynamics
+from knitlab.solvers.equilibrium.settings import Solver
+
+DESIGN = ("n_stripe=4", "n_subunit=16")
+FILES = {
+    path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
+    for path in shipped("params").glob("*.toml")
+}
+ENTRIES = [
+    (file, name)
+    for file, table in FILES.items()
+    for name, entry in table.items()
+    if "value" in entry and "source" in entry
+]
+PARAMETERS = read_parameters(shipped("params"))
+DEFAULTS = {
+    name: value for table in TABLES for name, value in asdict(getattr(PARAMETERS, table)).items()
+}
+
+
+@pytest.mark.parametrize(("file", "name"), ENTRIES)
+def test_each_entry_of_a_parameter_file_is_a_setting_with_its_default_unit_and_source(file, name):
+    stated = DEFAULTS[name], SETTINGS[name].unit, PARAMETERS.sources[name]
+    assert stated == tuple(FILES[file][name][key] for key in ("value", "unit", "source"))
+
+
+def test_no_two_sections_have_a_setting_of_the_same_name():
+    assert len(SETTINGS) == sum(len(section.model_fields) for section in SECTIONS.values())
+
+
+def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_both():
+    assert set(STRIPE_QUANTITIES) == set(declared(Stripe)) - {
+        "knit",
+        "n",
+        *SPRING_LAWS,
+        *OF_OWN_YARN,
+    }
+    for name in STRIPE_QUANTITIES:
+        assert SETTINGS[f"{name}_factor"].factor_on == name
+        for knit in ("rib", "garter"):
+            assert SETTINGS[f"{knit}_{name}"].unit == FILES["stripes"][knit]["unit"][name]
+            assert SETTINGS[f"{knit}_{name}_factor"].factor_on == f"{knit}_{name}"
+
+
+@pytest.mark.parametrize(
+    ("table", "file"),
+    [(Solver, "solver"), (Dynamics, "dynamics"), (Model, "model")],
+)
+def test_defaults_of_tables_are_those_of_their_files(table, file):
+    assert asdict(table()) == asdict(getattr(read_parameters(shipped("params")), file))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("k_wall", 0.0),
+        ("rib_theta_0", 3.2),
+        ("waypoint_force", 1.1),
+        ("drag", -1e-9),
+        ("snapshots", -1),
+        ("permittivity", 0.9),
+        ("ridges", (0, 1)),
+        ("span", (0.0, 1.1)),
+        ("robustness", 101),
+        ("boundary", "free"),
+        ("max_iterations", 1.5),
+    ],
+)
+def test_a_declared_range_holds(name, value):
+    with pytest.raises(ValidationError):
+        TypeAdapter(SETTINGS[name].kind).validate_python(value, strict=True)
+
+
+def test_a_setting_without_unit_is_dimensionless():
+    assert unit_of(float) == "1"
+    assert SETTINGS["z_max_factor"].unit == "1"
+
+
+@pytest.mark.parametrize(
+    ("override", "units", "long_name"),
+    [
+        ("surface_density=1e-4,2e-4", "g/mm^2", "surface_density"),
+        ("rib_period=1.3,1.4", "mm", "rib_period"),
+        ("theta_0_factor=0.9,1", "1", "factor on theta_0"),
+        ("garter_k_s_factor=0.9,1", "1", "factor on garter_k_s"),
+        ("tolerance=1e-9,1e-8", "N", "tolerance"),
+        ("boundary=clamped,periodic", "1", "boundary"),
+        ("unit_cells=[[1, 1], [3, 2]]", "1", "unit cells of the sample, along y and x"),
+    ],
+)
+def test_a_swept_setting_is_a_coordinate_with_its_declared_unit(override, units, long_name):
+    (coordinate,) = make_plan("periodic", (*DESIGN, override)).coordinates.values()
+    assert coordinate.dims == (override.partition("=")[0],)
+    assert (coordinate.units, coordinate.long_name) == (units, long_name)
+
+
+def test_what_is_swept_is_not_among_the_common_settings():
+    plan = make_plan("periodic", (*DESIGN, "z_max_factor=1,2", "k_wall=90,100", "rib_k_s=0.8,0.9"))
+    assert not {"z_max", "k_wall"} & set(plan.common["sheet"])
+    assert "weft" not in plan.common
+    sheet = make_plan("periodic", DESIGN).common["sheet"]
+    assert (sheet["z_max"], sheet["k_wall"]) == (6.0, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("k_wall=-1,2", "settings k_wall=-1,2: value 1: .*greater than 0"),
+        ("k_wall=1,-2", "settings k_wall=1,-2: value 2: .*greater than 0"),
+        ("unit_cells=[[1, 0], [2, 2]]", "value 1: .*greater than 0"),
+        ("width=wide", "settings width=wide: a width is a number of stitches above 0 or 'stripe'"),
+        ("stitch_width=1,2", r"stitch_width=1,2: is a list, \[1, 2\]; give one value"),
+        ("period_factor=[]", r"is a list, \[\]; give one value"),
+        ("mask=AB..", "settings mask=AB..: the mask has 1 rows of 4 letters"),
+        (
+            "layout=none",
+            "settings layout=none: there is no layout 'none'; choose from checkerboard",
+        ),
+    ],
+)
+def test_a_bad_value_is_named_once_with_its_override(override, message):
+    with pytest.raises(BadInput, match=message) as caught:
+        make_plan("periodic", (*DESIGN, override))
+    assert len(caught.value.faults) == 1

@@ -1,0 +1,427 @@
+"""Subdomains of a large sample: each is a part of it, and the whole reaches equilibrium."""
+
+import gc
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from knitlab.model.energy import COMPLETE, Energy, Evaluation, Point
+from knitlab.model.threads import ALONE, Threads
+from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium import domain_decomposition, equilibrium, subdomains
+from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
+from knitlab.solvers.equilibrium.equilibrium import (
+    LONGEST_EXTRAPOLATION,
+    ROUNDS,
+    SubdomainRounds,
+    find_equilibrium,
+)
+from knitlab.solvers.equilibrium.loading import all_free, free_under
+from knitlab.solvers.equilibrium.search import Search, SearchRules, minimise
+from knitlab.solvers.equilibrium.state import Outcome, State
+from knitlab.solvers.equilibrium.stiffness import free_stiffness
+from knitlab.solvers.equilibrium.subdomains import (
+    couplings,
+    independent_groups,
+    subdomains_of,
+    worth_dividing,
+)
+from knitlab.solvers.equilibrium.system import System
+from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations
+
+
+def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
+    """Search rules as in a tensile test."""
+    net, fabric, loading = sample
+    limit = step_length / float(fabric.cell_sides.min())
+    free = free_stiffness(net.shape, loading.free)
+    return SearchRules(free, replace(settings, step_limit=limit), convexified=False)
+
+
+def whole_equilibrium(sample, start, rules) -> State:
+    """The equilibrium of a sample that is solved as a whole."""
+    search = Search(equations(*sample[:2]), start, rules)
+    return search.state(minimise(search))
+
+
+def solved_by_subdomains(system, *args, **options):
+    return SubdomainSolver(system).solve(system, *args, **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dofs", [all_free, free_under])
+def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains, sample, dofs):
+    net, fabric, loading = sample
+    random = np.random.default_rng(0)
+    at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
+    whole = ChunkedFabric(net.shape, fabric).evaluate(COMPLETE, at)
+    free = free_stiffness(net.shape, dofs(net.shape))
+    found = list(subdomains_of(free))
+    assert len(found) == 4
+    for subdomain in found:
+        own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
+        gradient = np.asarray(own.evaluate(COMPLETE, at[subdomain.dofs]).gradient)
+        movable = subdomain.free.dofs
+        np.testing.assert_allclose(
+            gradient[movable], np.asarray(whole.gradient)[subdomain.dofs[movable]], atol=1e-10
+        )
+
+
+def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
+    small_subdomains, sample
+):
+    net, fabric, loading = sample
+    subdomain = list(subdomains_of(free_stiffness(net.shape, loading.free)))[1]
+    whole = ChunkedFabric(net.shape, fabric)
+    own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
+    before = loading.reference
+    after = before.copy()
+    movable = subdomain.dofs[subdomain.free.dofs]
+    after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
+    costs = [
+        float(of.evaluate(COMPLETE, after[where]).energy.total)
+        - float(of.evaluate(COMPLETE, before[where]).energy.total)
+        for of, where in ((whole, slice(None)), (own, subdomain.dofs))
+    ]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
+    assert costs[0] > 0
+
+
+def test_subdomains_move_every_free_unknown_and_no_held_one(small_subdomains, sample):
+    net, _, loading = sample
+    free = free_stiffness(net.shape, loading.free)
+    moved = np.unique(np.concatenate([b.dofs[b.free.dofs] for b in subdomains_of(free)]))
+    np.testing.assert_array_equal(moved, loading.free)
+
+
+def test_subdomains_are_coupled_if_one_moves_nodes_that_act_on_the_other(small_subdomains, sample):
+    net, _, loading = sample
+    found = list(subdomains_of(free_stiffness(net.shape, loading.free)))
+    moves = [set(subdomain.dofs[subdomain.free.dofs].tolist()) for subdomain in found]
+    feels = [set(subdomain.dofs.tolist()) for subdomain in found]
+    expected = [
+        [bool(moves[i] & feels[j] or moves[j] & feels[i]) for j in range(len(found))]
+        for i in range(len(found))
+    ]
+    np.testing.assert_array_equal(couplings(found, net.shape.unknowns), expected)
+
+
+@given(st.integers(1, 12), st.integers(0, 2**32 - 1), st.floats(0, 1))
+def test_groups_hold_every_subdomain_once_and_none_that_are_coupled(count, seed, density):
+    random = np.random.default_rng(seed)
+    meeting = random.random((count, count)) < density
+    meeting = meeting | meeting.T | np.eye(count, dtype=bool)
+    forces = random.random(count)
+    found = list(independent_groups(forces, meeting))
+    assert sorted(subdomain for together in found for subdomain in together) == [*range(count)]
+    for place, together in enumerate(found):
+        assert meeting[np.ix_(together, together)].sum() == len(together)
+        waiting = [subdomain for later in found[place:] for subdomain in later]
+        assert forces[together[0]] == forces[waiting].max()
+
+
+@pytest.mark.slow
+def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sample, monkeypatch):
+    net, fabric, loading = sample
+    # Even smaller subdomains, of which some are not coupled.
+    monkeypatch.setattr(subdomains, "CELLS", 4)
+    monkeypatch.setattr(subdomains, "OVERLAP", 1)
+    free = free_stiffness(net.shape, loading.free)
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
+    found = list(subdomains_of(free))
+    assert not couplings(found, net.shape.unknowns).all()
+    alone, shared = (
+        solved_by_subdomains(
+            System(net.shape, fabric, threads), start, free, DEFAULT, force_fraction=0.0
+        )
+        for threads in (ALONE, Threads(2))
+    )
+    np.testing.assert_array_equal(shared[0].unknowns, alone[0].unknowns)
+    assert shared[1] == alone[1] > 0
+
+
+def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_subdomains, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.free)
+    system = equations(net, fabric)
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
+    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_fraction=0.0)
+    energies = [float(system.evaluate(at).energy.total) for at in (start, solved)]
+    assert energies[1] < energies[0]
+    assert share > 0
+    held = np.setdiff1d(np.arange(net.shape.unknowns), loading.free)
+    np.testing.assert_array_equal(solved.unknowns[held], start.unknowns[held])
+
+
+def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.free)
+    found = list(subdomains_of(free))
+    system = equations(net, fabric)
+    # Only the first subdomain moves this node.
+    moved = sorted(
+        set(found[0].dofs[found[0].free.dofs].tolist()).difference(
+            *(other.dofs.tolist() for other in found[1:])
+        )
+    )
+    unknowns = loading.reference.copy()
+    unknowns[moved[-1]] += 0.02
+    at = Point(unknowns)
+    gradient = np.asarray(system.evaluate(at).gradient)
+    accepted = 0.5 * np.abs(gradient[free.dofs]).max()
+    assert [subdomain.force(gradient) > accepted for subdomain in found] == [True, *[False] * 3]
+    solved, cost = solved_by_subdomains(system, at, free, DEFAULT, force_fraction=0.5)
+    changed = np.flatnonzero(solved.unknowns != unknowns)
+    assert cost > 0
+    assert set(changed) <= set(found[0].dofs[found[0].free.dofs])
+    after = np.asarray(system.evaluate(solved).gradient)
+    assert found[0].force(after) <= accepted
+    _, cost_of_all = solved_by_subdomains(system, at, free, DEFAULT, force_fraction=0.0)
+    assert cost_of_all > cost
+
+
+def test_a_large_sample_keeps_factors_for_one_choice_of_free_unknowns(small_subdomains, sample):
+    net, fabric, loading = sample
+    system = equations(net, fabric)
+
+    def factors(free) -> weakref.ref:
+        system.assemble(Point(loading.reference), free_stiffness(net.shape, free))
+        assert system.factorise(1.0, convexified=True)
+        return weakref.ref(system._factors)
+
+    former = factors(all_free(net.shape))
+    latest = factors(loading.free)
+    gc.collect()
+    assert former() is None
+    assert latest() is not None
+    system.factorise(2.0, convexified=True)
+    assert system._factors is latest()
+
+
+def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
+    small_subdomains, sample, monkeypatch
+):
+    net, fabric, loading = sample
+    rules = SearchRules(free_stiffness(net.shape, loading.free), DEFAULT, convexified=False)
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.01))
+
+    def found():
+        return find_equilibrium(equations(net, fabric), start, rules)
+
+    by_subdomains = found()
+    assert by_subdomains.outcome is Outcome.converged
+    assert by_subdomains.residual <= DEFAULT.tolerance
+    monkeypatch.setattr(subdomains, "FEWEST", 10**9)
+    as_a_whole = found()
+    np.testing.assert_allclose(by_subdomains.unknowns, as_a_whole.unknowns, atol=1e-5)
+
+
+def test_the_limit_of_iterations_holds_for_subdomains_too(small_subdomains, sample):
+    net, fabric, loading = sample
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.2))
+    few = replace(DEFAULT, max_iterations=5)
+    state = find_equilibrium(equations(net, fabric), start, slow(sample, 0.1, few))
+    assert state.outcome is Outcome.iteration_limit
+    assert state.iterations >= 5
+
+
+def test_periodic_fabric_and_small_samples_have_no_subdomains():
+    assert not worth_dividing(checkered(4, 6, PERIODIC)[0].shape)
+    assert not worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(3, 3))[0].shape)
+    assert worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
+
+
+def test_a_search_that_stalls_after_its_subdomains_restarts_without_them(
+    small_subdomains, sample, monkeypatch
+):
+    net, fabric, loading = sample
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
+
+    def stalling(search, once=False):
+        outcome = minimise(search, once)
+        return Outcome.stalled if once else outcome
+
+    monkeypatch.setattr(equilibrium, "minimise", stalling)
+    system = equations(net, fabric)
+    state = find_equilibrium(system, start, slow(sample), patience=None)
+    assert state.outcome is Outcome.converged
+    whole = whole_equilibrium(sample, start, slow(sample))
+    np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
+
+
+class Counting(System):
+    """A system that counts its solutions of subdomains, factorisations, and evaluations."""
+
+    def __init__(self, *args):
+        super().__init__(*args)
+        self.subdomains = CountingSubdomains(self)
+        self.divided = self.factorisations = 0
+        self.evaluated = [0]
+
+    def factorise(self, *args):
+        self.factorisations += 1
+        return super().factorise(*args)
+
+    def evaluate(self, at):
+        self.evaluated[-1] += 1
+        return super().evaluate(at)
+
+
+class CountingSubdomains(SubdomainSolver):
+    def solve(self, system, *args):
+        solved = super().solve(system, *args)
+        system.divided += 1
+        system.evaluated.append(0)
+        return solved
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("patience", [None, 3])
+def test_the_cost_of_all_rounds_is_counted(small_subdomains, sample, patience):
+    net, fabric, loading = sample
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
+    system = Counting(net.shape, fabric)
+    state = find_equilibrium(system, start, slow(sample), patience=patience)
+    assert state.converged
+    assert system.divided > 1
+    assert state.factorisations == system.factorisations > 1
+
+
+@pytest.mark.slow
+def test_subdomains_are_solved_again_after_too_many_iterations(small_subdomains, sample):
+    net, fabric, loading = sample
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
+
+    def longest_round(patience):
+        system = Counting(net.shape, fabric)
+        rules = slow(sample)
+        assert find_equilibrium(system, start, rules, patience=patience).converged
+        return max(system.evaluated)
+
+    # The state is evaluated before and after; the last step may be tried at five lengths.
+    assert longest_round(3) <= 3 + 5 + 1
+    assert longest_round(None) > 3 + 5 + 1
+
+
+class FoldedToNothing(SubdomainSolver):
+    """Subdomains that collapse to one point, where no hinge has an angle."""
+
+    def solve(self, system, at, *args):
+        return replace(at, unknowns=np.zeros_like(at.unknowns)), 1.0
+
+
+def test_collapsed_subdomains_are_discarded(small_subdomains, sample):
+    net, fabric, loading = sample
+    start, rules = Point(loading.ahead([(0.0, loading.reference)], 0.01)), slow(sample)
+    system = equations(net, fabric)
+    system.subdomains = FoldedToNothing(system)
+    state = find_equilibrium(system, start, rules)
+    assert state.outcome is Outcome.converged
+    whole = whole_equilibrium(sample, start, rules)
+    np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("outcome", "residual"), [(Outcome.stalled, 1e-3), (Outcome.iteration_limit, 1e5)]
+)
+def test_a_subdomain_without_a_solution_stays_as_it_was(
+    small_subdomains, sample, monkeypatch, outcome, residual
+):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.free)
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
+
+    def stalling(system, own, at, settings):
+        evaluation = system.evaluate(at)
+        nowhere = np.zeros_like(at.unknowns)
+        return State(
+            free.shape, nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7
+        )
+
+    monkeypatch.setattr(domain_decomposition, "solve_subdomain", stalling)
+    system = equations(net, fabric)
+    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_fraction=0.0)
+    np.testing.assert_array_equal(solved.unknowns, start.unknowns)
+    assert share > 0
+
+
+def extrapolated(sample, energy, passed, step_length=1e6, waiting=ROUNDS):
+    """Position of a node after extrapolation from previous positions, with given energies;
+    and how often subdomains are solved."""
+    rules = slow(sample, step_length)
+    place = rules.free.dofs[0]
+
+    def at(where):
+        unknowns = sample[2].reference.copy()
+        unknowns[place] = where
+        return Point(unknowns)
+
+    def cost(there):
+        stretch = np.asarray(energy(there.unknowns[place]))
+        return Evaluation(Energy(stretch, np.zeros(()), np.zeros(())), sample[2].reference)
+
+    class Known:
+        """A system whose energy is known, and whose subdomains are solved already."""
+
+        solved, fabric = 0, sample[1]
+
+        @property
+        def subdomains(self):
+            return self
+
+        def evaluate(self, there):
+            return cost(there)
+
+        def solve(self, system, there, *_):
+            self.solved += 1
+            return there, 1.0
+
+    system = Known()
+    search = Search(system, at(passed[0]), rules)
+    by_subdomains = SubdomainRounds(search)
+    for where in [passed[0]] * waiting + list(passed):
+        search.move(at(where), cost(at(where)))
+        by_subdomains.extrapolate()
+    assert by_subdomains.cost == system.solved
+    return search.at.unknowns[place], system.solved
+
+
+def test_extrapolation_steps_grow_while_the_energy_falls(sample):
+    # Each step is twice as long as the previous one: to 4, 8, 16, and to 32, where energy rises.
+    assert extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0)) == (16.0, 4)
+
+
+def test_no_extrapolation_is_longer_than_a_few_steps(sample):
+    where, solved = extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0), step_length=0.4)
+    assert where == pytest.approx(2.0 + 18 * LONGEST_EXTRAPOLATION * 0.4)
+    assert solved == 19
+
+
+def test_there_is_no_extrapolation_in_the_first_rounds(sample):
+    def after(rounds):
+        return extrapolated(sample, lambda x: abs(x - 20.0), np.arange(float(rounds)), waiting=0)
+
+    assert after(ROUNDS) == (ROUNDS - 1, 0)
+    assert after(ROUNDS + 1)[1] > 0
+
+
+@given(st.floats(0.01, 0.25), st.floats(-5, 5))
+def test_where_rounds_converge_fast_nothing_is_extrapolated(sample, rate, lowest):
+    passed = [lowest + rate**n for n in range(4)]
+    assert extrapolated(sample, lambda x: (x - lowest) ** 2, passed) == (passed[-1], 0)
+
+
+@given(st.lists(st.floats(-3, 3), min_size=3, max_size=6), st.integers(0, 2**32 - 1))
+def test_an_extrapolation_never_raises_the_energy(sample, passed, seed):
+    waves = np.random.default_rng(seed).normal(size=(2, 5))
+
+    def energy(x):
+        return x**2 + 5 * float(waves[0] @ np.sin(waves[1] * x))
+
+    where, _ = extrapolated(sample, energy, passed)
+    assert energy(where) <= energy(passed[-1])

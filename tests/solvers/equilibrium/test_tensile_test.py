@@ -1,0 +1,260 @@
+"""The tensile test: balance of forces, work, symmetry, model options, and reported failures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from knitlab.model.energy import COMPLETE
+from knitlab.model.fabric import Configuration, flat_sheet
+from knitlab.model.settings import ModelOptions
+from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium import strain_path
+from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
+from knitlab.solvers.equilibrium.loading import loading_of
+from knitlab.solvers.equilibrium.settings import Solver
+from knitlab.solvers.equilibrium.state import Outcome
+from knitlab.solvers.equilibrium.strain_path import StrainPath
+from knitlab.solvers.equilibrium.tensile_test import stretch
+from tests.fabrics import (
+    CLAMPED,
+    DEFAULT,
+    FINE,
+    PERIODIC,
+    SHEET,
+    checkered,
+    equations,
+    patch_map,
+    patterned,
+    periodic_poisson_ratio,
+    relaxed,
+    stretched,
+)
+
+LOW_WALL = replace(SHEET, z_max=0.9)
+
+
+@pytest.mark.slow
+def test_an_active_wall_converges_and_is_pressed_on():
+    net, fabric = patterned(4, patch_map(["GRG", "RGR"], 2), CLAMPED, LOW_WALL)
+    test = stretched(net, fabric, [0.0, 0.05, 0.1])
+    assert [state.outcome for state in test.states] == [Outcome.converged] * 3
+    assert max(state.residual for state in test.states) <= 1e-8
+    heights = np.abs(test.states[0].configuration.positions[..., 2])
+    assert (heights > LOW_WALL.z_max).any()
+    assert float(test.states[0].energy.wall) > 0
+
+
+@pytest.mark.slow
+def test_reactions_at_top_and_bottom_cancel():
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
+    test = stretched(net, fabric, [0.0, 0.1, 0.2], FINE)
+    for state in test.states:
+        forces = Configuration.of(state.gradient, net.shape).positions
+        assert np.abs(forces[0].sum(axis=0) + forces[-1].sum(axis=0)).max() < 1e-7
+        top = forces[-1, :, 1].sum()
+        assert test.loading.reaction_force(state.gradient) == pytest.approx(top, abs=1e-12)
+    assert top > 1e-3
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
+        pytest.param(PERIODIC, id="periodic"),
+    ],
+)
+def test_the_reaction_force_does_the_work_that_the_energy_gains(options):
+    net, fabric = checkered(2, 1, options)
+    # Gauss–Legendre points between two strains integrate the smooth force to high order.
+    points, weights = np.polynomial.legendre.leggauss(5)
+    strains = [0.0, *(0.1 * (points + 1) / 2), 0.1]
+    test = stretched(net, fabric, strains, FINE)
+    forces = [test.loading.reaction_force(state.gradient) for state in test.states]
+    work = test.loading.length * 0.1 * (weights @ forces[1:-1]) / 2
+    gained = float(test.states[-1].energy.total - test.states[0].energy.total)
+    assert work == pytest.approx(gained, rel=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "flip",
+    [
+        pytest.param(np.fliplr, id="in x"),
+        pytest.param(np.flipud, id="in y", marks=pytest.mark.slow),
+    ],
+)
+def test_mirrored_patterns_make_mirrored_shapes(flip):
+    pattern = patch_map(["RGG", "GRG"], 1)
+    net, fabric = patterned(4, pattern, CLAMPED)
+    _, mirrored = patterned(4, replace(pattern, knit=flip(pattern.knit)), CLAMPED)
+    one, other = (relaxed(net, these, FINE) for these in (fabric, mirrored))
+    assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-10)
+    axis = 0 if flip is np.fliplr else 1
+    nodes = flip(one.configuration.positions).copy()
+    nodes[..., axis] *= -1
+    expected = other.configuration.positions
+    offset = (expected - nodes).mean(axis=(0, 1))
+    assert np.abs(nodes + offset - expected).max() < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("n_stripe", "strains"), [(4, [0, 0.04, 0.08]), (2, [0, 0.15, 0.3, 0.45])])
+def test_one_unit_cell_and_four_are_the_same_periodic_fabric(n_stripe, strains):
+    one, four = (
+        periodic_poisson_ratio(
+            stretched(*checkered(n_stripe, 2, PERIODIC, unit_cells=cells), strains)
+        )
+        for cells in ((1, 1), (2, 2))
+    )
+    assert one == pytest.approx(four, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_the_curve_does_not_depend_on_the_recorded_strains():
+    net, fabric = checkered(4, 2, PERIODIC)
+    coarse = stretched(net, fabric, [0.0, 0.08, 0.16])
+    fine = stretched(net, fabric, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16])
+    # 0.1 and 0.11 lie on either side of a snap.
+    for one, other in zip(coarse.states, fine.states[::4], strict=True):
+        assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("n_stripe", "periods", "options", "first", "last"),
+    [
+        (4, 2, ModelOptions(cell_size="flat", fold_phase="stripe_centre"), -0.38, -0.29),
+        (2, 4, ModelOptions(cell_size="flat", fold_phase="stripe_border"), -0.08, 0.07),
+    ],
+    ids=["flat stripe_centre", "flat stripe_border"],
+)
+def test_model_options_change_poisson_ratio_as_in_the_trial_runs(
+    n_stripe, periods, options, first, last
+):
+    options = replace(options, boundary="periodic")
+    strains = list(np.linspace(0, 0.48, 9))
+    ratio = periodic_poisson_ratio(stretched(*checkered(n_stripe, periods, options), strains))
+    assert ratio[-1] == pytest.approx(last, abs=0.01)
+    assert ratio[0] == pytest.approx(first, abs=0.015)
+    assert (np.diff(ratio) > 0).all()
+
+
+@pytest.mark.slow
+def test_the_default_is_auxetic_with_a_minimum_at_intermediate_strain():
+    ratio = periodic_poisson_ratio(
+        stretched(*checkered(4, 2, PERIODIC), list(np.linspace(0, 0.45, 16)))
+    )
+    assert 0 < ratio.argmin() < len(ratio) - 1
+    assert ratio.min() == pytest.approx(-1.0, abs=0.1)
+
+
+def test_a_fabric_that_does_not_relax_is_reported():
+    net, fabric = checkered(4, 1, PERIODIC)
+    test = stretched(net, fabric, [0.0, 0.1], Solver(max_iterations=2))
+    assert test.loading is None
+    assert [state.outcome for state in test.states] == [Outcome.iteration_limit]
+    assert test.states[0].residual > 1e-8
+
+
+@pytest.mark.slow
+def test_a_step_that_fails_is_halved(monkeypatch):
+    monkeypatch.setattr(strain_path, "ROUGH", np.inf)  # so that a step is one search
+    net, fabric = checkered(4, 1, PERIODIC)
+    whole = Solver(path_step=1.0, ramp_steps=60, branch_limit=1e9)
+    iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
+    # Too few iterations for the whole step, enough for a half or a quarter of it.
+    tight = replace(whole, max_iterations=iterations - 1)
+    halved = stretched(net, fabric, [0.0, 0.4], tight)
+    assert halved.states[1].converged
+    assert halved.states[1].iterations > iterations
+    given_up = stretched(net, fabric, [0.0, 0.4, 0.5], replace(tight, smallest_step=1.0))
+    assert [state.converged for state in given_up.states] == [True, False]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param(PERIODIC, id="periodic"),
+        pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
+    ],
+)
+def test_a_rough_step_ends_where_a_smooth_one_does(options, monkeypatch):
+    """Soft walls and a convexified stiffness do not change the state that is found."""
+    net, fabric = checkered(4, 1, options)
+    ways = []
+    for iterations in (-1, np.inf):
+        monkeypatch.setattr(strain_path, "ROUGH", iterations)
+        ways.append(stretched(net, fabric, [0.0, 0.01, 0.02, 0.03]).states)
+    for rough, smooth in zip(*ways, strict=True):
+        assert rough.converged
+        assert not rough.snapped
+        assert float(rough.energy.total) == pytest.approx(float(smooth.energy.total), rel=1e-8)
+    assert [state.iterations for state in ways[0]] != [state.iterations for state in ways[1]]
+
+
+def test_relaxation_does_not_shift_a_sample():
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
+    flat, folded = flat_sheet(net, fabric), relaxed(net, fabric).configuration
+    shift = np.abs(np.mean(folded.positions - flat.positions, axis=(0, 1)))
+    assert shift[:2].max() < 1e-6
+    # If it touches no wall, only the shift of the solver keeps its height.
+    assert shift[2] < 1e-2
+
+
+def test_unloading_returns_through_the_states_of_loading():
+    strains = 0.0, 0.02, 0.04, 0.06
+    net, fabric = checkered(4, 1, PERIODIC)
+    test = stretch(equations(net, fabric), strains, FINE, unload=True)
+    assert len(test.unloaded) == len(strains) - 1
+    for up, back in zip(test.states[-2::-1], test.unloaded, strict=True):
+        assert back.converged
+        assert not back.snapped
+        # A translation of periodic fabric costs nothing.
+        shapes = (state.configuration.positions for state in (back, up))
+        centred = (shape - shape.mean(axis=(0, 1)) for shape in shapes)
+        np.testing.assert_allclose(*centred, atol=1e-7)
+        np.testing.assert_allclose(back.configuration.lengths, up.configuration.lengths, rtol=1e-9)
+
+
+def test_only_a_test_that_reached_its_end_is_unloaded():
+    net, fabric = checkered(4, 1, PERIODIC)
+    hasty = Solver(max_iterations=3)
+    test = stretch(equations(net, fabric), (0.0, 0.02), hasty, unload=True)
+    assert test.unloaded == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("shake", "parts"),
+    [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.nightly)],
+)
+def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation(
+    small_subdomains, monkeypatch, shake, parts
+):
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
+    loading = loading_of(net.shape, relaxed(net, fabric).configuration)
+    before, last = stretched(net, fabric, [0.0, 0.01]).states
+    # With a distant previous state the linear extrapolation is distant too, on the other side.
+    noise = np.random.default_rng(0).normal(size=net.shape.unknowns)
+    off = loading.holding(before.unknowns + shake * noise, 0.0)
+    starts = []
+
+    def found(system, start, *rest):
+        starts.append(start)
+        return find_equilibrium(system, start, *rest)
+
+    monkeypatch.setattr(strain_path, "find_equilibrium", found)
+    passed_states = [(0.0, replace(before, unknowns=off)), (0.01, last)]
+    path = StrainPath(equations(net, fabric), loading, passed_states, DEFAULT)
+    assert path.to(0.02).converged
+    passed = [(0.0, off), (0.01, last.unknowns)]
+    near, far = (loading.ahead(of, 0.02) for of in (passed[1:], passed))
+    way = far - near
+    part = float((starts[0].unknowns - near) @ way / (way @ way))
+    assert any(part == pytest.approx(one) for one in parts)
+    whole = ChunkedFabric(net.shape, fabric)
+    taken, *others = (
+        float(whole.evaluate(COMPLETE, at).energy.total) for at in (starts[0].unknowns, near, far)
+    )
+    assert taken <= min(others)

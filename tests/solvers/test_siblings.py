@@ -1,0 +1,108 @@
+"""Spread over siblings: small if the fabric has one branch, large if it has several."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from knitlab.runs.plan import make_plan
+from knitlab.runs.run import RunOptions, run_plan
+from knitlab.solvers.siblings import branches, sibling, spread
+
+MULTISTABLE = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
+"""A design that has several relaxed shapes."""
+
+
+def cube_of(tmp_path, *settings, workflow="periodic"):
+    return run_plan(make_plan(workflow, settings), tmp_path, RunOptions()).cube
+
+
+def case_of(*settings):
+    return next(iter(make_plan("periodic", settings).cases.values()))
+
+
+@pytest.mark.slow
+def test_a_fabric_with_one_branch_has_little_spread(tmp_path):
+    flat = "cell_size=flat", "contact=none", "z_max=1.9", "n_stripe=8", "n_subunit=32"
+    cube = cube_of(tmp_path, "strain_max=0.09", *flat, "robustness=3").squeeze()
+    assert float(cube["relaxed_branches"]) == 1
+    assert (cube["siblings"] == 3).all()
+    spread = (cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max()
+    assert 0.005 < float(spread) < 0.06
+    for name in ("poisson_ratio", "reaction_force"):
+        own = cube[name].dropna("applied_strain")
+        assert (cube[f"{name}_low"] <= own).all()
+        assert (cube[f"{name}_high"] >= own).all()
+    assert cube.attrs["random_seeds"] == "1 to 3: of the siblings of each design"
+
+
+@pytest.mark.slow
+@pytest.mark.nightly
+def test_a_multistable_fabric_has_several_branches_and_a_large_spread(tmp_path):
+    cube = cube_of(tmp_path, *MULTISTABLE, "robustness=3").squeeze()
+    assert float(cube["relaxed_branches"]) > 1
+    assert float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max()) > 0.1
+
+
+@pytest.mark.slow
+def test_a_sibling_of_a_clamped_sample_begins_from_the_other_start(tmp_path):
+    settings = ("boundary=clamped", "unit_cells=2,2", "n_stripe=4", "n_subunit=8")
+    cube = cube_of(tmp_path, *settings, "strain_max=0.06", "robustness=1").squeeze()
+    assert (cube["siblings"] == 1).all()
+    case = case_of(*settings, "robustness=2")
+    assert case.equilibrium_solver.start == "dynamics"
+    assert [sibling(case, k).equilibrium_solver.start for k in (1, 2)] == ["flat", "dynamics"]
+
+
+@given(st.integers(1, 50))
+def test_a_sibling_has_every_stripe_parameter_changed_by_two_percent_at_most(number):
+    case = case_of("n_stripe=4", "n_subunit=16")
+    one, same = sibling(case, number), sibling(case, number)
+    assert one == same
+    for stripe, original in ((one.weft, case.weft), (one.warp, case.warp)):
+        for name in ("period", "k_s", "k_t", "theta_0"):
+            part = getattr(stripe, name) / getattr(original, name) - 1
+            assert 0 < abs(part) <= 0.02
+
+
+def test_the_second_of_two_siblings_differs_the_other_way():
+    case = case_of("n_stripe=4", "n_subunit=16")
+    one, other = sibling(case, 3), sibling(case, 4)
+    for name in ("period", "k_s", "k_t"):
+        original = getattr(case.weft, name)
+        assert getattr(one.weft, name) + getattr(other.weft, name) == pytest.approx(2 * original)
+
+
+def test_siblings_differ_from_one_another():
+    case = case_of("n_stripe=4", "n_subunit=16")
+    assert len({sibling(case, number).case_id for number in range(1, 11)}) > 8
+
+
+def test_siblings_enter_the_identifier_of_a_case():
+    plain = case_of("n_stripe=4", "n_subunit=16", "robustness=0")
+    assert case_of("n_stripe=4", "n_subunit=16", "robustness=2").case_id != plain.case_id
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=8), st.data())
+def test_branches_are_the_distinct_energies(whole, data):
+    noise = data.draw(st.lists(st.floats(-1, 1), min_size=len(whole), max_size=len(whole)))
+    energies = [value * (1 + 1e-8 * part) for value, part in zip(whole, noise, strict=True)]
+    assert branches([*energies, float("nan")]) == len(set(whole))
+    assert branches([float("nan")]) == 0
+
+
+def test_a_sibling_counts_up_to_the_strain_that_it_reached():
+    case = {"poisson_ratio": np.array([np.nan, -0.3, -0.2]), "reaction_force": np.arange(3.0)}
+    short = {"poisson_ratio": np.array([np.nan, -0.4]), "reaction_force": np.array([0.0, 2.0])}
+    found = spread(case, [short, {}], [1.0, 1.0, float("nan")])
+    assert found["siblings"].tolist() == [1, 1, 0]
+    assert found["poisson_ratio_low"].tolist()[1:] == [-0.4, -0.2]
+    assert found["poisson_ratio_high"].tolist()[1:] == [-0.3, -0.2]
+    assert found["reaction_force_high"].tolist() == [0, 2, 2]
+    assert found["relaxed_branches"] == 1
+
+
+def test_siblings_by_dynamics_are_refused():
+    plan = make_plan("periodic", ("method=dynamics", "robustness=2"))
+    assert {case.robustness for case in plan.cases.values()} == {0}
+    assert any("robustness = 2 is ignored by dynamics" in warning for warning in plan.warnings)
