@@ -81,7 +81,7 @@ def _put(rows: np.ndarray, column: int, vector: Numbers) -> None:
 
 @within
 def _arctan2(y: float, x: float) -> float:
-    """As ``arctan2`` of ``knitlab.solvers.dynamics.vectors``: a call to a library cannot be vectorised."""
+    """As ``arctan2`` of ``vectors.py``: a call to a library cannot be vectorised."""
     size_x, size_y = abs(x), abs(y)
     smaller, larger = min(size_x, size_y), max(size_x, size_y)
     steep = smaller > math.tan(math.pi / 8) * larger

@@ -31,6 +31,7 @@ from .api.uncertainty import sample_stripes as sample_stripes
 from .api.uncertainty import uncertainty as uncertainty
 from .cubes.cube_file import open_cube as open_cube
 from .io.errors import BadInput as BadInput
+from .io.errors import InputError as InputError
 from .lab.experiment import import_records as import_records
 from .lab.swatch import simulated_swatches as simulated_swatches
 from .lab.tension_record import read_cycles as read_cycles

@@ -4,7 +4,7 @@ Save a figure with ``figure.savefig("map.png")``. Keyword arguments select along
 a cube: ``plot.shape(cube, n_stripe=4, n_subunit=16, applied_strain=0.15)``. A figure that shows a
 shape takes it from a test, or from the case files beside the file that the cube was opened from.
 
-All of them raise :class:`knitlab.BadInput` if a cube does not hold what they show, or a selection
+All of them raise :class:`knitlab.InputError` if a cube does not hold what they show, or a selection
 is at fault.
 
 Example:

@@ -48,7 +48,8 @@ def test_the_wheel_holds_every_module_every_input_and_types(installed):
 
 
 def test_the_wheel_holds_the_page_of_the_explorer(installed):
-    page = {file.relative_to(ROOT).as_posix() for file in (PACKAGE / "figures" / "explorer" / "page").iterdir()}
+    scripts = (PACKAGE / "figures" / "explorer" / "page").iterdir()
+    page = {file.relative_to(ROOT).as_posix() for file in scripts}
     assert {
         "knitlab/figures/explorer/page/main.js",
         "knitlab/figures/explorer/page/page.html",

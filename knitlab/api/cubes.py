@@ -19,7 +19,7 @@ from knitlab.cubes.target import Target, read_target
 from knitlab.export.meshes import formats
 from knitlab.export.meshes.fabric import fabric_meshes
 from knitlab.export.meshes.surface import SurfaceMesh, solid_of
-from knitlab.io.errors import ErrorCollector, fault, raise_any, shortened
+from knitlab.io.errors import ErrorCollector, invalid, raise_if_any, shortened
 from knitlab.io.names import check_suffix
 from knitlab.observables.schema import STRAIN
 
@@ -39,12 +39,12 @@ def opened_with_shapes(shapes: Cube) -> xr.Dataset:
     """A cube that was read from a file, beside which its case files lie, or a test with shapes."""
     cube = opened(shapes)
     if "status" not in cube:
-        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
+        raise invalid("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
     if is_case(cube) and "position" not in cube:
-        raise fault("shapes", "has no node positions; give a dataset of knitlab.simulate")
+        raise invalid("shapes", "has no node positions; give a dataset of knitlab.simulate")
     if not is_case(cube) and "source" not in cube.encoding:
-        problem = "is a cube that was not opened from a file, beside which shapes lie"
-        raise fault("shapes", f"{problem}; give its path")
+        message = "is a cube that was not opened from a file, beside which shapes lie"
+        raise invalid("shapes", f"{message}; give its path")
     return cube
 
 
@@ -60,7 +60,7 @@ def query(
     The other arguments are those of ``cube.knitlab.query``.
 
     Raises:
-        BadInput: with everything that is wrong in these arguments.
+        InputError: with everything that is wrong in these arguments.
 
     Example:
         >>> table = kl.query("results/reference/periodic", sort="poisson_ratio_min")
@@ -106,7 +106,7 @@ def find(
         whether the spread over a design's siblings covers it.
 
     Raises:
-        BadInput: with every target that cannot be read or is not of a variable of the cubes.
+        InputError: with every target that cannot be read or is not of a variable of the cubes.
 
     Example:
         >>> wanted = ["poisson_ratio = -0.7 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
@@ -118,8 +118,8 @@ def find(
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
     stripes = None
     if uncertainty_of is not None and material is None:
-        problem = "is that of a material, but none is given; give the file with its covariances"
-        raise fault(f"uncertainty_of {shortened(uncertainty_of)}", problem)
+        message = "is that of a material, but none is given; give the file with its covariances"
+        raise invalid(f"uncertainty_of {shortened(uncertainty_of)}", message)
     if material is not None:
         from knitlab.runs.stripe_covariance import uncertain_stripes  # which imports JAX
 
@@ -129,11 +129,11 @@ def find(
 
 
 def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
-    faults, targets = ErrorCollector(), list[Target]()
+    mistakes, targets = ErrorCollector(), list[Target]()
     for one in [given] if isinstance(given, str | Mapping | Target) else given:
-        with faults:
+        with mistakes:
             targets.append(read_target(one, source))
-    raise_any(faults.all)
+    raise_if_any(mistakes.all)
     return targets
 
 
@@ -150,12 +150,12 @@ def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.Da
         scatter of the records, in the unit of the curve.
 
     Raises:
-        BadInput: if the cubes have no design in common, or a selection is at fault.
+        InputError: if the cubes have no design in common, or a selection is at fault.
     """
     cubes = [opened(cube) for cube in (simulation, *experiments)]
     known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
-    remedy = f"select along {', '.join(sorted(known))}"
-    refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
+    hint = f"select along {', '.join(sorted(known))}"
+    refuse_others(selections, known, f"is not a coordinate of these cubes; {hint}")
     chosen = [selected(cube, selections_along(selections, cube.dims)) for cube in cubes]
     return compared(chosen[0], chosen[1:])
 
@@ -173,7 +173,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         One row for each claim, with its verdict, margin, and the cube that decided it.
 
     Raises:
-        BadInput: if a cube, a selection or the suffix of the page is at fault.
+        InputError: if a cube, a selection or the suffix of the page is at fault.
 
     Example:
         >>> len(kl.claims("results/reference/paper"))
@@ -204,7 +204,7 @@ def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
         output: the page, with the suffix ``.html``.
 
     Raises:
-        BadInput: if there is no cube, one cannot be read, or the suffix is another one.
+        InputError: if there is no cube, one cannot be read, or the suffix is another one.
         CannotWrite: if the page cannot be written.
 
     Example:
@@ -271,7 +271,7 @@ def export(
         The files and their meshes.
 
     Raises:
-        BadInput: if the suffix is unknown, not exactly one design is left, it has no shape at a
+        InputError: if the suffix is unknown, not exactly one design is left, it has no shape at a
             strain, or repeats or thickness do not fit it.
 
     Example:

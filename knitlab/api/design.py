@@ -11,7 +11,7 @@ from knitlab.design.design import BUDGET, Designed, run_design
 from knitlab.design.request import checked_request, read_request
 from knitlab.design.trial import ShapeFunction
 from knitlab.figures.figure_files import draw_into
-from knitlab.io.errors import fault, shortened
+from knitlab.io.errors import invalid, shortened
 from knitlab.io.names import named_folder
 
 UNLIMITED = 1_000_000  # number of simulations if the budget is a time
@@ -70,7 +70,7 @@ def design(
         them, ``met``, and each search with its active bounds.
 
     Raises:
-        BadInput: with every fault of the request, or if targets contradict each other.
+        InputError: with every fault of the request, or if targets contradict each other.
 
     Example:
         >>> wanted = "poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06"
@@ -81,7 +81,9 @@ def design(
     """
     if file is not None:
         if targets or subject_to or vary or cubes or settings:
-            raise fault("file", "already gives targets, bounds and settings; leave out the others")
+            raise invalid(
+                "file", "already gives targets, bounds and settings; leave out the others"
+            )
         request = read_request(Path(file))
     else:
         table = {
@@ -118,8 +120,8 @@ def _read_budget(budget: str) -> tuple[int, float | None]:
     except ValueError:
         number = 0
     if not 0 < number <= UNLIMITED:
-        problem = f"is neither a number of simulations up to {UNLIMITED:,} nor a time such as 30min"
-        raise fault(f"budget {shortened(budget)}", problem)
+        message = f"is neither a number of simulations up to {UNLIMITED:,} nor a time such as 30min"
+        raise invalid(f"budget {shortened(budget)}", message)
     return (UNLIMITED, number) if timed else (int(number), None)
 
 

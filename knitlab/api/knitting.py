@@ -20,7 +20,7 @@ from knitlab.export.knitting.specification import Specification
 from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.fingerprint import provenance
 from knitlab.io.names import check_suffix
 from knitlab.model.capacitor import Capacitor
@@ -62,7 +62,7 @@ class KnitSample(Specification):
                 and the program is short.
 
         Returns:
-            Its ``faults``, and ``notes`` of what was checked.
+            Its ``mistakes``, and ``notes`` of what was checked.
         """
         return round_trip(self.program, self.chart, self.machine, interpret)
 
@@ -103,7 +103,7 @@ class KnitSample(Specification):
             in_the_round: of instructions, as in :meth:`instructions`.
 
         Raises:
-            BadInput: if it has another suffix, or cannot be written.
+            InputError: if it has another suffix, or cannot be written.
         """
         path = Path(path)
         check_output(path)
@@ -129,7 +129,7 @@ class KnitSample(Specification):
             path: the file: ``.pdf``, ``.svg`` or ``.png``.
 
         Raises:
-            BadInput: if it has another suffix, or cannot be written.
+            InputError: if it has another suffix, or cannot be written.
         """
         path = Path(path)
         check_figure_suffix(path)
@@ -172,7 +172,7 @@ def knit(
             cube, values of coordinates that select one design, and a size of a stitch.
 
     Raises:
-        BadInput: if it is not one design, if it cannot be knitted, or if a setting is at fault.
+        InputError: if it is not one design, if it cannot be knitted, or if a setting is at fault.
 
     Example:
         >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
@@ -191,8 +191,8 @@ def knit(
     given = tables | {"material": material}
     if isinstance(design, Design):
         if settings:
-            problem = f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
-            raise fault(", ".join(settings), problem)
+            message = f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
+            raise invalid(", ".join(settings), message)
         parameters = known_parameters(material, model).with_tables(**tables)
         plated = capacitor is not None
         case = case_of_design(design, [0.0], parameters, Protocol(), electrodes=plated)
@@ -200,7 +200,7 @@ def knit(
             case, parameters.gauge, material=parameters.material, yarn=parameters.yarn
         )
     elif of_designs := [name for name, table in given.items() if table is not None]:
-        raise fault(", ".join(of_designs), "is of a Design; leave it out of a workflow or a cube")
+        raise invalid(", ".join(of_designs), "is of a Design; leave it out of a workflow or a cube")
     elif is_cube(design):
         sizes = {name: settings.pop(name) for name in declared(Gauge) if name in settings}
         single = single_design(design, sizes, settings)
@@ -224,10 +224,10 @@ def read_chart(
 
     Returns:
         Its ``pattern()`` for designs and workflows, ``n_stripe`` and ``n_subunit``, its ``chart``,
-        and ``problems``, with the courses and wales that no pattern represents.
+        and ``messages``, with the courses and wales that no pattern represents.
 
     Raises:
-        BadInput: if the file is no chart.
+        InputError: if the file is no chart.
 
     Example:
         >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
@@ -249,12 +249,12 @@ def knitted(
 ) -> KnitSample:
     """A single design as it is knitted, as by :func:`knit`."""
     if repeats is not None and needles is not None:
-        raise fault("repeats", "and needles both set the size; give one of them")
+        raise invalid("repeats", "and needles both set the size; give one of them")
     if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
-        raise fault("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
+        raise invalid("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
     used = read_machine(machine, design.yarn)
     if face is not None and design.case.capacitor is None:
-        raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
+        raise invalid("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
     assumed, differences = _assumptions(design, used)
@@ -273,12 +273,12 @@ def _assumptions(
     differences = []
     if yarn.machine is not None and not same_model(yarn.machine, machine.model):
         whose = design.material or "the paper's yarn"
-        problem = f"stripes and stitch sizes of {whose} are of {yarn.machine}, not {machine.model}"
-        differences.append(f"{problem}: knit and calibrate swatches on this machine")
+        message = f"stripes and stitch sizes of {whose} are of {yarn.machine}, not {machine.model}"
+        differences.append(f"{message}: knit and calibrate swatches on this machine")
     if case.folds:
         angles = ", ".join(sorted({f"{fold.theta_0:.3g} rad" for fold in case.folds}))
-        problem = f"no stitch is known to make single folds of a rest angle, here {angles}, and"
-        differences.append(f"{problem} 1 × 1 rib is narrower than the gauge: knit a swatch first")
+        message = f"no stitch is known to make single folds of a rest angle, here {angles}, and"
+        differences.append(f"{message} 1 × 1 rib is narrower than the gauge: knit a swatch first")
     for stripe in dict.fromkeys((case.weft, case.warp)):
         label = f"{stripe.knit} {stripe.n}"
         needed = {name: getattr(stripe, name) for name in STRIPE_QUANTITIES}
@@ -290,13 +290,13 @@ def _assumptions(
         factors = {name: value / getattr(given, name) for name, value in needed.items()}
         other = [f"{name} × {by:.2f}" for name, by in factors.items() if abs(by - 1) > 0.005]
         if other:
-            remedy = "find a yarn or a stitch size that has it, and calibrate it"
-            differences.append(f"{label} needs {', '.join(other)} of the paper's yarn: {remedy}")
+            hint = "find a yarn or a stitch size that has it, and calibrate it"
+            differences.append(f"{label} needs {', '.join(other)} of the paper's yarn: {hint}")
     rows.append(("gauge", f"a stitch of {width:.3g} × {height:.3g} mm before the fabric folds"))
     rows.append(("case", f"{case.case_id}, code {provenance()['git_commit'][:12]}"))
     return tuple(rows), tuple(differences)
 
 
 def check_output(path: Path) -> None:
-    """Raise ``BadInput`` if the suffix of a file says neither knitout nor a chart."""
+    """Raise ``InputError`` if the suffix of a file says neither knitout nor a chart."""
     check_suffix(path, (KNITOUT, TABLE, WORDS, *FIGURE_SUFFIXES), "knitout or a chart")

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.api.cubes import Cube, opened
-from knitlab.io.errors import fault, naming
+from knitlab.io.errors import invalid, naming
 from knitlab.lab.along_ridges import check_along
 from knitlab.lab.calibration import Calibration, Law
 from knitlab.lab.calibration import calibrate as fit_sheet
@@ -56,7 +56,7 @@ def calibrate(
         ``compared_with`` compares this law with a simpler one by AICc.
 
     Raises:
-        BadInput: if the curve has too few points, or no tension.
+        InputError: if the curve has too few points, or no tension.
 
     Example:
         >>> import numpy as np
@@ -93,7 +93,7 @@ def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
         :func:`knitlab.simulate`, and ``fit.comparison`` with a stripe without friction by AICc.
 
     Raises:
-        BadInput: if there is one passage alone, too few points, or no tension.
+        InputError: if there is one passage alone, too few points, or no tension.
 
     Example:
         >>> records = "docs/examples/swatches/records/rib.csv"
@@ -134,11 +134,11 @@ def fit(
         The fitted stripes with their standard errors, curves and warnings.
 
     Raises:
-        BadInput: if the experiment cannot be fitted, the workflow has no or several such cases,
+        InputError: if the experiment cannot be fitted, the workflow has no or several such cases,
             its test does not converge, or settings are given beside a plan.
     """
     if isinstance(workflow, Plan) and settings:
-        raise fault("settings", "belong to workflows; plan the workflow with them")
+        raise invalid("settings", "belong to workflows; plan the workflow with them")
     plan = workflow if isinstance(workflow, Plan) else make_plan(str(workflow), settings)
     cube = opened(experiment)
     case = case_for(plan, cube)

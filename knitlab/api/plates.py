@@ -44,7 +44,7 @@ def plate_stiffness(
         singular, negative (of these numbers are known), unstable, not_converged or no_shape.
 
     Raises:
-        BadInput: if no design that is left has a periodic shape, a design is a clamped sample, a
+        InputError: if no design that is left has a periodic shape, a design is a clamped sample, a
             selection or the suffix is at fault, or a card asks for a state that is not ok.
 
     Example:

@@ -16,7 +16,7 @@ from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import selections_along
 from knitlab.figures.figure_files import drawn
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.model.capacitor import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.observables.schema import STRAIN, described
@@ -66,7 +66,7 @@ def capacitance_matrix(
         electrodes touch.
 
     Raises:
-        BadInput: if there is no single design with electrodes and a shape, or a name, a number or
+        InputError: if there is no single design with electrodes and a shape, or a name, a number or
             a selection is at fault.
 
     Example:
@@ -127,7 +127,7 @@ def cross_talk(
         capacitance between electrodes of the two over the reading [1].
 
     Raises:
-        BadInput: as :func:`capacitance_matrix`; or if the relaxed state is not a stable
+        InputError: as :func:`capacitance_matrix`; or if the relaxed state is not a stable
             equilibrium.
 
     Example:
@@ -139,14 +139,14 @@ def cross_talk(
     """
     check_figure_suffix(output)
     if pull not in DIRECTIONS:
-        raise fault("pull", f"is {pull!r}; give {' or '.join(DIRECTIONS)}")
+        raise invalid("pull", f"is {pull!r}; give {' or '.join(DIRECTIONS)}")
     if others not in get_args(Others):
-        raise fault("others", f"are {others!r}; give {' or '.join(get_args(Others))}")
+        raise invalid("others", f"are {others!r}; give {' or '.join(get_args(Others))}")
     if not sensors or any(len(pair) != 2 for pair in sensors):
-        raise fault("sensors", f"are {list(sensors)}; give pairs of electrodes, as (w1, w2)")
+        raise invalid("sensors", f"are {list(sensors)}; give pairs of electrodes, as (w1, w2)")
     case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
     if len(strains) > 1 or strains[0] != 0:
-        raise fault(STRAIN, "is 0 of parts that are pulled alone; select no strain")
+        raise invalid(STRAIN, "is 0 of parts that are pulled alone; select no strain")
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     names = list(dict.fromkeys(name for pair in sensors for name in pair))
     of_set = electrode_set(case, capacitor, names)
@@ -154,8 +154,10 @@ def cross_talk(
     axis = DIRECTIONS.index(pull)
     try:
         table = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
-    except NoDerivative as problem:
-        raise fault(case.label, f"{problem}; take a design that relaxes to one shape") from problem
+    except NoDerivative as message:
+        raise invalid(
+            case.label, f"{message}; take a design that relaxes to one shape"
+        ) from message
     labels = ["-".join(pair) for pair in sensors]
     table["reading"].values *= _lengthened(of_set, relaxed, capacitor)
     table = table.assign_coords(sensor=labels, pulled=labels)
@@ -199,7 +201,7 @@ def selectivity(
         unresolved, unstable, not_converged.
 
     Raises:
-        BadInput: if no design that is left has a periodic shape with electrodes; of one with a
+        InputError: if no design that is left has a periodic shape with electrodes; of one with a
             ground plane or shear; if an argument is at fault.
 
     Example:
@@ -211,7 +213,7 @@ def selectivity(
     selections = {**selections, **named}
     check_figure_suffix(output)
     if along not in DIRECTIONS:
-        raise fault("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
+        raise invalid("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
     cube = opened_with_shapes(shapes)
     compute = partial(selectivity_of_case, along=along)
     found = of_chosen_cases(compute, cube, selections, where)
@@ -222,14 +224,14 @@ def selectivity(
 
 
 def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> float:
-    """Polarisation of a sheet of cloth over ε0 [mm]; BadInput if electrodes are insulated."""
+    """Polarisation of a sheet of cloth over ε0 [mm]; InputError if electrodes are insulated."""
     if not 1 <= permittivity < np.inf:
-        raise fault("cloth_permittivity", f"is {permittivity:g}; give a number from 1 on")
+        raise invalid("cloth_permittivity", f"is {permittivity:g}; give a number from 1 on")
     if not 0 < thickness < np.inf:
-        raise fault("cloth_thickness", f"is {thickness:g}; give a positive number of mm")
+        raise invalid("cloth_thickness", f"is {thickness:g}; give a positive number of mm")
     if permittivity != 1 and capacitor.dielectric_thickness:
-        problem = "is of bare electrodes; leave it out, or simulate with dielectric_thickness = 0"
-        raise fault("cloth_permittivity", problem)
+        message = "is of bare electrodes; leave it out, or simulate with dielectric_thickness = 0"
+        raise invalid("cloth_permittivity", message)
     return (permittivity - 1) * thickness
 
 

@@ -16,7 +16,7 @@ from knitlab.cubes.case_file import configurations
 from knitlab.cubes.cube_file import with_derived
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.design.trial import ShapeFunction, measure_of, state_slopes
-from knitlab.io.errors import ErrorCollector, Fault, fault, naming, raise_any
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any
 from knitlab.model.capacitor import Capacitor
 from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions, PlainKnit, Sheet
@@ -64,7 +64,7 @@ class Design:
             stripes of its own may have.
 
     Raises:
-        BadInput: if a stripe has the wrong knit or number of stitches, or a parameter out of
+        InputError: if a stripe has the wrong knit or number of stitches, or a parameter out of
             range. :func:`knitlab.simulate` reports all other errors.
 
     Example:
@@ -85,11 +85,11 @@ class Design:
 
     def __post_init__(self) -> None:
         stitches = {"rib": self.n_stripe, "garter": GARTER_STITCHES_PER_RIB_STITCH * self.n_stripe}
-        faults = ErrorCollector()
+        mistakes = ErrorCollector()
         try:
             periods_per_patch(self.n_stripe, self.n_subunit)
-        except (ValueError, TypeError, ZeroDivisionError) as problem:
-            faults.all.append(Fault("Design", str(problem)))
+        except (ValueError, TypeError, ZeroDivisionError) as message:
+            mistakes.all.append(Mistake("Design", str(message)))
         further = [("further_stripes", stripe) for stripe in self.further_stripes]
         for name, stripe in (("rib", self.rib), ("garter", self.garter), *further):
             if stripe is None:
@@ -97,10 +97,10 @@ class Design:
             if name in stitches and (stripe.knit, stripe.n) != (name, stitches[name]):
                 is_given = f"is a {stripe.knit} stripe of {stripe.n} stitches"
                 wanted = f"n_stripe = {self.n_stripe} takes a {name} stripe of {stitches[name]}"
-                faults.all.append(Fault(name, f"{is_given}, and {wanted}"))
-            with faults, naming(name):
+                mistakes.all.append(Mistake(name, f"{is_given}, and {wanted}"))
+            with mistakes, naming(name):
                 StripeRow.of(stripe)
-        raise_any(faults.all)
+        raise_if_any(mistakes.all)
 
     @property
     def stripes(self) -> tuple[Stripe, ...]:
@@ -154,7 +154,7 @@ def simulate(
         ``status``, ``residual_force`` and ``iterations`` describe the convergence.
 
     Raises:
-        BadInput: if the design, the strains or a setting is at fault, or if settings contradict.
+        InputError: if the design, the strains or a setting is at fault, or if settings contradict.
 
     Warns:
         NotConverged: if a strain was not reached; results from there on are NaN.
@@ -165,7 +165,7 @@ def simulate(
         True
     """
     if not isinstance(design, Design):
-        raise fault("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
+        raise invalid("design", f"is {design!r}; give a knitlab.Design, such as Design(4, 16)")
     parameters = known_parameters(material, model)
     settings: dict[str, object] = {"model": model, "sheet": sheet, "plain": plain, "solver": solver}
     settings |= {"dynamics": dynamics, "friction": friction, "capacitor": capacitor, "gauge": gauge}
@@ -199,19 +199,19 @@ def case_of_design(
     *,
     electrodes: bool,
 ) -> Case:
-    """The case of a design, with tabulated stripes where it has none; BadInput with all faults."""
-    strains, faults = tuple(map(float, applied_strain)), ErrorCollector()
+    """The case of a design, with tabulated stripes where it has none; or InputError."""
+    strains, mistakes = tuple(map(float, applied_strain)), ErrorCollector()
     if not strains or strains[0] != 0:
-        problem = f"begins at 0, the relaxed fabric, but is {list(strains)}"
-        faults.all.append(Fault("applied_strain", problem))
+        message = f"begins at 0, the relaxed fabric, but is {list(strains)}"
+        mistakes.all.append(Mistake("applied_strain", message))
     elif list(strains) != sorted(set(strains)):
-        problem = f"ascends, but is {list(strains)}; sort it and keep each once"
-        faults.all.append(Fault("applied_strain", problem))
+        message = f"ascends, but is {list(strains)}; sort it and keep each once"
+        mistakes.all.append(Mistake("applied_strain", message))
     pattern = design.pattern
     if isinstance(pattern, Pattern):
         named = parameters.patterns | {OWN_PATTERN: (pattern, Path())}
         parameters, pattern = replace(parameters, patterns=named), OWN_PATTERN
-    with faults, naming("Design"):
+    with mistakes, naming("Design"):
         section = DesignSection(
             n_stripe=(design.n_stripe,),
             n_subunit=(design.n_subunit,),
@@ -220,9 +220,9 @@ def case_of_design(
             needles=design.needles,
         )
     if parameters.model.boundary == "periodic" and design.boundary == "clamped":
-        problem = "is periodic, and the design is clamped; give the boundary to knitlab.Design"
-        faults.all.append(Fault("model.boundary", problem))
-    raise_any(faults.all)
+        message = "is periodic, and the design is clamped; give the boundary to knitlab.Design"
+        mistakes.all.append(Mistake("model.boundary", message))
+    raise_if_any(mistakes.all)
     parameters = replace(
         parameters.with_tables(model=replace(parameters.model, boundary=design.boundary)),
         stripes=parameters.stripes.with_stripes(design.stripes),
@@ -235,8 +235,8 @@ def case_of_design(
     )
     designs = designs_of_section(section, parameters, str)
     (case,) = cases(workflow, {}, designs, parameters, str)
-    if problems := electrode_problems(case):
-        raise fault("layout", "; ".join(problems))
+    if messages := electrode_problems(case):
+        raise invalid("layout", "; ".join(messages))
     return replace(case, applied_strain=strains)
 
 
@@ -260,7 +260,7 @@ def evaluate(
         are NaN where the test did not converge; derivatives are also NaN at snaps.
 
     Raises:
-        BadInput: if the dataset has no shapes, or a function does not return one number.
+        InputError: if the dataset has no shapes, or a function does not return one number.
 
     Example:
         >>> import jax.numpy as jnp
@@ -270,11 +270,11 @@ def evaluate(
         ('applied_strain', 'stripe_parameter')
     """
     if "position" not in test or "parameters" not in test.attrs:
-        raise fault("test", "has no node positions; give a dataset of knitlab.simulate")
+        raise invalid("test", "has no node positions; give a dataset of knitlab.simulate")
     shapes, strains = configurations(test), test["applied_strain"]
     arrays = {name: given for name, f in measures.items() if (given := jnp.shape(f(shapes[0])))}
-    problem = "returns an array of shape {}; return one number"
-    raise_any([Fault(name, problem.format(given)) for name, given in arrays.items()])
+    message = "returns an array of shape {}; return one number"
+    raise_if_any([Mistake(name, message.format(given)) for name, given in arrays.items()])
     reached = np.flatnonzero(np.isfinite(shapes.positions).all(axis=(1, 2, 3)))
     values = np.full((len(strains), len(measures)), np.nan)
     slopes = np.full((*values.shape, len(STRIPE_PARAMETERS)), np.nan)

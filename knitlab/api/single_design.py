@@ -15,7 +15,7 @@ from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import selected
 from knitlab.export.knitting.specification import Prediction
 from knitlab.export.knitting.stitch_chart import is_turned
-from knitlab.io.errors import BadInput, Fault, fault, raise_any
+from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
 from knitlab.model.stitches import Gauge
 from knitlab.runs.cube import gauge_of
 from knitlab.runs.declared_fields import checked, declared
@@ -44,17 +44,17 @@ def single_design(
 ) -> SingleDesign:
     """The one design that settings leave of a workflow, and selections of that, a cube or a test.
 
-    Raises BadInput if one of these is at fault, or if its case is recorded nowhere.
+    Raises InputError if one of these is at fault, or if its case is recorded nowhere.
     """
     if not is_cube(source):
         return _of_workflow(str(source), settings, selections)
     cube = source if isinstance(source, xr.Dataset) else open_cube(source)
-    single, (given, faults) = _of_cube(cube, selections), read_overrides(settings)
+    single, (given, mistakes) = _of_cube(cube, selections), read_overrides(settings)
     values = {override.name: override.value for override in given}
     known = declared(Gauge)
-    problem = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"
-    faults += [Fault(f"settings {name}", problem) for name in values if name not in known]
-    raise_any(faults)
+    message = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"
+    mistakes += [Mistake(f"settings {name}", message) for name in values if name not in known]
+    raise_if_any(mistakes)
     return single._replace(gauge=checked("settings", replace(single.gauge, **values), Gauge))
 
 
@@ -92,31 +92,31 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
 
 
 def _only_one(cube: xr.Dataset, title: str, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The one design of a cube that selections leave; BadInput if there is none, or several."""
+    """The one design of a cube that selections leave; InputError if there is none, or several."""
     dims = cube["case_id"].dims
     kept = selected(cube, selections).stack(design=dims)
     kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
     if not (count := kept.sizes["design"]):
-        raise fault("selections", f"no design of {title} is left; select fewer values")
+        raise invalid("selections", f"no design of {title} is left; select fewer values")
     if count > 1:
         some = [
             " ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
             for labels in kept["design"].values[:MOST_NAMED]
         ]
         listed = ", ".join([*some, "…"] if count > MOST_NAMED else some)
-        raise fault("selections", f"{title} has {count} designs; select one of {listed}")
+        raise invalid("selections", f"{title} has {count} designs; select one of {listed}")
     return kept.isel(design=0)
 
 
 def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
     """The case in the plan or the case files beside a cube, or else in a new plan."""
     if folder is not None:
-        with suppress(BadInput):
+        with suppress(InputError):
             return find_case(folder, case_id).case
-    with suppress(BadInput, KeyError):
+    with suppress(InputError, KeyError):
         return make_plan(workflow).cases[case_id]
-    problem = "is recorded in no plan and no case file beside the cube; run its workflow into that"
-    raise fault(case_id, f"{problem} folder, or name the workflow instead")
+    message = "is recorded in no plan and no case file beside the cube; run its workflow into that"
+    raise invalid(case_id, f"{message} folder, or name the workflow instead")
 
 
 def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:

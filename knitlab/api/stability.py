@@ -11,7 +11,7 @@ import xarray as xr
 from knitlab.api.single_design import single_design
 from knitlab.figures.figure_files import drawn
 from knitlab.figures.stability import branches_figure, shapes_figure
-from knitlab.io.errors import fault, shown
+from knitlab.io.errors import invalid, shown
 from knitlab.runs.figure_names import check_figure_suffix
 from knitlab.runs.workflow_text import Overrides
 from knitlab.solvers.branches.continuation import (
@@ -64,7 +64,7 @@ def branches(
         ``unstable`` (the number of negative ones) and ``kind``: regular, limit or branch.
 
     Raises:
-        BadInput: if the settings give no single design in equilibrium, or are at fault.
+        InputError: if the settings give no single design in equilibrium, or are at fault.
 
     Example:
         >>> path = kl.branches("periodic", n_stripe=4, n_subunit=8, contact="none", strain_max=0.03)
@@ -77,7 +77,7 @@ def branches(
         system = System(net.shape, fabric)
         test = stretch(system, case.applied_strain[:1], case.equilibrium_solver, load=case.load)
         if test.loading is None:
-            raise fault(case.label, "does not relax; raise max_iterations")
+            raise invalid(case.label, "does not relax; raise max_iterations")
         equations = FabricEquations(system, test.loading)
         until = -BELOW_REST, case.applied_strain[-1]
         followed: list[list[PathPoint]] = []
@@ -102,12 +102,12 @@ def _single(workflow: str | Path, overrides: Overrides, output: str | Path | Non
     check_figure_suffix(output)
     case, where = single_design(workflow, overrides, {}).case, f"workflow {workflow}"
     if case.solver is None or case.solver.drag:
-        remedy = "take method = equilibrium and drag = 0"
-        raise fault(where, f"has states that are no equilibria; {remedy}")
+        hint = "take method = equilibrium and drag = 0"
+        raise invalid(where, f"has states that are no equilibria; {hint}")
     if case.friction.acts:
-        raise fault(where, "has friction, which branches leave out; take fold_friction = 0")
+        raise invalid(where, "has friction, which branches leave out; take fold_friction = 0")
     if case.options.contact != "none":
-        raise fault(where, "has contact, which branches leave out; take contact = none")
+        raise invalid(where, "has contact, which branches leave out; take contact = none")
     return case
 
 
@@ -181,7 +181,7 @@ def shapes(
         ``attrs["not_converged"]`` counts other starts.
 
     Raises:
-        BadInput: if the settings give no single design in equilibrium, or are at fault.
+        InputError: if the settings give no single design in equilibrium, or are at fault.
 
     Example:
         >>> atlas = kl.shapes("periodic", starts=3, n_stripe=4, n_subunit=8, contact="none")
@@ -189,12 +189,12 @@ def shapes(
         3
     """
     if not 1 <= starts <= MOST_STARTS:
-        raise fault("starts", f"is {shown(starts)}; give 1 to {MOST_STARTS:,}")
+        raise invalid("starts", f"is {shown(starts)}; give 1 to {MOST_STARTS:,}")
     case = _single(workflow, overrides or settings, output)
     net, fabric = case.assemble()
     known, failed = relaxed_shapes(net, fabric, case.equilibrium_solver, starts)
     if not known:
-        raise fault(case.label, "does not relax from any start; raise max_iterations")
+        raise invalid(case.label, "does not relax from any start; raise max_iterations")
     count = len(known)
     barrier = np.full((count, count), np.nan)
     with one_thread_of_blas():

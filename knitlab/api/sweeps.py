@@ -7,7 +7,7 @@ from typing import Any
 import xarray as xr
 
 from knitlab.cubes.cube_file import CUBE, with_derived
-from knitlab.io.errors import Fault
+from knitlab.io.errors import Mistake
 from knitlab.runs.batches import Shard
 from knitlab.runs.merge import merge_folders
 from knitlab.runs.plan import Plan, make_plan
@@ -59,7 +59,7 @@ def run(
         last shard to end writes ``cube.nc`` with the designs of all.
 
     Raises:
-        BadInput: with every fault of the workflow and its settings, or if the folder is in use
+        InputError: with every fault of the workflow and its settings, or if the folder is in use
             or its cube has other dimensions.
 
     Warns:
@@ -83,8 +83,8 @@ def run(
     made = plan(workflow, **settings)
     for warning in made.warnings:
         warnings.warn(warning, UserWarning, stacklevel=2)
-    done, folder, _, faults = carried_out(made, Path(results), options, figures)
-    for remark in [*done.remarks(made.dims, folder), *map(str, faults)]:
+    done, folder, _, mistakes = carried_out(made, Path(results), options, figures)
+    for remark in [*done.remarks(made.dims, folder), *map(str, mistakes)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
     if shard is None:
         done.cube.encoding["source"] = str(folder / CUBE)
@@ -93,7 +93,7 @@ def run(
 
 def carried_out(
     made: Plan, results: Path, options: RunOptions, figures: bool = True
-) -> tuple[Run, Path, list[Path], list[Fault]]:
+) -> tuple[Run, Path, list[Path], list[Mistake]]:
     """A run of a plan, its folder, the figures that it drew, and why others cannot be drawn."""
     folder = results / made.workflow
     done = run_plan(made, folder, options)
@@ -121,7 +121,7 @@ def merge(
         The cube, with every design of all folders.
 
     Raises:
-        BadInput: if the folders differ in dimensions, settings, gauge or code, if a design is
+        InputError: if the folders differ in dimensions, settings, gauge or code, if a design is
             another case in two of them, or the same case with other numbers.
 
     Warns:
@@ -146,7 +146,7 @@ def plan(workflow: str | Path, **settings: Any) -> Plan:
         time [s] and memory [byte].
 
     Raises:
-        BadInput: with every fault of the workflow and its settings.
+        InputError: with every fault of the workflow and its settings.
 
     Example:
         >>> len(kl.plan("preview").cases)

@@ -7,7 +7,7 @@ import xarray as xr
 from knitlab.api.cubes import Cube, opened
 from knitlab.cubes.sampled import sampled_uncertainty
 from knitlab.cubes.uncertainty import first_order
-from knitlab.io.errors import fault, shortened
+from knitlab.io.errors import invalid, shortened
 from knitlab.io.names import check_suffix
 from knitlab.io.toml import TOML
 from knitlab.observables.schema import SAMPLE
@@ -51,7 +51,7 @@ def uncertainty(
         are ok, and of those for Sobol indices ``…_first_order`` and ``…_total``.
 
     Raises:
-        BadInput: if a cube has no sensitivities or other stripes, or a covariance is missing, is
+        InputError: if a cube has no sensitivities or other stripes, or a covariance is missing, is
             not positive semidefinite, or is of one curve and a new swatch is asked for.
 
     Example:
@@ -61,16 +61,16 @@ def uncertainty(
         'garter_theta_0'
     """
     if not cubes:
-        raise fault("cubes", "none is given; name a cube or its results folder")
+        raise invalid("cubes", "none is given; name a cube or its results folder")
     read = [opened(cube) for cube in cubes]
     cube = joined_cubes(read) if len(read) > 1 else read[0]
     if SAMPLE in cube.dims:
         if uncertainty_of is not None:
-            problem = "is that of the samples, as they were drawn; leave it out"
-            raise fault(f"uncertainty_of {shortened(uncertainty_of)}", problem)
+            message = "is that of the samples, as they were drawn; leave it out"
+            raise invalid(f"uncertainty_of {shortened(uncertainty_of)}", message)
         return sampled_uncertainty(cube)
     if material is None:
-        raise fault("material", "is not given; give the file with the covariances of its stripes")
+        raise invalid("material", "is not given; give the file with the covariances of its stripes")
     return first_order(cube, uncertain_stripes(material, uncertainty_of))
 
 
@@ -108,8 +108,8 @@ def sample_stripes(
         The path of the workflow, for :func:`knitlab.run` and then :func:`knitlab.uncertainty`.
 
     Raises:
-        BadInput: if the material lacks a covariance, or has one of two repeats, whose deviates are
-            too large to be simulated; or if a number is at fault.
+        InputError: if the material lacks a covariance, or has one of two repeats, whose deviates
+            are too large to be simulated; or if a number is at fault.
 
     Example:
         >>> acrylic = "docs/examples/swatches/acrylic.toml"

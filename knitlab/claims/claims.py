@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, create_model
 
 from knitlab.claims import checks
 from knitlab.claims.margin import CheckResult, NotMeasured
-from knitlab.io.errors import Fault, faults_of, raise_any, unknown
+from knitlab.io.errors import Mistake, mistakes_of, raise_if_any, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_toml
 
@@ -87,23 +87,23 @@ class Claim(StrictModel):
 
 
 def read_claims(path: Path | None = None) -> list[Claim]:
-    """The claims of a file, by default ``params/claims.toml``; BadInput has every fault of it."""
+    """The claims of a file, by default ``params/claims.toml``; InputError has every fault of it."""
     path = path or shipped("params") / "claims.toml"
-    claims, faults = [], list[Fault]()
+    claims, mistakes = [], list[Mistake]()
     for name, table in read_toml(path).items():
         source, test = f"{path}: {name}", str(table.get("test"))
         numbers = table.get("knitlab", {})
         if test not in CHECKS:
-            faults.append(Fault(f"{source}: test", unknown(test, CHECKS, "test")))
+            mistakes.append(Mistake(f"{source}: test", unknown(test, CHECKS, "test")))
         elif twice := table.keys() & numbers.keys():
-            problem = "is the paper's number and knitlab's; keep one"
-            faults += [Fault(f"{source}: {key}", problem) for key in sorted(twice)]
+            message = "is the paper's number and knitlab's; keep one"
+            mistakes += [Mistake(f"{source}: {key}", message) for key in sorted(twice)]
         else:
             try:
                 claims.append(_schema(test).model_validate({"name": name} | table | numbers))
             except ValidationError as error:
-                faults += faults_of(error, source)
-    raise_any(faults)
+                mistakes += mistakes_of(error, source)
+    raise_if_any(mistakes)
     return claims
 
 

@@ -14,7 +14,7 @@ from knitlab.claims.samples import JudgedSamples, preference
 from knitlab.cubes.cube_file import open_cube, swept_dims
 from knitlab.cubes.selection import choices, refuse_others, selected, selections_along
 from knitlab.cubes.trust import pulled_without_pause
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 QUARTER = (0.75, 1.25)  # factors on thresholds chosen for knitlab, to test how they matter
 WOULD = {Grade.holds: "hold", Grade.fails: "fail", Grade.not_measured: "not be measured"}
@@ -57,18 +57,18 @@ def judged(
 
     If several cubes measure a claim, the one whose samples are nearest the paper's decides, or the
     first of equal ones; claims about relaxed fabric are decided by fabric at rest, if there is any.
-    BadInput if selections leave several values of a swept setting.
+    InputError if selections leave several values of a swept setting.
     """
     opened = [(path, open_cube(path)) for path in cubes]
     all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})
-    remedy = f"select along {', '.join(all_swept)}" if all_swept else "leave it out: there are none"
-    refuse_others(selections, all_swept, f"is not a swept setting of these cubes; {remedy}")
+    hint = f"select along {', '.join(all_swept)}" if all_swept else "leave it out: there are none"
+    refuse_others(selections, all_swept, f"is not a swept setting of these cubes; {hint}")
     slices = []
     for path, cube in opened:
         swept = swept_dims(cube)
         cube = selected(cube, selections_along(selections, swept))
         if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-            raise fault(str(path), f"has swept settings; select {choices(cube, several)}")
+            raise invalid(str(path), f"has swept settings; select {choices(cube, several)}")
         slices.append((path, cube.isel(dict.fromkeys(swept, 0))))
     return judged_slices(claims, slices)
 

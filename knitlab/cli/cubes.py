@@ -179,10 +179,10 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
     judgements = judged(read_claims(), cubes, selections)
     click.echo(listed(judgements))
     if output is not None:
-        files, faults = write_page(judgements, output, selections)
+        files, mistakes = write_page(judgements, output, selections)
         for path in files:
             click.echo(f"{'page' if path == output else 'figure':6}  {path}")
-        options.echo_report([], warnings=faults)
+        options.echo_report([], warnings=mistakes)
 
 
 @click.command()

@@ -104,7 +104,7 @@ def calibrate(
     """
     from knitlab.api.laboratory import calibrate_friction
     from knitlab.figures.fits import calibration_figure
-    from knitlab.io.errors import fault, naming
+    from knitlab.io.errors import invalid, naming
     from knitlab.lab import calibration
     from knitlab.lab.along_ridges import check_along
     from knitlab.lab.friction_fit import friction_report
@@ -119,20 +119,22 @@ def calibrate(
 
     check_suffix(output, TOML, "a material")
     if (law == "tabulated") != (spring_curve is not None):
-        raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
+        raise invalid("--spring-curve", "goes with --law tabulated; give both, or neither")
     other = {"width": along_width, "gauge_length": along_gauge_length}
     sizes = {name: size for name, size in other.items() if size is not None}
     for name, size in sizes.items() if along is None else ():
         option_name = f"--along-{name.replace('_', '-')} {size:g}"
-        raise fault(option_name, "is of the record along the ridges; give --along, or leave it out")
+        raise invalid(
+            option_name, "is of the record along the ridges; give --along, or leave it out"
+        )
     period = period_of(stitches, period, gauge_length, gauge_stitches)
     used_size = cell_size or defaults().model.cell_size
     swatch |= {"gauge_length": gauge_length}
     if friction:
         if law != "linear":
-            raise fault("--friction", "is fitted with linear springs; leave out --law")
+            raise invalid("--friction", "is fitted with linear springs; leave out --law")
         if along is not None:
-            raise fault("--friction", "is fitted across the ridges only; leave out --along")
+            raise invalid("--friction", "is fitted across the ridges only; leave out --along")
         del swatch["cycle"]
         passages = read_cycles(record, **swatch)
         check_added(output, knit, stitches, used_size, passages.per_width)
@@ -141,8 +143,8 @@ def calibrate(
         options.echo_report([*read, *friction_report(fit)])
         if fit.undetermined and not accept:
             unknown = f"the cycles do not determine {', '.join(fit.undetermined)}"
-            remedy = "measure to larger strain, or give --accept"
-            options.echo_problem(f"no stripe is written, as {unknown}; {remedy}")
+            hint = "measure to larger strain, or give --accept"
+            options.echo_problem(f"no stripe is written, as {unknown}; {hint}")
             options.exit_unless(False)
         stripe = fit.stripe(knit, stitches, used_size)
         source = f"knitlab calibrate {record.name} --friction"
@@ -161,15 +163,15 @@ def calibrate(
     ridges = None
     if along is not None:
         if not per_width:
-            problem = "is missing, without which forces along and across cannot be compared"
-            remedy = f"give the width of the swatch of {record.name} in mm"
-            raise fault("--width", f"{problem}; {remedy}, and --along-width if the other differs")
+            message = "is missing, without which forces along and across cannot be compared"
+            hint = f"give the width of the swatch of {record.name} in mm"
+            raise invalid("--width", f"{message}; {hint}, and --along-width if the other differs")
         # A preload is that of the other record.
         pulled = read_tension_record(along, **(swatch | sizes | {"preload": None}))
         if pulled.per_width != per_width:
             kinds = {True: "force over width", False: "force on one row"}
-            problem = f"has a {kinds[pulled.per_width]}, and {record.name} a {kinds[per_width]}"
-            raise fault(str(along), f"{problem}; give the widths of both, or none")
+            message = f"has a {kinds[pulled.per_width]}, and {record.name} a {kinds[per_width]}"
+            raise invalid(str(along), f"{message}; give the widths of both, or none")
         ridges = pulled.strain, pulled.force.mean(axis=0)
         with naming(str(along)):
             check_along(*ridges)

@@ -117,8 +117,8 @@ def knit(
     checked = sample.check()
     for note in checked.notes:
         click.echo(f"{'check':13} {note}")
-    options.echo_first([f"knitlab: {fault}" for fault in checked.faults], err=True)
-    options.exit_unless(not checked.faults)
+    options.echo_first([f"knitlab: {fault}" for fault in checked.mistakes], err=True)
+    options.exit_unless(not checked.mistakes)
 
 
 @click.command("read")
@@ -155,8 +155,8 @@ def read(
             settings["garter_start"] = chart_read.garter_start
         given = " ".join(f"--set {name}={value}" for name, value in settings.items())
         click.echo(f"{'to run':13} knitlab run periodic {given}")
-    options.echo_first([f"knitlab: {problem}" for problem in chart_read.problems], err=True)
-    options.exit_unless(not chart_read.problems)
+    options.echo_first([f"knitlab: {message}" for message in chart_read.messages], err=True)
+    options.exit_unless(not chart_read.messages)
 
 
 @click.command()

@@ -16,7 +16,7 @@ import click
 
 from knitlab.cli.output import droppable_output
 from knitlab.io.compilation_cache import VARIABLE, problem_of_cache
-from knitlab.io.errors import BadInput, Fault, fault, raise_any
+from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
 from knitlab.io.interruption import end_at_once
 from knitlab.io.names import one_line
 
@@ -78,7 +78,7 @@ class CommandGroup(click.Group):
                 signal.signal(signal.SIGINT, before)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Find the command that is named; BadInput if JAX would abort here for lack of memory.
+        """Find the command that is named; InputError if JAX would abort here for lack of memory.
 
         JAX keeps no compiled programs if the user's folder for them cannot be written.
         """
@@ -89,7 +89,7 @@ class CommandGroup(click.Group):
             limit = resource.getrlimit(resource.RLIMIT_AS)[0]
             if found[0] not in WITHOUT_JAX and 0 <= limit < LEAST_BYTES:
                 problem = f"may have {limit / 1e9:.1f} GB of address space, and JAX needs some"
-                raise fault("a process", f"{problem} {LEAST_BYTES / 1e9:.0f} GB; raise ulimit -v")
+                raise invalid("a process", f"{problem} {LEAST_BYTES / 1e9:.0f} GB; raise ulimit -v")
         cache = "" if found[0] in WITHOUT_JAX else os.environ.get(VARIABLE, "")
         if problem := problem_of_cache(cache):
             os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
@@ -100,9 +100,9 @@ class CommandGroup(click.Group):
         """Run the command that is named; exit code 2 with a sentence if it cannot be done."""
         try:
             return super().invoke(ctx)
-        except BadInput as error:
+        except InputError as error:
             command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
-            for each in error.faults:
+            for each in error.mistakes:
                 echo_problem(_with_option(str(each), command))
         except (MemoryError, OSError, UnicodeEncodeError) as error:
             if not isinstance(error, OSError) or error.errno in LACKING:
@@ -189,19 +189,19 @@ def _with_option(message: str, command: click.Command) -> str:
 
 
 def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
-    """The values of ``--select`` by coordinate; BadInput if malformed, or given twice."""
+    """The values of ``--select`` by coordinate; InputError if malformed, or given twice."""
     selections: dict[str, list[float | str]] = {}
-    faults = []
+    mistakes = []
     for text in texts:
         name, _, listed = (part.strip() for part in text.partition("="))
         if not listed:
-            faults.append(Fault(f"selections {text}", "is not NAME=VALUE; give both"))
+            mistakes.append(Mistake(f"selections {text}", "is not NAME=VALUE; give both"))
         elif name in selections:
             problem = f"selects {name} again; give its values once, with commas between them"
-            faults.append(Fault(f"selections {text}", problem))
+            mistakes.append(Mistake(f"selections {text}", problem))
         else:
             selections[name] = [_number_or_label(each.strip()) for each in listed.split(",")]
-    raise_any(faults)
+    raise_if_any(mistakes)
     return selections
 
 
@@ -215,19 +215,19 @@ def _number_or_label(text: str) -> float | str:
 
 
 def _two_counts(text: str) -> tuple[int, int]:
-    """The counts of ``--repeats``; BadInput if the text is of another form."""
+    """The counts of ``--repeats``; InputError if the text is of another form."""
     match = re.fullmatch(r"(\d{1,6})\s*[x×,]\s*(\d{1,6})", text.strip())
     if match is None:
-        raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
+        raise invalid("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
     return int(match[1]), int(match[2])
 
 
 def machine_values(_: object, __: object, texts: tuple[str, ...]) -> dict[str, Any]:
-    """The values of ``--machine`` by key; BadInput with every text that is not ``KEY=VALUE``."""
+    """The values of ``--machine`` by key; InputError with every text that is not ``KEY=VALUE``."""
     from knitlab.runs.workflow_file import read_overrides
 
-    read, faults = read_overrides(texts, "machine")
-    raise_any(faults)
+    read, mistakes = read_overrides(texts, "machine")
+    raise_if_any(mistakes)
     return {each.key: each.value for each in read}
 
 

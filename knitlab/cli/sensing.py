@@ -7,7 +7,7 @@ import click
 
 from knitlab.cli import options
 from knitlab.cli.options import PATH, flag, option, repeatable
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 
 @click.command()
@@ -55,9 +55,9 @@ def sensing(
     from knitlab.sensors.selectivity import selectivity_table
 
     if electrodes and sensors:
-        raise fault("electrodes", "gives one table and --sensor another; give one of them")
+        raise invalid("electrodes", "gives one table and --sensor another; give one of them")
     if (electrodes or sensors) and where:
-        raise fault("where", "is of a table of designs; select one design")
+        raise invalid("where", "is of a table of designs; select one design")
     marks: list[str] = []
     if electrodes:
         found = of.capacitance_matrix(cube, electrodes, selections, output=output, **cloth)

@@ -135,7 +135,7 @@ def run(
     made = make_plan(workflow, settings)
     _echo_warnings(made)
     run_options |= {"fail_fast": not keep_going, "shard": own_shard, "show_progress": True}
-    done, folder, drawn, faults = carried_out(made, results, RunOptions(**run_options))
+    done, folder, drawn, mistakes = carried_out(made, results, RunOptions(**run_options))
     _echo_excluded(made.dims, made.excluded)
     of_shard = f" in shard {own_shard}" if own_shard else ""
     reused = len(done.left_in(CaseState.done, CaseState.stale_code))
@@ -144,7 +144,7 @@ def run(
         _echo_files(folder, drawn)
     else:
         click.echo("other shards still run; the last one to end writes the cube")
-    options.echo_report([], warnings=faults)
+    options.echo_report([], warnings=mistakes)
     for line in done.remarks(made.dims, folder):
         click.echo(one_line(line), err=True)
     options.exit_unless(done.all_ok)
@@ -160,14 +160,14 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
         return False
     record, cube = finished
     folder = results / record["workflow"]
-    figures, faults = requested_figures(record["figures"], cube, folder)
+    figures, mistakes = requested_figures(record["figures"], cube, folder)
     if not all(is_drawn(figure.output, figure.fingerprint) for figure in figures):
         return False
     excluded = {tuple(design): reason for *design, reason in record["excluded"]}
     _echo_excluded(record["dims"], excluded)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
     _echo_files(folder, (figure.output for figure in figures))
-    options.echo_report([], warnings=faults)
+    options.echo_report([], warnings=mistakes)
     return True
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.names import inside
 from knitlab.io.text_file import plain_file
 from knitlab.observables.schema import INTEGERS, MISSING, VARIABLES, encoding
@@ -113,11 +113,11 @@ def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
 
 
 def read_case(results: Path, case_id: str) -> xr.Dataset:
-    """Read a case file into memory; BadInput if it is not as it was written."""
+    """Read a case file into memory; InputError if it is not as it was written."""
     path = case_path(results, case_id)
     if check_case_file(results, case_id) is not StoredCase.sound:
-        problem = "is damaged, or not the case that it is named after; run its workflow again"
-        raise fault(str(path), problem)
+        message = "is damaged, or not the case that it is named after; run its workflow again"
+        raise invalid(str(path), message)
     try:
         with xr.open_dataset(path, engine="netcdf4") as dataset:
             for name in {*VARIABLES} & {*dataset}:
@@ -125,7 +125,7 @@ def read_case(results: Path, case_id: str) -> xr.Dataset:
                     raise LookupError(strange)
             return dataset.load()
     except UNREADABLE as error:  # damaged before its checksum was written
-        raise fault(str(path), "is no case file; run its workflow again") from error
+        raise invalid(str(path), "is no case file; run its workflow again") from error
 
 
 def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:

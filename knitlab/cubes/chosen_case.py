@@ -18,14 +18,14 @@ from knitlab.cubes.selection import (
     selected,
     selections_along,
 )
-from knitlab.io.errors import BadInput, ErrorCollector, fault
+from knitlab.io.errors import ErrorCollector, InputError, invalid
 from knitlab.observables.schema import STRAIN, Status
 
 
 def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """Contents of the case file of the one design of a cube that selections leave, or of a test.
 
-    BadInput if they leave no design or several, or beside the cube is no sound case file of it.
+    InputError if they leave no design or several, or beside the cube is no sound case file of it.
     """
     if is_case(cube):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
@@ -35,38 +35,38 @@ def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     designs = left[["status", "case_id"]].stack(design=dims)
     designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
     if not (count := designs.sizes["design"]):
-        raise fault("selections", "leave no design of this cube; choose others")
+        raise invalid("selections", "leave no design of this cube; choose others")
     if count > 1:
         labels = {str(dim): np.unique(designs[dim]) for dim in dims}
         several = {dim: values for dim, values in labels.items() if len(values) > 1}
         listed = choices(xr.Dataset(coords=several), several)
-        raise fault("selections", f"leave {count} designs; select {listed}")
+        raise invalid("selections", f"leave {count} designs; select {listed}")
     (only,) = designs["design"].values
     case_id = str(designs["case_id"].item())
     name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
     folder = Path(cube.encoding["source"]).parent
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
     if stored is StoredCase.damaged:
-        raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
+        raise invalid(name, f"has a damaged case file {case_id}.nc; run the design again")
     if stored is StoredCase.nothing:
         missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
         reasons = {
             Status.failed: "failed and has no shape; knitlab status says why",
             Status.pending: "is planned but has not run; run it first",
         }
-        remedy = f"{missing}; run the design into this folder"
-        raise fault(name, reasons.get(Status(designs["status"].item()), remedy))
+        hint = f"{missing}; run the design into this folder"
+        raise invalid(name, reasons.get(Status(designs["status"].item()), hint))
     index = {dim: [value] for dim, value in zip(dims, only, strict=True)}
     return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
 
 
 def _dims_of_shapes(cube: xr.Dataset, selections: Mapping[str, Any]) -> tuple[str, ...]:
-    """The dimensions of the designs of a cube; BadInput if it can have no shapes of selections."""
+    """The dimensions of the designs of a cube; InputError if selections can have no shapes."""
     if is_measured(cube):
-        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
+        raise invalid(source_of(cube), "was measured and has no shapes; give a simulated cube")
     known = (*design_dims(cube), STRAIN)
-    remedy = f"select along {', '.join(known)}"
-    refuse_others(selections, known, f"is not a coordinate of a shape; {remedy}")
+    hint = f"select along {', '.join(known)}"
+    refuse_others(selections, known, f"is not a coordinate of a shape; {hint}")
     return known[:-1]
 
 
@@ -79,31 +79,31 @@ def of_chosen_cases(
     """What is computed of a test, or the case file of each design that selections leave of a cube.
 
     It is computed with the selections of strains. Designs without a file are left out, and missing
-    if others have their labels; ``length_unit`` names those of all. BadInput if none has a file, or
-    the one that is left has not.
+    if others have their labels; ``length_unit`` names those of all. InputError if none has a file,
+    or the one that is left has not.
     """
     along = selections_along(selections, [STRAIN])
     if is_case(cube):
         if where is not None:
-            raise fault("where", "is a condition on designs, and a test is one; leave it out")
+            raise invalid("where", "is a condition on designs, and a test is one; leave it out")
         return compute(chosen_case(cube, selections), along)
     dims = _dims_of_shapes(cube, selections)
     chosen_indices({STRAIN: cube[STRAIN].values}, along)
     left = selected(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
     if rows.empty:
-        raise fault("where" if where else "selections", "leaves no design; choose others")
-    faults, case_files = ErrorCollector(), list[tuple[xr.Dataset, dict[str, Any]]]()
+        raise invalid("where" if where else "selections", "leaves no design; choose others")
+    mistakes, case_files = ErrorCollector(), list[tuple[xr.Dataset, dict[str, Any]]]()
     for labels in rows.itertuples(index=False, name=None):
         design = dict(zip(dims, labels, strict=True))
-        with faults:
+        with mistakes:
             # Of a cube few designs may have their shapes beside it.
             case_files.append((chosen_case(cube, design), design))
-    if len(rows) == 1 and faults.all:
-        raise BadInput(faults.all)
+    if len(rows) == 1 and mistakes.all:
+        raise InputError(mistakes.all)
     if not case_files:
-        problem = f"none of these {len(rows)} designs has a shape; run one into this folder"
-        raise fault(str(Path(cube.encoding["source"]).parent / "cases"), problem)
+        message = f"none of these {len(rows)} designs has a shape; run one into this folder"
+        raise invalid(str(Path(cube.encoding["source"]).parent / "cases"), message)
     parts = [
         compute(case_file, along).expand_dims({dim: [label] for dim, label in design.items()})
         for case_file, design in case_files
@@ -143,15 +143,15 @@ def chosen_strains(
     reason = case_file.attrs.get("reason", "")
     if not reached.any():
         title = str(case_file.attrs.get("title", "test"))
-        raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
+        raise invalid(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
     chosen = np.flatnonzero(reached).tolist() if several else [0]
     if STRAIN in selections:
         chosen = chosen_indices({STRAIN: strains}, {STRAIN: selections[STRAIN]})[STRAIN]
     if missing := [index for index in chosen if not reached[index]]:
-        problem = f"has no shape: {reason}; select up to {strains[reached].max():g}"
-        raise fault(f"{STRAIN} {strains[missing[0]]:g}", problem)
+        message = f"has no shape: {reason}; select up to {strains[reached].max():g}"
+        raise invalid(f"{STRAIN} {strains[missing[0]]:g}", message)
     if len(chosen) > 1 and not several:
         listed = ", ".join(f"{strain:g}" for strain in strains[chosen])
-        problem = f"choose the strains {listed} for one mesh; select one, or write a .pvd or .fold"
-        raise fault("selections", problem)
+        message = f"choose the strains {listed} for one mesh; select one, or write a .pvd or .fold"
+        raise invalid("selections", message)
     return chosen

@@ -9,7 +9,7 @@ import xarray as xr
 
 from knitlab.cubes.cube_file import cells_across, is_measured, source_of, swept_dims
 from knitlab.cubes.selection import choices
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import CYCLE, DESIGN_DIMS, RUN, STRAIN, VARIABLES, Status
 
 COMPARED = (
@@ -51,23 +51,23 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
     """One row for each curve of a design that a simulation and an experiment both have.
 
     The simulation is interpolated linearly to the measured strains, its force scaled to the unit
-    cells across the sample, and capacitances to the first common strain. BadInput if the cubes are
-    not one simulation and experiments, have swept settings, or no curve in common.
+    cells across the sample, and capacitances to the first common strain. InputError if the cubes
+    are not one simulation and experiments, have swept settings, or no curve in common.
     """
     if is_measured(simulation):
         name = source_of(simulation)
-        raise fault("compare", f"begins with a simulation, but {name} was measured")
+        raise invalid("compare", f"begins with a simulation, but {name} was measured")
     if not all(map(is_measured, experiments)):
-        raise fault("compare", "takes one simulation, and experiments after it")
+        raise invalid("compare", "takes one simulation, and experiments after it")
     swept = swept_dims(simulation)
     if several := [dim for dim in swept if simulation.sizes[dim] > 1]:
         listed = choices(simulation, several)
-        raise fault("compare", f"takes one value of each setting; select {listed}")
+        raise invalid("compare", f"takes one value of each setting; select {listed}")
     simulation = simulation.isel(dict.fromkeys(swept, 0), drop=True)
     rows = [row for experiment in experiments for row in _rows(simulation, experiment)]
     if not rows:
-        problem = "no curve of a design is both simulated and measured; choose other cubes"
-        raise fault("compare", problem)
+        message = "no curve of a design is both simulated and measured; choose other cubes"
+        raise invalid("compare", message)
     return pd.DataFrame(rows)
 
 

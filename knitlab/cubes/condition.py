@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from knitlab.cubes.strain_window import check_length, reduced_columns
-from knitlab.io.errors import fault, unknown
+from knitlab.io.errors import invalid, unknown
 from knitlab.observables.schema import STRAIN, VARIABLES
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
@@ -47,25 +47,25 @@ def no_column(name: str, table: pd.DataFrame) -> str:
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     """Whether an expression over the columns of a table, each a variable, is true for each row.
 
-    The attribute ``words`` of the table has the words that columns may have. BadInput if it is not
-    a condition, contains anything but :data:`ALLOWED`, names an unknown column or word, or compares
-    a word with a number.
+    The attribute ``words`` of the table has the words that columns may have. InputError if it is
+    not a condition, contains anything but :data:`ALLOWED`, names an unknown column or word, or
+    compares a word with a number.
     """
     where = f"where {expression!r}"
     truth = _evaluated(expression, table, where)
     if not _is_condition(truth):
-        raise fault(where, "is not a condition on the designs; compare a column with something")
+        raise invalid(where, "is not a condition on the designs; compare a column with something")
     return truth.fillna(False).astype(bool)
 
 
 def computed(expression: str, table: pd.DataFrame, source: str) -> pd.Series:
     """A column that an expression over others gives, missing where it is infinite.
 
-    BadInput, which begins with the source, as for :func:`holds`.
+    InputError, which begins with the source, as for :func:`holds`.
     """
     values = _evaluated(expression, table, source)
     if not isinstance(values, pd.Series):
-        raise fault(source, "is one value for all designs; name a column")
+        raise invalid(source, "is one value for all designs; name a column")
     return values if _is_condition(values) else values.astype(float)
 
 
@@ -79,13 +79,15 @@ def _evaluated(expression: str, table: pd.DataFrame, where: str) -> Any:
     try:
         return _Evaluation(table, where).value(ast.parse(plain, mode="eval").body)
     except SyntaxError as error:
-        raise fault(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
+        raise invalid(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
     except ZeroDivisionError as error:
-        raise fault(where, "cannot be computed: it divides by zero; change the divisor") from error
+        raise invalid(
+            where, "cannot be computed: it divides by zero; change the divisor"
+        ) from error
     except (TypeError, OverflowError) as error:
-        raise fault(where, f"cannot be computed ({error}); compare like with like") from error
+        raise invalid(where, f"cannot be computed ({error}); compare like with like") from error
     except RecursionError as error:
-        raise fault(where.partition(" ")[0], "is too long; make it shorter") from error
+        raise invalid(where.partition(" ")[0], "is too long; make it shorter") from error
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class _Evaluation:
             case ast.Call(func=ast.Name(id="isnan"), args=[operand], keywords=[]):
                 values = self.value(operand)
                 if not isinstance(values, pd.Series):
-                    raise fault(self.where, f"{ast.unparse(operand)!r} is not a column; name one")
+                    raise invalid(self.where, f"{ast.unparse(operand)!r} is not a column; name one")
                 return values.isna().astype("boolean")
             case ast.Compare(ops=[ast.In()], comparators=[ast.Tuple() | ast.List() as choices]):
                 truths = [self._compared(ast.Eq, node.left, choice) for choice in choices.elts]
@@ -126,14 +128,14 @@ class _Evaluation:
             case ast.Compare(ops=ops) if all(type(op) in OPERATIONS for op in ops):
                 sides = zip(ops, pairwise([node.left, *node.comparators]), strict=True)
                 return reduce(operator.and_, (self._compared(type(op), *two) for op, two in sides))
-        problem = f"contains {type(node).__name__}, which is not allowed; use {ALLOWED}"
-        raise fault(self.where, problem)
+        message = f"contains {type(node).__name__}, which is not allowed; use {ALLOWED}"
+        raise invalid(self.where, message)
 
     def _column(self, name: str) -> pd.Series:
         if name.casefold() in NOT_A_NUMBER:
-            raise fault(self.where, f"nothing equals {name}; use isnan(NAME)")
+            raise invalid(self.where, f"nothing equals {name}; use isnan(NAME)")
         if name not in self.table.columns:
-            raise fault(self.where, no_column(name, self.table))
+            raise invalid(self.where, no_column(name, self.table))
         column = self.table[name]
         if pd.api.types.is_numeric_dtype(column):
             return column.astype("Float64")
@@ -142,21 +144,21 @@ class _Evaluation:
     def _condition(self, node: ast.expr) -> pd.Series:
         truth = self.value(node)
         if not _is_condition(truth):
-            problem = f"{ast.unparse(node)!r} is not a condition; compare it with something"
-            raise fault(self.where, problem)
+            message = f"{ast.unparse(node)!r} is not a condition; compare it with something"
+            raise invalid(self.where, message)
         return truth
 
     def _compared(self, op: type[ast.cmpop], left: ast.expr, right: ast.expr) -> Any:
         one, other = self.value(left), self.value(right)
         if _is_word(one) != _is_word(other):
-            raise fault(self.where, "compares a word with a number; compare like with like")
+            raise invalid(self.where, "compares a word with a number; compare like with like")
         for sides in ((left, right), (right, left)):
             match sides:
                 case ast.Name(id=name), ast.Constant(value=str() as word):
                     known = self.table.attrs.get("words", {}).get(name)
                     known = [str(each) for each in known or self.table[name].dropna().unique()]
                     if word.casefold() not in map(str.casefold, known):
-                        raise fault(self.where, f"{name}: {unknown(word, known)}")
+                        raise invalid(self.where, f"{name}: {unknown(word, known)}")
         return OPERATIONS[op](one, other)
 
 

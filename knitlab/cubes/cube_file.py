@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from knitlab.cubes.case_file import UNREADABLE
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import InputError, Mistake, invalid
 from knitlab.io.json_file import json_table
 from knitlab.io.lock import is_locked
 from knitlab.io.seal import has_seal, seal
@@ -46,7 +46,7 @@ class CommonSettings(BaseModel):
     dynamics: dict[str, Any] | None = None
 
 
-class Damaged(BadInput):
+class Damaged(InputError):
     """A cube that is not as it was written."""
 
 
@@ -78,7 +78,7 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         lazily: whether each variable is read only when it is used.
 
     Raises:
-        BadInput: if there is no such file, or it is not a cube.
+        InputError: if there is no such file, or it is not a cube.
     """
     return with_derived(read_cube(path, lazily=lazily))
 
@@ -169,25 +169,25 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
             with cube:
                 cube.load()
     except FileNotFoundError as error:
-        problem = "does not exist; run a workflow or import an experiment first"
-        raise fault(str(path), problem) from error
+        message = "does not exist; run a workflow or import an experiment first"
+        raise invalid(str(path), message) from error
     except UNREADABLE as error:
         of_system = isinstance(error, OSError) and (error.errno or 0) > 0  # others are of netCDF
         if of_system or isinstance(error, UnicodeError):
             why = getattr(error, "strerror", error)
-            raise fault(str(path), f"cannot be read ({why}); check the path") from error
-        problem = f"is not a netCDF file, or a damaged one ({error}); run its workflow again, or"
-        raise Damaged([Fault(str(path), f"{problem} give another cube.nc")]) from error
+            raise invalid(str(path), f"cannot be read ({why}); check the path") from error
+        message = f"is not a netCDF file, or a damaged one ({error}); run its workflow again, or"
+        raise Damaged([Mistake(str(path), f"{message} give another cube.nc")]) from error
     if "status" in cube:
         cube = _in_order(cube)
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
-        problem = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
-        raise fault(str(path), f"{problem}; give a cube.nc or a results folder")
-    if problem := _problem_of_form(cube):
-        raise Damaged([Fault(str(path), f"{problem}; run its workflow again")])
+        message = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
+        raise invalid(str(path), f"{message}; give a cube.nc or a results folder")
+    if message := _problem_of_form(cube):
+        raise Damaged([Mistake(str(path), f"{message}; run its workflow again")])
     if strangers := set(np.unique(cube["status"]).tolist()) - set(map(int, schema.Status)):
-        problem = f"has designs of the unknown status {', '.join(map(str, sorted(strangers)))}"
-        raise Damaged([Fault(str(path), f"{problem}; run its workflow again")])
+        message = f"has designs of the unknown status {', '.join(map(str, sorted(strangers)))}"
+        raise Damaged([Mistake(str(path), f"{message}; run its workflow again")])
     parameters_of(cube)
     return cube
 
@@ -258,11 +258,11 @@ def _opened(path: Path) -> xr.Dataset:
 
 
 def _check_unlocked(path: Path) -> None:
-    """BadInput if another program has a file open for writing."""
+    """InputError if another program has a file open for writing."""
     if is_locked(path):
-        problem = "is opened for writing by another program; close it there, or set"
-        remedy = f"{problem} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
-        raise fault(str(path), remedy)
+        message = "is opened for writing by another program; close it there, or set"
+        hint = f"{message} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
+        raise invalid(str(path), hint)
 
 
 def of_schema(cube: xr.Dataset) -> xr.Dataset:
@@ -366,17 +366,17 @@ def common_settings(
 
 
 def parameters_of(cube: xr.Dataset) -> dict[str, Any]:
-    """The settings in the attributes of a cube or a case; BadInput if they are of another form."""
+    """The settings in the attributes of a cube or a case; InputError if they do not match."""
     where = f"{cube_name(cube) or 'cube'}: {ATTRIBUTE}"
-    problem = "is not a table as knitlab writes it; run its workflow again"
-    return json_table(cube.attrs.get(ATTRIBUTE, "{}"), where, CommonSettings, problem)
+    message = "is not a table as knitlab writes it; run its workflow again"
+    return json_table(cube.attrs.get(ATTRIBUTE, "{}"), where, CommonSettings, message)
 
 
 def cells_across(experiment: xr.Dataset) -> int:
-    """Unit cells along the weft of a measured sample; BadInput if it does not state them."""
+    """Unit cells along the weft of a measured sample; InputError if it does not state them."""
     if not (cells := parameters_of(experiment).get("unit_cells")):
-        problem = f"has no unit_cells in its {ATTRIBUTE}; import its experiment again"
-        raise fault(cube_name(experiment), problem)
+        message = f"has no unit_cells in its {ATTRIBUTE}; import its experiment again"
+        raise invalid(cube_name(experiment), message)
     return int(cells[1])
 
 

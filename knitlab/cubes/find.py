@@ -23,7 +23,7 @@ from knitlab.cubes.query import designs_of_all, marks_of_all
 from knitlab.cubes.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
 from knitlab.cubes.target import MOST_TARGETS, Target, check_window
 from knitlab.cubes.uncertainty import Stripes
-from knitlab.io.errors import fault, unknown
+from knitlab.io.errors import invalid, unknown
 from knitlab.observables.schema import STRAIN, Status
 
 Numbers = Float[np.ndarray, " design"]
@@ -97,15 +97,15 @@ def find_designs(
     The distance is the root mean square of the distances from each target, each over its
     tolerance or, without one, over the scatter of that variable among the designs. At most ``most``
     are kept, of those that meet the targets of ``subject_to``. With uncertain ``stripes`` designs
-    are ranked by the probability that they meet all of both, which no design must. BadInput if
+    are ranked by the probability that they meet all of both, which no design must. InputError if
     there is no target or no design that is ok, or if the cubes lack a variable.
     """
     if not targets:
-        raise fault("targets", "none is given; give a target")
+        raise invalid("targets", "none is given; give a target")
     if (number := len(targets) + len(subject_to)) > MOST_TARGETS:
-        raise fault("targets", f"are {number:,} with subject_to; give at most {MOST_TARGETS}")
+        raise invalid("targets", f"are {number:,} with subject_to; give at most {MOST_TARGETS}")
     if not cubes:
-        raise fault("cubes", "none is given; name a cube or its results folder")
+        raise invalid("cubes", "none is given; name a cube or its results folder")
     if stripes is not None:
         for target in (*targets, *subject_to):
             check_tolerance(target)
@@ -116,7 +116,7 @@ def find_designs(
     marks = marks_of_all(cubes, {}, [_read_over(each) for each in (*targets, *subject_to)])
     ok = (designs["status"] == Status.ok.name).to_numpy()
     if not ok.any():
-        raise fault("cubes", "hold no design that is ok; run a workflow first")
+        raise invalid("cubes", "hold no design that is ok; run a workflow first")
     designs = designs[ok].reset_index(drop=True)
     for target in expressions:
         values = computed(target.name, designs, f"target {target.text}")
@@ -235,10 +235,10 @@ def _lies_along_strain(
     dims = [set(cube[name].dims) - set(design_dims(cube)) for cube in cubes if name in cube]
     if not dims and name not in designs:
         known = {str(variable) for cube in cubes for variable in cube.data_vars}
-        raise fault(source, unknown(name, sorted(known), "variable"))
+        raise invalid(source, unknown(name, sorted(known), "variable"))
     if further := set().union(*dims) - {STRAIN}:
         along = ", ".join(sorted(map(str, further)))
-        raise fault(source, f"{name} has the dimension {along}; give a variable of whole designs")
+        raise invalid(source, f"{name} has the dimension {along}; give a variable of whole designs")
     return any(STRAIN in along for along in dims)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import INTEGERS, LOAD_RATIO, STRAIN
 
 FORCE_RATIO = "force_ratio"
@@ -65,7 +65,7 @@ def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Datase
     Every variable along the strain is that of the first state that carries each of the ``forces``,
     in the unit of the variable ``name``, linear between two strains; missing if none does.
     ``jumped`` is 1 where the force fell before, so that a test that controls it jumps to that
-    state. BadInput if a force is no number from 0 on.
+    state. InputError if a force is no number from 0 on.
     """
     curve = cube[name].astype(float).transpose(..., STRAIN)
     wanted = _checked(name, forces)
@@ -89,7 +89,7 @@ def under_force_ratio(cube: xr.Dataset, ratios: Sequence[Any]) -> xr.Dataset:
 
     At every strain, curves are linear between the two tests whose ratios of forces are on both
     sides; missing where none are. What has no strain remains if all tests agree on it, and the
-    status is the lowest. BadInput if a ratio is not finite.
+    status is the lowest. InputError if a ratio is not finite.
     """
     wanted = _checked(FORCE_RATIO, ratios, least=-np.inf)
     curve = cube[FORCE_RATIO].astype(float).transpose(..., STRAIN, LOAD_RATIO)
@@ -122,12 +122,12 @@ def _checked(name: str, forces: Sequence[Any], least: float = 0.0) -> Float[np.n
         try:
             values.append(float(force))
         except (TypeError, ValueError, OverflowError):
-            raise fault(f"selections {name}", f"{force!r} is not a number; give one") from None
+            raise invalid(f"selections {name}", f"{force!r} is not a number; give one") from None
         if not (np.isfinite(values[-1]) and values[-1] >= least):
-            remedy = "is no pull; give a force from 0 on" if least == 0 else "is no ratio; give one"
-            raise fault(f"selections {name}", f"{force} {remedy}")
+            hint = "is no pull; give a force from 0 on" if least == 0 else "is no ratio; give one"
+            raise invalid(f"selections {name}", f"{force} {hint}")
     if not values:
-        raise fault(f"selections {name}", "has no value; give one")
+        raise invalid(f"selections {name}", "has no value; give one")
     return np.array(list(dict.fromkeys(values)))
 
 

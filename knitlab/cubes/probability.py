@@ -14,7 +14,7 @@ from jaxtyping import Float
 from knitlab.cubes.strain_window import REDUCTIONS
 from knitlab.cubes.target import Target
 from knitlab.cubes.uncertainty import DEVIATE, NUMBERS, Stripes, deviations
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 LOG2_SAMPLES = 13  # of the deviates of a design
 DEVIATES = 2 * len(NUMBERS)
@@ -54,10 +54,10 @@ def column(name: str, deviate: int) -> str:
 
 
 def check_tolerance(target: Target) -> None:
-    """BadInput for a single value or curve without a tolerance, which no design meets exactly."""
+    """InputError for a single value or curve without a tolerance, which no design meets exactly."""
     if (target.curve is not None or target.low == target.high) and target.tolerance is None:
-        problem = "is one value, which is met with probability 0; add a tolerance, as in ± 0.02"
-        raise fault(f"target {target.text}", problem)
+        message = "is one value, which is met with probability 0; add a tolerance, as in ± 0.02"
+        raise invalid(f"target {target.text}", message)
 
 
 @cache

@@ -17,7 +17,7 @@ from knitlab.cubes.model_line import model_line
 from knitlab.cubes.selection import refuse_others, selectable, selected, selections_along
 from knitlab.cubes.strain_window import with_columns
 from knitlab.cubes.trust import COLUMN, legend, marks_of, with_marks_only
-from knitlab.io.errors import Fault, raise_any
+from knitlab.io.errors import Mistake, raise_if_any
 from knitlab.observables.schema import (
     FLAGS,
     INTEGERS,
@@ -68,7 +68,7 @@ class KnitlabAccessor:
             The slice of the cube.
 
         Raises:
-            BadInput: with every selection that does not exist in the cube.
+            InputError: with every selection that does not exist in the cube.
 
         Example:
             >>> import knitlab as kl
@@ -101,7 +101,7 @@ class KnitlabAccessor:
             The table, in the units of the cube's variables.
 
         Raises:
-            BadInput: with every fault of these arguments.
+            InputError: with every fault of these arguments.
 
         Example:
             >>> import knitlab as kl
@@ -123,7 +123,7 @@ def query_cubes(
     """The designs of cubes along the same dimensions as one table, filtered and sorted.
 
     Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``.
-    BadInput has every fault of the arguments.
+    InputError has every fault of the arguments.
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
     known = with_columns(cubes, [where or "", *keys, *(columns or ())])
@@ -184,8 +184,8 @@ def designs_of_all(
     if len(cubes) == 1:
         return designs_table(cubes[0], selections, marked)
     known = {name: None for cube in cubes for name in selectable(cube)}
-    remedy = f"select along {', '.join(known)}"
-    refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
+    hint = f"select along {', '.join(known)}"
+    refuse_others(selections, known, f"is not a coordinate of these cubes; {hint}")
     tables = []
     for cube, name in zip(cubes, _distinct_names(cubes), strict=True):
         table = designs_table(cube, selections_along(selections, selectable(cube)), marked)
@@ -256,7 +256,7 @@ def queried(
         if name not in table.columns and not name.isidentifier():
             table = table.assign(**{name: computed(name, table, source)})
     missing = [each for each in asked if each[1] not in table.columns]
-    raise_any([Fault(source, no_column(name, table)) for source, name in missing])
+    raise_if_any([Mistake(source, no_column(name, table)) for source, name in missing])
     if where:
         table = table[holds(where, table)]
     if sort:

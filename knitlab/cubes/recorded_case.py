@@ -6,18 +6,18 @@ import xarray as xr
 from pydantic import ValidationError
 
 from knitlab.cubes.cube_file import cube_name, parameters_of
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.solvers.case import Case, case_of
 
 
 def recorded_case(case_file: xr.Dataset) -> Case:
-    """The case of a case file or a test; BadInput if its parameters are not those of a case."""
+    """The case of a case file or a test; InputError if its parameters are not those of a case."""
     return case_of_record(parameters_of(case_file), cube_name(case_file) or "test")
 
 
 def case_of_record(record: dict[str, Any], where: str) -> Case:
-    """The case that a record at a place describes; BadInput if it is of another version."""
+    """The case that a record at a place describes; InputError if it is of another version."""
     try:
         return case_of(record)
     except (ValidationError, KeyError, TypeError) as error:
-        raise fault(where, "was recorded by another version of knitlab; run it again") from error
+        raise invalid(where, "was recorded by another version of knitlab; run it again") from error

@@ -17,7 +17,7 @@ from knitlab.cubes.force_control import (
     under_force,
     under_force_ratio,
 )
-from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, unknown
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any, unknown
 from knitlab.observables.schema import LOAD_RATIO, STRAIN
 
 MOST_CHOICES = 30  # values of a coordinate that a message lists at most
@@ -25,15 +25,15 @@ MOST_VALUES = 10_000  # selected along a coordinate
 
 
 def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Keep the selected values of coordinates and all dimensions; BadInput if one is not there.
+    """Keep the selected values of coordinates and all dimensions; InputError if one is not there.
 
     Curves are linear between two strains; codes and counts are missing unless both agree. Under a
     selected force, that is a dimension in place of the applied strain.
     """
     for name, value in selections.items():
         if (number := len(_values(value))) > MOST_VALUES:
-            problem = f"has {number:,} values; give at most {MOST_VALUES:,}"
-            raise fault(f"selections {name}", problem)
+            message = f"has {number:,} values; give at most {MOST_VALUES:,}"
+            raise invalid(f"selections {name}", message)
     if FORCE_RATIO in selections and FORCE_RATIO in controllable(cube):
         _check_single(selections, (FORCE_RATIO, LOAD_RATIO))
         cube = under_force_ratio(cube, _values(selections[FORCE_RATIO]))
@@ -51,7 +51,7 @@ def _check_single(selections: Mapping[str, Any], names: Collection[str]) -> None
     given = [name for name in selections if name in names]
     if len(given) > 1:
         both = " and ".join(given)
-        raise fault("selections", f"{both} exclude each other; select one of them")
+        raise invalid("selections", f"{both} exclude each other; select one of them")
 
 
 def _with_strains(cube: xr.Dataset, wanted: list[Any]) -> xr.Dataset:
@@ -94,11 +94,11 @@ def as_given(selections: Mapping[str, Any]) -> list[str]:
     return [f"{name}={','.join(map(str, _values(value)))}" for name, value in selections.items()]
 
 
-def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: str) -> None:
-    """BadInput with a problem, for every selection that is not along a known coordinate."""
+def refuse_others(selections: Mapping[str, Any], known: Iterable[str], message: str) -> None:
+    """InputError with a problem, for every selection that is not along a known coordinate."""
     names = set(known)
     others = {name: value for name, value in selections.items() if name not in names}
-    raise_any([Fault(f"selections {text}", problem) for text in as_given(others)])
+    raise_if_any([Mistake(f"selections {text}", message) for text in as_given(others)])
 
 
 def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
@@ -109,13 +109,13 @@ def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
 def chosen_indices(
     coordinates: Mapping[str, np.ndarray], selections: Mapping[str, Any]
 ) -> dict[str, list[int]]:
-    """Indices of the selected values along coordinates; BadInput with every one not there."""
+    """Indices of the selected values along coordinates; InputError with every one not there."""
     chosen: dict[str, list[int]] = {}
-    faults = ErrorCollector()
+    mistakes = ErrorCollector()
     for name, value in selections.items():
-        with faults:
+        with mistakes:
             chosen[name] = _indices(coordinates, name, value)
-    raise_any(faults.all)
+    raise_if_any(mistakes.all)
     return chosen
 
 
@@ -126,7 +126,7 @@ def _values(value: Any) -> list[Any]:
 def _indices(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> list[int]:
     path = f"selections {as_given({name: value})[0]}"
     if name not in coordinates:
-        raise fault(path, unknown(name, coordinates))
+        raise invalid(path, unknown(name, coordinates))
     present = coordinates[name]
     words = present.dtype.kind not in "biuf"
     indices = []
@@ -134,13 +134,13 @@ def _indices(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> li
         try:
             matches = present == str(one) if words else np.isclose(present, float(one), 0, 1e-9)
         except (TypeError, ValueError, OverflowError):
-            raise fault(path, f"{one!r} is not a number; give one") from None
+            raise invalid(path, f"{one!r} is not a number; give one") from None
         if not matches.any():
             shown = [str(choice) if words else f"{choice:g}" for choice in present]
             more = ", …" if len(shown) > MOST_CHOICES else ""
             listed = ", ".join(shown[:MOST_CHOICES]) + more
-            raise fault(path, f"the cube has no {name} = {one}; choose from {listed}")
+            raise invalid(path, f"the cube has no {name} = {one}; choose from {listed}")
         indices.append(int(matches.argmax()))
     if not indices:
-        raise fault(path, "has no value; give one")
+        raise invalid(path, "has no value; give one")
     return list(dict.fromkeys(indices))

@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from knitlab.cubes.cube_file import design_dims
-from knitlab.io.errors import fault, unknown
+from knitlab.io.errors import invalid, unknown
 from knitlab.observables.schema import STRAIN
 
 IN_PERCENT = 10  # times the last strain: a window beyond is one in percent
@@ -36,38 +36,40 @@ class StrainWindow:
 
     @classmethod
     def of(cls, text: str, source: str) -> "StrainWindow":
-        """The window ``STRAIN`` or ``STRAIN:STRAIN`` of a text; BadInput names its source."""
+        """The window ``STRAIN`` or ``STRAIN:STRAIN`` of a text; InputError names its source."""
         try:
             start, *rest = (float(strain) for strain in text.split(":"))
             (stop,) = rest or (start,)
         except ValueError:
             example = "give one strain or two, such as 0.05:0.25"
-            raise fault(source, f"{text.strip()!r} is not a window of strain; {example}") from None
+            raise invalid(
+                source, f"{text.strip()!r} is not a window of strain; {example}"
+            ) from None
         if not 0 <= start <= stop < np.inf:
-            raise fault(source, f"the window {text.strip()} does not ascend from at least 0")
+            raise invalid(source, f"the window {text.strip()} does not ascend from at least 0")
         return cls(start, stop)
 
     def check_within(self, cubes: Sequence[xr.Dataset], name: str, source: str) -> None:
         """Check that a cube has a variable from the start of the window on, and reaches it.
 
-        BadInput names its source and the remedy.
+        InputError names its source and the remedy.
         """
         last = max((float(cube[STRAIN].max()) for cube in cubes if STRAIN in cube), default=np.inf)
         if self.start > last + 1e-9 or self.stop > IN_PERCENT * last:
-            remedy = "strains are fractions: 5 % is 0.05" if self.stop > 1 else "take a smaller one"
-            problem = f"strain {self} is beyond {last:g}, the last of all cubes; {remedy}"
-            raise fault(source, problem)
+            hint = "strains are fractions: 5 % is 0.05" if self.stop > 1 else "take a smaller one"
+            message = f"strain {self} is beyond {last:g}, the last of all cubes; {hint}"
+            raise invalid(source, message)
         firsts = [first_strain(cube[name]) for cube in cubes if name in cube]
         self.check_start(min(firsts, default=0.0), name, source)
 
     def check_start(self, first: float, name: str, source: str) -> None:
         """Check that the window does not begin below the first strain with a value of a variable.
 
-        BadInput names its source and the remedy.
+        InputError names its source and the remedy.
         """
         if self.start < first - 1e-9:
-            problem = f"strain {self} begins below {first:g}, the first with a {name}"
-            raise fault(source, f"{problem}; begin there")
+            message = f"strain {self} begins below {first:g}, the first with a {name}"
+            raise invalid(source, f"{message}; begin there")
 
     def read(
         self, strains: Float[np.ndarray, " grid"], values: Curves
@@ -143,10 +145,10 @@ _COLUMN = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*(\w+)\s*,([^()]*)\)")
 
 
 def check_length(text: str, source: str) -> None:
-    """BadInput if an expression is so long that it would take long to read."""
+    """InputError if an expression is so long that it would take long to read."""
     if len(text) > MOST_CHARACTERS:
-        problem = f"is too long: {len(text)} characters; take at most {MOST_CHARACTERS}"
-        raise fault(source, problem)
+        message = f"is too long: {len(text)} characters; take at most {MOST_CHARACTERS}"
+        raise invalid(source, message)
 
 
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
@@ -181,7 +183,7 @@ def reduced_windows(text: str) -> list[StrainWindow]:
 
 
 def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.Dataset]:
-    """Cubes with the reduced columns in some texts as variables; BadInput if these cannot be."""
+    """Cubes with the reduced columns in some texts as variables; InputError if these cannot be."""
     known = {
         str(name)
         for cube in cubes
@@ -191,13 +193,13 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
     expressions = {text for text in texts if text and not text.isidentifier()}
     matches = {match[0]: match for text in expressions for match in _COLUMN.finditer(text)}
     if (number := max(len(expressions), len(matches))) > MOST_EXPRESSIONS:
-        raise fault("expressions", f"are {number:,}; take at most {MOST_EXPRESSIONS} at once")
+        raise invalid("expressions", f"are {number:,}; take at most {MOST_EXPRESSIONS} at once")
     extended = list(cubes)
     for match in matches.values():
         column, reduction, name, window = match[0], match[1], match[2], match[3]
         strains = StrainWindow.of(window, column)
         if name not in known:
-            raise fault(column, f"reduces a curve along {STRAIN}, and {unknown(name, known)}")
+            raise invalid(column, f"reduces a curve along {STRAIN}, and {unknown(name, known)}")
         strains.check_within(cubes, name, column)
         for number, cube in enumerate(extended):
             if name in cube:

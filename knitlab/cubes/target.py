@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from knitlab.cubes.strain_window import REDUCTIONS, StrainWindow, check_length
-from knitlab.io.errors import fault, naming
+from knitlab.io.errors import invalid, naming
 from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel
 from knitlab.observables.schema import STRAIN
@@ -115,11 +115,11 @@ class CurveTable(StrictModel):
 
 
 def check_window(target: Target, along_strain: bool, source: str) -> None:
-    """BadInput unless a target has a window of strain if and only if its variable needs one."""
+    """InputError unless a target has a window of strain if and only if its variable needs one."""
     if along_strain and target.window is None:
-        raise fault(source, f"{target.name} varies with {STRAIN}; add @ STRAIN or @ FROM:TO")
+        raise invalid(source, f"{target.name} varies with {STRAIN}; add @ STRAIN or @ FROM:TO")
     if not along_strain and (target.window is not None or target.reduction is not None):
-        raise fault(source, f"{target.name} is one number of a design; leave out the window")
+        raise invalid(source, f"{target.name} is one number of a design; leave out the window")
 
 
 def read_target(
@@ -128,7 +128,7 @@ def read_target(
     """A target from its text, one of the :data:`FORMS`, or from a table of a wanted curve.
 
     ``source`` names the argument in messages; ``folder`` is what the path of a curve's file is
-    relative to. BadInput has every fault.
+    relative to. InputError has every fault.
     """
     if isinstance(given, Target):
         return given
@@ -145,27 +145,27 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
     subject = groups.get("subject", "").strip()
     variable = _VARIABLE.fullmatch(subject)
     if match is None or (variable is None and groups["window"] is not None):
-        raise fault(where, f"cannot be read; write one of {FORMS}")
+        raise invalid(where, f"cannot be read; write one of {FORMS}")
     tolerance = float(groups["tolerance"]) if groups.get("tolerance") else None
     if tolerance is not None and not tolerance > 0:
-        raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
+        raise invalid(where, "has a tolerance that is not above 0; raise it, or leave it out")
     if "path" in groups:
         target = _curve_of_file(subject, folder / groups["path"])
         return replace(target, text=text.strip(), tolerance=tolerance)
     reduction = variable and variable["reduction"]
     if reduction is not None and reduction not in REDUCTIONS:
         known = ", ".join(REDUCTIONS)
-        raise fault(where, f"there is no reduction {reduction!r}; choose from {known}")
+        raise invalid(where, f"there is no reduction {reduction!r}; choose from {known}")
     window = StrainWindow.of(groups["window"], where) if groups["window"] else None
     if reduction in ("slope", "linearity") and (window is None or window.single):
-        raise fault(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
+        raise invalid(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
     if "relation" in groups:
         low = -np.inf if groups["relation"].startswith("<") else float(groups["wanted"])
         high = np.inf if groups["relation"].startswith(">") else float(groups["wanted"])
     else:
         low, high = float(groups["low"]), float(groups["high"])
         if low > high:
-            raise fault(where, f"no value is above {low:g} and below {high:g}; exchange them")
+            raise invalid(where, f"no value is above {low:g} and below {high:g}; exchange them")
     name = subject if variable is None else variable[2] or variable[3]
     return Target(text, name, low, high, tolerance, window, reduction)
 

@@ -11,7 +11,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from knitlab.cubes.cube_file import parameters_of
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.model.stripe_covariance import Subject
 from knitlab.observables.schema import STRAIN, Status
 
@@ -47,7 +47,7 @@ class UncertainStripe:
 class Stripes:
     """Uncertain stripes of designs.
 
-    ``pair`` gives rib and garter of the designs with an ``n_stripe``; BadInput if there is none.
+    ``pair`` gives rib and garter of the designs with an ``n_stripe``; InputError if there is none.
     They are those of a new swatch or of the mean, as ``note`` says in a sentence.
     """
 
@@ -59,15 +59,15 @@ class Stripes:
 def slopes(cube: xr.Dataset) -> dict[str, xr.DataArray]:
     """Derivatives of quantities by the logarithms of stripe numbers, missing unless ok.
 
-    The lowest ratio has those of the ratio where it is lowest. BadInput if there are none.
+    The lowest ratio has those of the ratio where it is lowest. InputError if there are none.
     """
     names = [name for name in QUANTITIES if f"{name}_sensitivity" in cube]
     if not names:
-        problem = "has no sensitivities; run it with sensitivities = true"
-        raise fault("the cube", f"{problem}, for which method is equilibrium")
+        message = "has no sensitivities; run it with sensitivities = true"
+        raise invalid("the cube", f"{message}, for which method is equilibrium")
     if parameters_of(cube).get("grading", None) is not None:
-        problem = "is of graded fabric, whose stripes are uncertain one by one"
-        raise fault("the cube", f"{problem}; take a pattern with one stripe of each knit")
+        message = "is of graded fabric, whose stripes are uncertain one by one"
+        raise invalid("the cube", f"{message}; take a pattern with one stripe of each knit")
     ok = cube["status"] == Status.ok
     by_name = {name: cube[f"{name}_sensitivity"].where(ok) for name in names}
     if "poisson_ratio" in by_name and LOWEST in cube:
@@ -80,7 +80,7 @@ def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> tuple[xr.DataArray
     """L, along n_stripe, parameter and deviate: L Lᵀ is the covariance of stripe numbers.
 
     Deviates are those of rib and garter, each of Student's t; returned are also their degrees of
-    freedom, along n_stripe and deviate. BadInput if a design has stripes other than these.
+    freedom, along n_stripe and deviate. InputError if a design has stripes other than these.
     """
     names = [str(name) for name in cube[PARAMETER].values]
     sizes = cube["n_stripe"].values.tolist()
@@ -113,8 +113,8 @@ def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None
         values = designs[name].where(ok)
         if (others := values.where(abs(values / wanted - 1) > SAME)).notnull().any():
             given = f"is {float(others.max()):.6g} in the cube, and {wanted:.6g} in the material"
-            remedy = "run the workflow with this material"
-            raise fault(f"{name} of n_stripe {int(designs['n_stripe'])}", f"{given}; {remedy}")
+            hint = "run the workflow with this material"
+            raise invalid(f"{name} of n_stripe {int(designs['n_stripe'])}", f"{given}; {hint}")
 
 
 def deviations(cube: xr.Dataset, stripes: Stripes) -> tuple[dict[str, xr.DataArray], xr.DataArray]:
@@ -149,7 +149,7 @@ def interval(
 def first_order(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
     """Standard deviations to first order, intervals, and the stripe numbers they are due to.
 
-    BadInput if the cube has no sensitivities, or designs with stripes other than these.
+    InputError if the cube has no sensitivities, or designs with stripes other than these.
     """
     by_name: dict[str, xr.DataArray] = {}
     derivatives, (root, freedom) = slopes(cube), root_of_covariance(cube, stripes)

@@ -29,7 +29,7 @@ from knitlab.design.search import SEARCHES, TRIALS, DesignSearch, SearchResult, 
 from knitlab.design.search_space import DesignLabels, SearchSpace, search_space
 from knitlab.design.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.lock import held
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import labelled
@@ -89,21 +89,21 @@ def run_design(
 ) -> Designed:
     """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
 
-    Raises BadInput, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
+    Raises InputError, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
     """
     began, run = time.time(), RunOptions(workers=workers)
     if own and workers:
-        raise fault("workers", "own measures run in this process only; give workers = 0")
+        raise invalid("workers", "own measures run in this process only; give workers = 0")
     space = search_space(request)
     objective = Objective(request, own, space.acts_on())
     check_targets(request.wanted, own, space.case(space.designs[0])[0])
     if not objective.has_gradient and find_spec("cmaes") is None:
-        problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"
-        raise fault("the package cmaes", problem)
+        message = "is needed for targets without derivatives; pip install 'knitlab[design]'"
+        raise invalid("the package cmaes", message)
     path = folder / REQUEST
     if path.is_file() and path.read_bytes() != request.text.encode():
-        problem = "holds the design of another request; name another results folder, or remove it"
-        raise fault(str(folder), problem)
+        message = "holds the design of another request; name another results folder, or remove it"
+        raise invalid(str(folder), message)
     # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
         starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
@@ -125,8 +125,8 @@ def run_design(
                 labels = space.labels(result.design)
                 winners.append(Candidate(number, labels, best.values, case, gauge))
         if not winners:
-            problem = "no start converges; try other designs, bounds or settings"
-            raise fault(request.name, problem)
+            message = "no start converges; try other designs, bounds or settings"
+            raise invalid(request.name, message)
         # An earlier cube may hold candidates that are no longer any.
         for old in (folder / CUBE, *folder.glob("candidate_*.toml")):
             old.unlink(missing_ok=True)
@@ -156,8 +156,8 @@ def _starts(
         if (count := len(space.designs)) <= request.starts:
             return space.designs, 0, ()
         if budget <= count:
-            problem = f"is used up by the coarse sweep of {count} designs; raise it, or give cubes"
-            raise fault(f"budget {budget}", f"{problem} to start from")
+            message = f"is used up by the coarse sweep of {count} designs; raise it, or give cubes"
+            raise invalid(f"budget {budget}", f"{message} to start from")
         plan = make_plan(space.workflow, {**space.settings, **request.choices})
         if run_plan(plan, folder, options).stopped:
             raise KeyboardInterrupt
@@ -173,7 +173,7 @@ def _starts(
     allowed = [design for design in dict.fromkeys(known) if design in space.designs]
     if not allowed:
         labels = ", ".join(map(str, space.designs))
-        raise fault("cubes", f"have none of the allowed designs; simulate {labels} first")
+        raise invalid("cubes", f"have none of the allowed designs; simulate {labels} first")
     unknown = tuple(design for design in space.designs if design not in known)
     return tuple(allowed[: request.starts]), simulations, unknown
 
@@ -236,8 +236,8 @@ def summary(designed: Designed) -> Iterator[str]:
     if apart:
         factors = (name.partition("_")[2] for name in apart if "factor" in name)
         both = ", ".join(dict.fromkeys(factors))
-        remedy = f"; vary {both}, if both are knitted alike" if both else ""
-        yield f"{', '.join(apart)} change one knit alone, but yarn and stitch size both{remedy}"
+        hint = f"; vary {both}, if both are knitted alike" if both else ""
+        yield f"{', '.join(apart)} change one knit alone, but yarn and stitch size both{hint}"
     if designed.unknown:
         labels = "; ".join(labelled(dims, design) for design in designed.unknown)
         yield f"not considered, as no cube has results of them: {labels}"

@@ -12,7 +12,7 @@ from knitlab.cubes.strain_window import REDUCTIONS, gradient
 from knitlab.cubes.target import Target, check_window
 from knitlab.design.request import DesignRequest
 from knitlab.design.trial import ALONG_STRAIN, OF_DESIGN, OVER_WIDTH, ShapeFunctions, Slopes, Trial
-from knitlab.io.errors import ErrorCollector, Fault, raise_any, unknown
+from knitlab.io.errors import ErrorCollector, Mistake, raise_if_any, unknown
 from knitlab.observables.measurement import variables_of
 from knitlab.observables.schema import STRAIN, VARIABLES
 from knitlab.solvers.case import Case
@@ -137,8 +137,8 @@ def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " 
 
 
 def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) -> None:
-    """Raise BadInput unless a case has the variables of targets, with windows where needed."""
-    faults = ErrorCollector()
+    """Raise InputError unless a case has the variables of targets, with windows where needed."""
+    mistakes = ErrorCollector()
     stored = variables_of(case)
     known = {
         name: STRAIN in variable.dims
@@ -150,13 +150,13 @@ def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) ->
     for target in targets:
         where = f"target {target.text}"
         if target.name not in known:
-            faults.all.append(Fault(where, unknown(target.name, sorted(known), "variable")))
+            mistakes.all.append(Mistake(where, unknown(target.name, sorted(known), "variable")))
         elif target.name.startswith("poisson_ratio") and case.all_corners_held:
-            problem = "a sample of one unit cell between clamps has none; add unit_cells"
-            faults.all.append(Fault(where, problem))
+            message = "a sample of one unit cell between clamps has none; add unit_cells"
+            mistakes.all.append(Mistake(where, message))
         else:
-            with faults:
+            with mistakes:
                 check_window(target, known[target.name], where)
                 if target.window and target.name.startswith("poisson_ratio"):
                     target.window.check_start(case.applied_strain[1], target.name, where)
-    raise_any(faults.all)
+    raise_if_any(mistakes.all)

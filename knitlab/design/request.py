@@ -13,7 +13,15 @@ from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, Valida
 
 from knitlab.cubes.strain_window import PARTS, StrainWindow
 from knitlab.cubes.target import MOST_TARGETS, Target, read_target
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, raise_any, unknown
+from knitlab.io.errors import (
+    ErrorCollector,
+    InputError,
+    Mistake,
+    invalid,
+    mistakes_of,
+    raise_if_any,
+    unknown,
+)
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_toml
 from knitlab.model.stitches import Gauge
@@ -101,39 +109,39 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request of a table, with curves of a folder; BadInput with all faults of a source."""
+    """The request of a table, with curves of a folder; InputError with all faults of a source."""
     try:
         file = DesignFile.model_validate(table)
     except ValidationError as error:
         known = dict.fromkeys(DesignFile.model_fields, "")
-        raise BadInput(faults_of(error, source.rstrip(": "), known)) from error
-    faults = ErrorCollector()
+        raise InputError(mistakes_of(error, source.rstrip(": "), known)) from error
+    mistakes = ErrorCollector()
     read: dict[str, list[Target]] = {"targets": [], "subject_to": []}
     for key, targets in read.items():
         for given in getattr(file, key):
-            with faults:
+            with mistakes:
                 targets.append(with_tolerance(read_target(given, f"{source}{key}", folder)))
     vary = {}
     for variable, value in file.vary.items():
-        with faults:
+        with mistakes:
             vary[variable] = _choices_or_bounds(variable, value, f"{source}vary.{variable}")
     for one, other in contradictions([*read["targets"], *read["subject_to"]]):
-        problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
-        faults.all.append(Fault(f"{source}targets", problem))
+        message = f"no value meets both {one.text!r} and {other.text!r}; remove one"
+        mistakes.all.append(Mistake(f"{source}targets", message))
     for setting, value in file.settings.items():
-        with faults:
+        with mistakes:
             where = f"{source}settings.{setting}"
             if setting not in SETTINGS:
-                raise fault(where, unknown(setting, SETTINGS, "setting"))
+                raise invalid(where, unknown(setting, SETTINGS, "setting"))
             if setting in file.vary:
-                raise fault(where, "may also vary; remove one of the two")
+                raise invalid(where, "may also vary; remove one of the two")
             if setting in SWEPT_PROTOCOL and value not in ("warp", None, 1):
-                raise fault(where, "a design is pulled once, along the warp; leave it out")
+                raise invalid(where, "a design is pulled once, along the warp; leave it out")
             if setting == "robustness":
-                raise fault(where, "is not a setting of a search; give it next to targets")
+                raise invalid(where, "is not a setting of a search; give it next to targets")
             if isinstance(value, list) and not SETTINGS[setting].takes_list:
-                raise fault(where, "is a list; give one value, or let it vary")
-    raise_any(faults.all)
+                raise invalid(where, "is a list; give one value, or let it vary")
+    raise_if_any(mistakes.all)
     checked = {key: tuple(targets) for key, targets in read.items()}
     return DesignRequest(**{**dict(file), **checked, "vary": vary, "name": name})
 
@@ -171,20 +179,20 @@ def _contradict(one: Target, other: Target) -> bool:
 
 
 def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
-    """What a variable may be; BadInput if there is no such variable, or it cannot be that."""
+    """What a variable may be; InputError if there is no such variable, or it cannot be that."""
     listed = list(value) if isinstance(value, list | tuple) else [value]
     if name == PATTERN:
         if not (listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed)):
-            raise fault(where, f"is {value!r}; list names of patterns")
+            raise invalid(where, f"is {value!r}; list names of patterns")
         return tuple(dict.fromkeys(listed))
     if name in CHOICES:
         if not (listed and all(type(one) is int and one > 0 for one in listed)):
-            raise fault(where, f"is {value!r}; list whole numbers of stitches")
+            raise invalid(where, f"is {value!r}; list whole numbers of stitches")
         return tuple(sorted(set(listed)))
     if name not in VARIABLES:
-        raise fault(where, unknown(name, (*CHOICES, *VARIABLES), "variable"))
+        raise invalid(where, unknown(name, (*CHOICES, *VARIABLES), "variable"))
     numbers = len(listed) == 2 and all(isinstance(one, int | float) for one in listed)
     if not (numbers and 0 < listed[0] < listed[1] < math.inf):
         example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
-        raise fault(where, f"is {value!r}; {example}")
+        raise invalid(where, f"is {value!r}; {example}")
     return tuple(map(float, listed))

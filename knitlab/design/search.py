@@ -16,7 +16,7 @@ from knitlab.design.objective import Jacobian, Objective, Residuals, all_met
 from knitlab.design.search_space import DesignLabels, Point, SearchSpace
 from knitlab.design.trial import Trial, run_trial
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, Fault
+from knitlab.io.errors import InputError, Mistake
 from knitlab.runs.simulate import Progress
 from knitlab.runs.workers import Task, pool_of
 from knitlab.solvers.case import Case
@@ -208,8 +208,8 @@ class DesignSearch:
         try:
             from cmaes import CMA
         except ImportError:
-            remedy = "pip install 'knitlab[design]' to continue without them"
-            raise SearchEnded(f"gradients make no further progress; {remedy}") from None
+            hint = "pip install 'knitlab[design]' to continue without them"
+            raise SearchEnded(f"gradients make no further progress; {hint}") from None
 
         def cost(point: Point) -> float:
             _, record = self.trial(point)
@@ -267,7 +267,7 @@ def run_searches(
     workers: int,
     progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
-    """Run searches, each in one worker; BadInput with the reason of every one that failed."""
+    """Run searches, each in one worker; InputError with the reason of every one that failed."""
     first = (one.space.case(one.design, one.space.start(one.design))[0] for one in searches)
     starts = {case.case_id: case for case in first}
     by_start = dict(zip(starts, searches, strict=True))
@@ -287,8 +287,8 @@ def run_searches(
             pending = [key for key, error in errors.items() if error.lost and attempt < ATTEMPTS]
             failed |= {key: error.reason for key, error in errors.items() if key not in pending}
     if failed:
-        raise BadInput(
-            Fault(f"search from {starts[key].label}", reason) for key, reason in failed.items()
+        raise InputError(
+            Mistake(f"search from {starts[key].label}", reason) for key, reason in failed.items()
         )
     files = [folder / SEARCHES / f"{case_id}.json" for case_id in by_start]
     return [RESULT.validate_json(file.read_bytes()) for file in files]

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.design.request import CHOICES, PARAMETERS, DesignRequest
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.model.stitches import Gauge
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
 from knitlab.runs.plan import make_plan
@@ -86,7 +86,7 @@ class SearchSpace:
 
 
 def search_space(request: DesignRequest) -> SearchSpace:
-    """The space that a request allows; BadInput if a bound or a target cannot be simulated."""
+    """The space that a request allows; InputError if a bound or a target cannot be simulated."""
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}
     if "strain_step" in settings:
@@ -94,17 +94,19 @@ def search_space(request: DesignRequest) -> SearchSpace:
         settings.setdefault("strain_max", settings["strain_step"])
     allowed = make_plan(request.workflow, {**settings, **labels})
     if any(name not in CHOICES for name in allowed.dims):
-        raise fault(request.workflow, f"has dimensions {allowed.dims}; a search takes one setting")
+        raise invalid(
+            request.workflow, f"has dimensions {allowed.dims}; a search takes one setting"
+        )
     needed = max((target.window.stop for target in request.wanted if target.window), default=0.0)
     if len(allowed.applied_strain) < 2:
-        raise fault("strain_max = 0", "leaves no strain to apply; raise it, or leave it out")
+        raise invalid("strain_max = 0", "leaves no strain to apply; raise it, or leave it out")
     last, step = allowed.applied_strain[-1], allowed.applied_strain[1]
     if "strain_max" not in request.settings:
         # By default the last strain that a target needs.
         settings["strain_max"] = round(max(1, int(np.ceil(needed / step - ROUND_OFF))) * step, 12)
     elif needed > last + ROUND_OFF:
-        problem = f"ends before the strain {needed:g} of a target; raise it, or leave it out"
-        raise fault(f"settings.strain_max = {last:g}", problem)
+        message = f"ends before the strain {needed:g} of a target; raise it, or leave it out"
+        raise invalid(f"settings.strain_max = {last:g}", message)
     settings |= {name: only[0] for name, only in labels.items() if name not in allowed.dims}
     designs = tuple(
         tuple(label if isinstance(label, str) else int(label) for label in design)

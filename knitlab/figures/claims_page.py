@@ -14,7 +14,7 @@ from knitlab.claims.margin import GOOD, NEAR, Grade, signed
 from knitlab.figures.drawing import draw_figure
 from knitlab.figures.figure_files import reporting
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import Fault, fault
+from knitlab.io.errors import Mistake, invalid
 
 SUFFIX = ".md"
 Key = tuple[str, tuple[Path, ...]]  # kind of figure and cubes, which identify the figure of a claim
@@ -114,30 +114,30 @@ def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, s
 
 
 def check_suffix(page: Path) -> None:
-    """Check that a page is Markdown by its suffix; else BadInput."""
+    """Check that a page is Markdown by its suffix; else InputError."""
     if page.suffix.lower() != SUFFIX:
-        raise fault(f"output {page}", f"is not a page of Markdown; give it the suffix {SUFFIX}")
+        raise invalid(f"output {page}", f"is not a page of Markdown; give it the suffix {SUFFIX}")
 
 
 def write_page(
     judgements: Sequence[Judgement], page: Path, selections: Mapping[str, Any] = {}
-) -> tuple[list[Path], list[Fault]]:
+) -> tuple[list[Path], list[Mistake]]:
     """Write the claims as a page of Markdown, with its figures in a folder beside it.
 
     Returned are the files, and why some figures could not be drawn.
     """
     check_suffix(page)
-    folder, figures, faults = page.with_suffix(""), dict[Key, Path](), list[Fault]()
+    folder, figures, mistakes = page.with_suffix(""), dict[Key, Path](), list[Mistake]()
     keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
     for kind, cubes in dict.fromkeys(keys):
         label = cube_name(cubes[0]).replace("/", "-")
         name = f"{label}-{kind}.png" if len(cubes) == 1 else f"{kind}.png"
-        with reporting(kind, faults):
+        with reporting(kind, mistakes):
             figures[kind, cubes] = draw_figure(kind, cubes, folder / name, selections)
     links = {key: quote(f"{folder.name}/{path.name}") for key, path in figures.items()}
     with atomic_write(page) as temporary:
         temporary.write_text("\n\n".join(_blocks(judgements, links)) + "\n", encoding="utf-8")
-    return [page, *figures.values()], faults
+    return [page, *figures.values()], mistakes
 
 
 def _blocks(judgements: Sequence[Judgement], links: Mapping[Key, str]) -> list[str]:

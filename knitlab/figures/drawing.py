@@ -27,7 +27,7 @@ from knitlab.cubes.trust import with_doubts
 from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
-from knitlab.io.errors import BadInput, Fault, fault, unknown
+from knitlab.io.errors import InputError, Mistake, invalid, unknown
 from knitlab.io.fingerprint import file_digest
 from knitlab.observables.schema import VARIABLES
 from knitlab.runs.figure_names import COMPARING, check_figure_suffix
@@ -48,10 +48,10 @@ def draw_figure(
 ) -> Path:
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
-    BadInput if a cube, a selection, an option or the suffix is at fault.
+    InputError if a cube, a selection, an option or the suffix is at fault.
     """
     if kind not in FIGURES:
-        raise fault("kind", unknown(kind, FIGURES, "figure"))
+        raise invalid("kind", unknown(kind, FIGURES, "figure"))
     check_figure_suffix(output)
     cubes = [cube_file.open_cube(path) for path in cube_paths]
     digests = [file_digest(cube_file.cube_path(path)) for path in cube_paths]
@@ -60,19 +60,19 @@ def draw_figure(
     return output
 
 
-def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[Fault]]:
+def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[Mistake]]:
     """Draw a workflow's figures into its results folder, unless they are up to date.
 
     Returned are the files, and why some could not be drawn. CannotWrite if one cannot be written.
     """
     files, cube = list[Path](), cube_file.open_cube(folder)
-    requested, faults = figure_files.requested_figures(names, cube, folder)
+    requested, mistakes = figure_files.requested_figures(names, cube, folder)
     for figure in requested:
-        with figure_files.reporting(figure.output.stem, faults):
+        with figure_files.reporting(figure.output.stem, mistakes):
             drawn = partial(draw, figure.kind, [cube], figure.selections)
             figure_files.draw_into(drawn, figure.output, figure.fingerprint)
             files.append(figure.output)
-    return files, faults
+    return files, mistakes
 
 
 @print_style()
@@ -89,34 +89,34 @@ def draw(
     kind = FIGURES[name]
     cubes = [with_doubts(with_derived(cube)) for cube in cubes]
     if not cubes:
-        raise fault(name, "shows a cube; give one")
+        raise invalid(name, "shows a cube; give one")
     if len(cubes) > 1 and not kind.several:
-        raise fault(name, f"shows one cube, not {len(cubes)}; give one")
+        raise invalid(name, f"shows one cube, not {len(cubes)}; give one")
     if others := [option for option in options if option not in kind.options]:
         able = ", ".join(other for other, each in FIGURES.items() if each.options)
-        problem = f"is not an option of {name}, only of {able}; leave it out"
-        raise BadInput([Fault(option, problem) for option in others])
+        message = f"is not an option of {name}, only of {able}; leave it out"
+        raise InputError([Mistake(option, message) for option in others])
     if all(cube_file.is_case(cube) for cube in cubes):
         if kind.needs is not None:
             known = kind.coordinates
-            remedy = f"select along {', '.join(known)}" if known else "select nothing"
-            problem = f"is not a coordinate along which {name} can be sliced; {remedy}"
-            refuse_others(selections, known, problem)
+            hint = f"select along {', '.join(known)}" if known else "select nothing"
+            message = f"is not a coordinate along which {name} can be sliced; {hint}"
+            refuse_others(selections, known, message)
             return _draw_cases(kind, [in_cloth(case, case) for case in cubes], selections)
         cubes = [cube_file.as_cube(case) for case in cubes]
     _check_cubes(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
     known = (*dims, *kind.coordinates)
-    problem = f"is not a coordinate of {name}; select along {', '.join(known)}"
-    refuse_others(selections, known, problem)
+    message = f"is not a coordinate of {name}; select along {', '.join(known)}"
+    refuse_others(selections, known, message)
     folder = Path(cubes[0].encoding.get("source", "")).parent
     cubes = [selected(cube, selections_along(selections, selectable(cube))) for cube in cubes]
     slices = dict[str, None]()
     if name not in COMPARING:
         for cube in cubes:
             if several := [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]:
-                problem = f"shows one value of each swept setting; select {choices(cube, several)}"
-                raise fault(name, problem)
+                message = f"shows one value of each swept setting; select {choices(cube, several)}"
+                raise invalid(name, message)
             values = (f"{dim} = {cube[dim].item()}" for dim in swept_dims(cube))
             slices[", ".join(values)] = None
         cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
@@ -136,15 +136,15 @@ def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> No
     for cube in cubes:
         able = [each for each, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
         if name not in able:
-            problem = "does not show designs along the dimensions of this cube"
-            raise fault(name, f"{problem}; draw {', '.join(able)}")
+            message = "does not show designs along the dimensions of this cube"
+            raise invalid(name, f"{message}; draw {', '.join(able)}")
     measured = [cube for cube in cubes if is_measured(cube)]
     if measured and kind.several is None:
         able = [other for other, each in FIGURES.items() if each.several]
-        problem = f"needs a simulation, and {cube_file.source_of(measured[0])} was measured"
-        raise fault(name, f"{problem}; draw {', '.join(able)}")
+        message = f"needs a simulation, and {cube_file.source_of(measured[0])} was measured"
+        raise invalid(name, f"{message}; draw {', '.join(able)}")
     if kind.several == "experiments" and len(cubes) - len(measured) > 1:
-        raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
+        raise invalid(name, "shows one simulation, and experiments beside it; give one simulation")
 
 
 def _draw_cases(
@@ -156,8 +156,8 @@ def _draw_cases(
         kept = case["applied_strain"].values[has_shape(case)]
         if selections and not np.isin(shown["applied_strain"].values, kept).all():
             known = ", ".join(f"{strain:g}" for strain in kept)
-            problem = f"has no shape, which this case file keeps at {known}; choose one of these"
-            raise fault(f"selections {', '.join(as_given(selections))}", problem)
+            message = f"has no shape, which this case file keeps at {known}; choose one of these"
+            raise invalid(f"selections {', '.join(as_given(selections))}", message)
     return kind.draw(sliced if kind.designs else sliced[0])
 
 
@@ -178,13 +178,13 @@ def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]
         shown = [design for design in kind.designs if design in case_ids]
         shown = shown or [*case_ids][: len(kind.designs)]
         if not shown:
-            raise fault(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
+            raise invalid(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
         return [case_of(design) for design in shown]
     needs = VARIABLES[str(kind.needs)]
     for design in stored.sortby("poisson_ratio_min")["design"].values:
         if kind.needs in (case := case_of(design)):
             return [case]
     if not designs.sizes["design"]:
-        raise fault("selections", "no design of this selection is planned; choose others")
+        raise invalid("selections", "no design of this selection is planned; choose others")
     how = "run them with method=dynamics" if needs.of == "dynamics" else NO_CASE_FILES
-    raise fault(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")
+    raise invalid(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")

@@ -19,7 +19,7 @@ import xarray as xr
 from knitlab.cubes.cube_file import cube_path, swept_dims
 from knitlab.cubes.selection import as_given
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, CannotWrite, Fault
+from knitlab.io.errors import CannotWrite, InputError, Mistake
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.io.names import inside
 from knitlab.runs.figure_names import COMPARING
@@ -45,16 +45,16 @@ class RequestedFigure:
 
 def requested_figures(
     kinds: Sequence[str], cube: xr.Dataset, folder: Path
-) -> tuple[list[RequestedFigure], list[Fault]]:
+) -> tuple[list[RequestedFigure], list[Mistake]]:
     """The figures of a workflow, one for each value of swept settings unless it compares them.
 
     Those of many values are left out, with a fault.
     """
-    swept, faults = swept_dims(cube), list[Fault]()
+    swept, mistakes = swept_dims(cube), list[Mistake]()
     number = math.prod(cube.sizes[dim] for dim in swept)
     if number > MOST_SLICES and not set(kinds) <= set(COMPARING):
-        problem = f"{number} slices are too many to draw in a run; draw one by knitlab map"
-        faults.append(Fault("figures", problem))
+        message = f"{number} slices are too many to draw in a run; draw one by knitlab map"
+        mistakes.append(Mistake("figures", message))
         kinds = [kind for kind in kinds if kind in COMPARING]
     requested, digest = list[RequestedFigure](), file_digest(cube_path(folder)) if kinds else ""
     for kind in kinds:
@@ -65,7 +65,7 @@ def requested_figures(
             output = inside(folder / "figures", stem + RUN_SUFFIX)
             fingerprint = fingerprint_of_figure(kind, [digest], selections)
             requested.append(RequestedFigure(kind, selections, output, fingerprint))
-    return requested, faults
+    return requested, mistakes
 
 
 def fingerprint_of_figure(
@@ -129,11 +129,11 @@ def drawn(
 
 
 @contextmanager
-def reporting(name: str, faults: list[Fault]) -> Iterator[None]:
+def reporting(name: str, mistakes: list[Mistake]) -> Iterator[None]:
     """Add why a figure cannot be drawn to faults; CannotWrite ends the drawing of all."""
     try:
         yield
     except CannotWrite:
         raise
-    except BadInput as error:
-        faults += [Fault(f"figure {name}", entry.problem) for entry in error.faults]
+    except InputError as error:
+        mistakes += [Mistake(f"figure {name}", entry.message) for entry in error.mistakes]

@@ -1,7 +1,7 @@
 """Files of input and results: read with one message that lists all faults, written atomically.
 
-In: TOML, tables of numbers, text from users. Out: checked values, or ``BadInput`` with every fault,
-each with its path, its value and a remedy.
+In: TOML, tables of numbers, text from users. Out: checked values, or ``InputError`` with every
+mistake, each with its path, its value and a remedy.
 
 Read ``errors.py``, then ``toml.py`` and ``table_file.py``. ``atomic_write.py`` and ``lock.py`` keep
 a results folder whole; ``fingerprint.py`` says which code made a result.

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from knitlab.io.errors import CannotWrite, Fault
+from knitlab.io.errors import CannotWrite, Mistake
 
 UNFINISHED = ".writing-"  # prefix of the folders of unfinished files
 
@@ -24,9 +24,9 @@ def atomic_write(path: Path) -> Iterator[Path]:
             temporary.replace(path)
     except OSError as error:
         why = (error.strerror or str(error)).lower()
-        remedy = "free some space" if "space" in why or "quota" in why else "choose another folder"
-        problem = f"cannot be written ({why}); {remedy}; the previous file is unchanged"
-        raise CannotWrite([Fault(str(path), problem)]) from error
+        hint = "free some space" if "space" in why or "quota" in why else "choose another folder"
+        message = f"cannot be written ({why}); {hint}; the previous file is unchanged"
+        raise CannotWrite([Mistake(str(path), message)]) from error
 
 
 def clear_unfinished(folder: Path) -> None:

@@ -11,5 +11,5 @@ def problem_of_cache(named: str) -> str:
     """Why nothing can be kept in a folder; empty if it can, or if it is on no file system."""
     if not named or "://" in named or can_write_into(Path(named)):
         return ""
-    problem = "cannot be written, and nothing compiled is kept; name another folder"
-    return f"{VARIABLE} {named}: {problem}"
+    message = "cannot be written, and nothing compiled is kept; name another folder"
+    return f"{VARIABLE} {named}: {message}"

@@ -10,91 +10,100 @@ from pydantic_core import ErrorDetails
 
 
 @dataclass(frozen=True)
-class Fault:
-    """One error in the input: where it is, and the problem with its remedy."""
+class Mistake:
+    """One mistake in the input: where it is, what is wrong, and what to do."""
 
     path: str
-    problem: str
+    message: str
 
     def __str__(self) -> str:
-        return f"{self.path}: {self.problem}"
+        return f"{self.path}: {self.message}"
 
 
-MOST = 200  # faults of a file that a message lists
-LONGEST = 500  # characters of a value that a message shows
-MOST_NAMES = 20  # largest number of names that a message lists
+MAX_LISTED = 200  # mistakes of a file that a message lists
+MAX_SHOWN = 500  # characters of a value that a message shows
+MAX_NAMES = 20  # largest number of names that a message lists
 SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
 """Pydantic's error types for values that should be a single one."""
 
 
-class BadInput(Exception):
-    """Input that cannot be used; carries every fault that was found."""
+class InputError(ValueError):
+    """Invalid input; carries every mistake that was found."""
 
-    def __init__(self, faults: Iterable[Fault]) -> None:
-        self.faults = tuple(faults)
-        super().__init__(self.faults)
+    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+        self.mistakes = tuple(mistakes)
+        super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        return "\n".join(map(str, self.faults))
+        return "\n".join(map(str, self.mistakes))
 
 
-class CannotWrite(BadInput):
+BadInput = InputError  # the name until version 0.1
+"""Deprecated: :class:`InputError`."""
+
+
+class CannotWrite(InputError):
     """A file that cannot be written, so that continuing is pointless."""
 
 
 class ErrorCollector:
-    """Collects the faults of several checks, each run in ``with collector:``."""
+    """Collects the mistakes of several checks, each run in ``with collector:``."""
 
     def __init__(self) -> None:
-        self.all: list[Fault] = []
+        self.all: list[Mistake] = []
 
     def __enter__(self) -> None:
         """Begin a check."""
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        self.all += error.faults if isinstance(error, BadInput) else ()
-        return isinstance(error, BadInput)
+        self.all += error.mistakes if isinstance(error, InputError) else ()
+        return isinstance(error, InputError)
 
 
-def fault(path: str, problem: str) -> BadInput:
-    """A :class:`BadInput` with a single fault."""
-    return BadInput([Fault(path, problem)])
+def invalid(path: str, message: str) -> InputError:
+    """An :class:`InputError` with a single mistake."""
+    return InputError([Mistake(path, message)])
 
 
-def raise_any(faults: Collection[Fault]) -> None:
-    """Raise :class:`BadInput` with faults, if there are any."""
-    if faults:
-        raise BadInput(faults)
+def raise_if_any(mistakes: Collection[Mistake]) -> None:
+    """Raise :class:`InputError` with mistakes, if there are any."""
+    if mistakes:
+        raise InputError(mistakes)
 
 
-def faults_of(
+def mistakes_of(
     error: ValidationError, source: str, known: Mapping[str, str] | None = None
-) -> list[Fault]:
-    """Faults that pydantic reports, with the nearest known key, of a table, for a misspelt one."""
+) -> list[Mistake]:
+    """Mistakes that pydantic reports; for a misspelt key, with the nearest known one."""
     entries = error.errors()
     # Without those that only follow from others: lists that these left empty.
     inner = {entry["loc"][:-1] for entry in entries}
-    return [
-        Fault(
-            ": ".join(filter(None, (source, shortened(".".join(map(str, entry["loc"])))))), problem
-        )
-        for entry, problem in ((entry, _problem(entry, known or {})) for entry in entries[:MOST])
-        if entry["type"] != "too_short" or entry["loc"] not in inner
-    ]
+    mistakes: list[Mistake] = []
+    for entry in entries[:MAX_LISTED]:
+        cause = entry.get("ctx", {}).get("error")
+        if isinstance(cause, InputError):
+            mistakes += cause.mistakes
+        elif entry["type"] != "too_short" or entry["loc"] not in inner:
+            key = shortened(".".join(map(str, entry["loc"])))
+            where = ": ".join(filter(None, (source, key)))
+            mistakes.append(Mistake(where, _message(entry, known or {})))
+    return mistakes
 
 
 @contextmanager
 def naming(source: str) -> Iterator[None]:
-    """Raise what pydantic or a ValueError says of a value as BadInput that names its source."""
+    """Raise what pydantic or a ValueError says of a value as InputError that names its source."""
     try:
         yield
+    except InputError:
+        raise
     except ValidationError as error:
-        raise BadInput(faults_of(error, source)) from error
+        raise InputError(mistakes_of(error, source)) from error
     except ValueError as error:
-        raise fault(source, str(error)) from error
+        raise invalid(source, str(error)) from error
 
 
-def _problem(entry: ErrorDetails, known: Mapping[str, str]) -> str:
+def _message(entry: ErrorDetails, known: Mapping[str, str]) -> str:
     kind, given, key = entry["type"], entry["input"], entry["loc"][-1] if entry["loc"] else ""
     if kind == "missing":
         return "is missing; add it"
@@ -102,8 +111,8 @@ def _problem(entry: ErrorDetails, known: Mapping[str, str]) -> str:
         table = known[str(key)]
         return f"belongs to {f'[{table}]' if table else 'the top level'}; move it"
     if kind == "extra_forbidden":
-        remedy = "is not a known key; remove it or check its spelling"
-        return unknown(str(key), known, "setting") if known else remedy
+        hint = "is not a known key; remove it or check its spelling"
+        return unknown(str(key), known, "setting") if known else hint
     if isinstance(given, list) and kind in SINGLE_VALUES:
         if isinstance(key, int):
             return f"is a list within a list, {shown(given)}; remove one pair of brackets"
@@ -124,17 +133,17 @@ def shown(value: object) -> str:
 
 def shortened(text: str) -> str:
     """A text without the rest of a long one."""
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}…"
 
 
 def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
     """Message that no name of a kind, such as "setting", is this, with similar or all names."""
     names = sorted(known)
-    problem = f"there is no {kind} {shown(name)}" if kind else f"there is no {shown(name)}"
+    message = f"there is no {kind} {shown(name)}" if kind else f"there is no {shown(name)}"
     by_case = {each.casefold(): each for each in names}
     nearest = difflib.get_close_matches(name.casefold(), by_case, n=2)
     if nearest:
-        return f"{problem}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
-    if len(names) > MOST_NAMES:
-        return f"{problem}; it is not one of the {len(names)} known ones; check its spelling"
-    return f"{problem}; choose from {', '.join(names)}"
+        return f"{message}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
+    if len(names) > MAX_NAMES:
+        return f"{message}; it is not one of the {len(names)} known ones; check its spelling"
+    return f"{message}; choose from {', '.join(names)}"

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.text_file import plain_file
 
 FORMATS = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
@@ -14,16 +14,16 @@ MOST_PIXELS = 10_000_000  # more stitches than a machine knits
 
 
 def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
-    """Red, green, blue and opacity of the pixels of an image; BadInput if it cannot be used."""
+    """Red, green, blue and opacity of the pixels of an image; InputError if it cannot be used."""
     from PIL import Image  # slow to import, and only used here
 
     try:
         with Image.open(plain_file(path), formats=FORMATS) as image:
             if image.width * image.height > MOST_PIXELS:
-                problem = f"has {image.width} x {image.height} pixels, above {MOST_PIXELS:,}; make"
-                raise fault(str(path), f"{problem} it smaller, with one for each patch or stitch")
+                message = f"has {image.width} x {image.height} pixels, above {MOST_PIXELS:,}; make"
+                raise invalid(str(path), f"{message} it smaller, with one for each patch or stitch")
             return np.asarray(image.convert("RGBA"))
     # A damaged image raises many types.
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        problem = f"cannot be read as an image ({error}); check the path, or save it as PNG"
-        raise fault(str(path), problem) from error
+        message = f"cannot be read as an image ({error}); check the path, or save it as PNG"
+        raise invalid(str(path), message) from error

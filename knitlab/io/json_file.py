@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.text_file import plain_file
 
 END = "\n}\n"
@@ -21,28 +21,28 @@ def with_checksum(text: str) -> str:
     return f'{text.removesuffix(END)},\n "sha256": "{digest}"{END}'
 
 
-def read_json(path: Path, schema: Any, name: str, remedy: str) -> dict[str, Any]:
-    """The table in a file of a name; BadInput if it is none, does not fit, or is damaged."""
+def read_json(path: Path, schema: Any, name: str, hint: str) -> dict[str, Any]:
+    """The table in a file of a name; InputError if it is none, does not fit, or is damaged."""
     try:
         text = plain_file(path).read_text(encoding="utf-8")
     except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except ValueError as error:
-        raise fault(str(path), f"is not {name}; {remedy}") from error
+        raise invalid(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    except UnicodeError as error:
+        raise invalid(str(path), f"is not {name}; {hint}") from error
     if stated := CHECKSUM.search(text):
         own = text[: stated.start()] + END
         if hashlib.sha256(own.encode()).hexdigest() != stated[1]:
-            raise fault(str(path), f"is not {name} as it was written; {remedy}")
-    return json_table(text, str(path), schema, f"is not {name}; {remedy}")
+            raise invalid(str(path), f"is not {name} as it was written; {hint}")
+    return json_table(text, str(path), schema, f"is not {name}; {hint}")
 
 
 def json_table(
-    text: str, where: str, schema: Any = dict[str, Any], problem: str = "is not a table of JSON"
+    text: str, where: str, schema: Any = dict[str, Any], message: str = "is not a table of JSON"
 ) -> dict[str, Any]:
-    """The table in a text; BadInput if it is none, or does not fit the schema."""
+    """The table in a text; InputError if it is none, or does not fit the schema."""
     try:
         table: dict[str, Any] = json.loads(text)
         TypeAdapter(schema).validate_python(table)
     except (ValueError, TypeError, RecursionError) as error:
-        raise fault(where, problem) from error
+        raise invalid(where, message) from error
     return table

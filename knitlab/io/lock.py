@@ -17,7 +17,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from knitlab.io.errors import BadInput, CannotWrite, Fault, fault
+from knitlab.io.errors import CannotWrite, InputError, Mistake, invalid
 from knitlab.io.text_file import plain_file
 
 LOCK_NAME = ".lock"
@@ -32,15 +32,15 @@ GATE_SECONDS = 900.0  # longest time to wait for the gate; its holder writes a c
 def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
     """Lock a results folder for a run, or for a shard (number, count) beside the others.
 
-    The lock ends with the process. BadInput if another run, the same shard or another split runs,
+    The lock ends with the process. InputError if another run, the same shard or another split runs,
     or if there are no locks and another shard ran here.
     """
     with gate(folder) as locks:
         if not locks and shard is not None:
             own = _holder_path(folder, _shard_lock(*shard))
             if {*folder.glob(_holder_path(folder, f"{LOCK_NAME}-shard-*").name)} - {own}:
-                problem = "is on a file system without locks, and another shard ran in it; give"
-                raise fault(str(folder), f"{problem} each a folder of its own and merge them")
+                message = "is on a file system without locks, and another shard ran in it; give"
+                raise invalid(str(folder), f"{message} each a folder of its own and merge them")
         if shard is not None:
             with _acquired(folder, LOCK_NAME):
                 pass
@@ -111,15 +111,15 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AbstractContextM
 
 def _refuse_unless_without_locks(folder: Path, error: OSError) -> None:
     if error.errno not in NO_LOCKS:
-        problem = f"cannot be written ({error.strerror}); choose another folder"
-        raise CannotWrite([Fault(str(folder), problem)]) from error
+        message = f"cannot be written ({error.strerror}); choose another folder"
+        raise CannotWrite([Mistake(str(folder), message)]) from error
 
 
-def _in_use(folder: Path, name: str) -> BadInput:
+def _in_use(folder: Path, name: str) -> InputError:
     by = "another process"
     with suppress(OSError, ValueError):
         by = plain_file(_holder_path(folder, name)).read_text(encoding="utf-8") or by
-    return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")
+    return invalid(str(folder), f"is held by {by}; wait for it, or name another results folder")
 
 
 def _holder_path(folder: Path, name: str) -> Path:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from knitlab.io.errors import fault, shown
+from knitlab.io.errors import invalid, shown
 
 LONGEST = 100  # characters of a name; file systems take 255 bytes
 NAME = re.compile(rf"(?=.{{1,{LONGEST}}}\Z)\w(?:[\w .-]*[\w-])?")
@@ -57,20 +57,22 @@ Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidat
 
 
 def named_folder(folder: Path, name: str) -> Path:
-    """The subfolder of a name that a user gave, or a file states; BadInput if it is no name."""
+    """The subfolder of a name that a user gave, or a file states; InputError if it is no name."""
     if not is_name(name):
-        raise fault(repr(name), RULE)
+        raise invalid(repr(name), RULE)
     return folder / name
 
 
 def inside(folder: Path, name: str) -> Path:
-    """The file of a name in a folder; BadInput if it would be elsewhere."""
+    """The file of a name in a folder; InputError if it would be elsewhere."""
     if name in ("", ".", "..") or {*name} & {*"/\\\0"}:
-        raise fault(str(folder), f"has no place for a file named {name!r}; its name is damaged")
+        raise invalid(str(folder), f"has no place for a file named {name!r}; its name is damaged")
     return folder / name
 
 
 def check_suffix(output: Path, known: Collection[str], kind: str) -> None:
-    """BadInput unless the suffix of a file to write is a known one of a kind, as "a mesh"."""
+    """InputError unless the suffix of a file to write is a known one of a kind, as "a mesh"."""
     if output.suffix.lower() not in known:
-        raise fault(f"output {output}", f"has no suffix of {kind}; give one of {', '.join(known)}")
+        raise invalid(
+            f"output {output}", f"has no suffix of {kind}; give one of {', '.join(known)}"
+        )

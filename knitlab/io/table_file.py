@@ -17,7 +17,7 @@ import pandas as pd
 import pint
 from jaxtyping import Float
 
-from knitlab.io.errors import Fault, fault, raise_any
+from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.text_file import read_text
 
 SEPARATORS = ",;\t| "  # of columns; any number of spaces is one separator
@@ -57,7 +57,7 @@ def read_table(path: Path, example: str) -> Table:
     Lines that start with # are ignored, except a header in the last of them. A row of units is
     joined to the header: ``Load`` above ``(N)`` is ``Load (N)``, and above ``N`` it is
     ``Load [N]``. The first sheet of a workbook (``.xlsx``) is read where openpyxl is installed.
-    BadInput if there is no table; its message names the line, or has the ``example`` of a table.
+    InputError if there is no table; its message names the line, or has the ``example`` of a table.
     """
     if path.suffix.lower() in WORKBOOKS and path.is_file():
         lines, separator, comma = _workbook_lines(path), "\t", False
@@ -76,24 +76,24 @@ def read_table(path: Path, example: str) -> Table:
             rows.append(_Row(number, plain, any(numbers)))
     first = _first_of_table(rows)
     if first is None:
-        raise fault(str(path), f"has no table of numbers; {example}")
+        raise invalid(str(path), f"has no table of numbers; {example}")
     headers = _headers(rows, first, lines, separator)
     if headers is None:
         begin, torn = rows[first], rows[first - 1]
         if torn.line == begin.line - 1:
             count, next_count = len(torn.fields), len(begin.fields)
-            problem = f"has {count} fields, and the next line {next_count}; correct the line"
+            message = f"has {count} fields, and the next line {next_count}; correct the line"
             if next_count == 2 * count:
-                problem += ", or if the decimal mark is a comma, separate columns by semicolons"
-            raise fault(f"{path}: line {torn.line}", problem)
+                message += ", or if the decimal mark is a comma, separate columns by semicolons"
+            raise invalid(f"{path}: line {torn.line}", message)
         shown = ", ".join(_fields(lines[begin.line - 1], separator)[:4])
-        raise fault(str(path), f"has no header above line {begin.line} ({shown}); {example}")
+        raise invalid(str(path), f"has no header above line {begin.line} ({shown}); {example}")
     width = len(headers)
     for number, fields, _ in rows[first:]:
         if any(fields[width:]) or len(fields) < width:
             named = ", ".join(headers[:6])
-            problem = f"has {len(fields)} fields and the header {width} ({named}); correct the line"
-            raise fault(f"{path}: line {number}", problem)
+            message = f"has {len(fields)} fields and the header {width} ({named}); correct the line"
+            raise invalid(f"{path}: line {number}", message)
     texts = takewhile(lambda row: len(row.fields) == width and not row.numeric, rows[:first][::-1])
     above = [row.fields for row in texts][::-1]
     return Table(headers, pd.DataFrame([row.fields[:width] for row in rows[first:]]), above)
@@ -101,7 +101,7 @@ def read_table(path: Path, example: str) -> Table:
 
 def numbers_of(
     path: Path, name: str, column: pd.Series
-) -> tuple[Float[np.ndarray, " point"], list[Fault]]:
+) -> tuple[Float[np.ndarray, " point"], list[Mistake]]:
     """The numbers of a column, and faults of the entries that are not numbers."""
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     bad = np.flatnonzero(~np.isfinite(values))
@@ -109,8 +109,8 @@ def numbers_of(
         return values, []
     more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
     value = repr(column.iloc[bad[0]]) if column.iloc[bad[0]] else "empty"
-    problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; correct or remove it"
-    return values, [Fault(f"{path}: column {name}", problem)]
+    message = f"point {bad[0] + 1} is {value}{more}, not a finite number; correct or remove it"
+    return values, [Mistake(f"{path}: column {name}", message)]
 
 
 def read_columns(
@@ -119,13 +119,13 @@ def read_columns(
     """Numbers of columns by name, whether or not the header adds a unit in brackets.
 
     ``names`` are those of the columns, each with its unit or ``None``, and ``optional`` those of
-    further ones, which are read if they are numbers; in small letters they match any. BadInput has
-    every missing, repeated or wrong column, and headers with another unit than that of ``names``.
+    further ones, which are read if they are numbers; in small letters they match any. InputError
+    has every missing, repeated or wrong column, and headers with another unit than ``names``.
     """
     headers, rows, _ = read_table(path, example)
     bare = [name_and_unit(header)[0] for header in headers]
     lower = [header.lower() for header in bare]
-    columns, faults = {}, list[Fault]()
+    columns, mistakes = {}, list[Mistake]()
     for name in (*names, *optional):
         where, spellings = f"{path}: column {name}", (name, name_and_unit(name)[0])
         pairs = product((headers, bare, lower), spellings)
@@ -135,13 +135,13 @@ def read_columns(
             columns[name], wrong = numbers_of(path, name, rows[column])
             wrong = _unit_faults(where, headers[column], names.get(name)) + wrong
         else:
-            problem = f"is missing; the file has {', '.join(headers)}; {example}"
-            wrong = [Fault(where, "occurs twice; keep one" if known else problem)]
+            message = f"is missing; the file has {', '.join(headers)}; {example}"
+            wrong = [Mistake(where, "occurs twice; keep one" if known else message)]
         if name not in optional:
-            faults += wrong
+            mistakes += wrong
         elif wrong:
             columns.pop(name, None)
-    raise_any(faults)
+    raise_if_any(mistakes)
     return columns
 
 
@@ -153,20 +153,20 @@ def name_and_unit(header: str) -> tuple[str, str]:
     return (match["name"], match["unit"]) if match and _is_unit(match["unit"]) else (header, "")
 
 
-def _unit_faults(where: str, header: str, unit: str | None) -> list[Fault]:
+def _unit_faults(where: str, header: str, unit: str | None) -> list[Mistake]:
     """A fault if a header names another unit than the one stated for it."""
     _, given = name_and_unit(header)
     if unit is None or not given or not _is_unit(given):
         return []
-    factor, faults = factor_of(where, given, unit, f"such as {unit}")
-    if not faults and np.isclose(factor, 1):
+    factor, mistakes = factor_of(where, given, unit, f"such as {unit}")
+    if not mistakes and np.isclose(factor, 1):
         return []
     shown = IN_BRACKETS.findall(header)[-1]
-    return [Fault(where, f"is in {shown} by its header, but {unit} is stated; correct one")]
+    return [Mistake(where, f"is in {shown} by its header, but {unit} is stated; correct one")]
 
 
-def factor_of(where: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
-    """Factor from one unit to another, and faults of the first; ``remedy`` names accepted units."""
+def factor_of(where: str, unit: str, target: str, hint: str) -> tuple[float, list[Mistake]]:
+    """Factor from one unit to another, and faults of the first; ``hint`` names accepted units."""
     quantity = pint.get_application_registry().Quantity
     given, wanted = ("dimensionless" if each == "1" else each for each in (unit, target))
     try:
@@ -180,8 +180,8 @@ def factor_of(where: str, unit: str, target: str, remedy: str) -> tuple[float, l
     except pint.DimensionalityError:
         pass
     except Exception:  # pint raises many types for a text that is not a unit
-        return np.nan, [Fault(where, f"has the unknown unit {unit!r}; give one {remedy}")]
-    return np.nan, [Fault(where, f"is in {unit}; give it in a unit {remedy}")]
+        return np.nan, [Mistake(where, f"has the unknown unit {unit!r}; give one {hint}")]
+    return np.nan, [Mistake(where, f"is in {unit}; give it in a unit {hint}")]
 
 
 def _workbook_lines(path: Path) -> list[str]:
@@ -189,11 +189,11 @@ def _workbook_lines(path: Path) -> list[str]:
     try:
         sheet = pd.read_excel(path, header=None, dtype=str, keep_default_na=False)
     except ImportError as error:
-        problem = "is an Excel workbook; export it as CSV, or install openpyxl"
-        raise fault(str(path), problem) from error
+        message = "is an Excel workbook; export it as CSV, or install openpyxl"
+        raise invalid(str(path), message) from error
     except (ValueError, KeyError, OSError, BadZipFile) as error:
-        problem = "is an Excel workbook that cannot be read; open it, and export it as CSV"
-        raise fault(str(path), problem) from error
+        message = "is an Excel workbook that cannot be read; open it, and export it as CSV"
+        raise invalid(str(path), message) from error
     return ["\t".join(row).rstrip("\t") for row in sheet.fillna("").astype(str).to_numpy()]
 
 

@@ -5,7 +5,7 @@ import errno
 import stat
 from pathlib import Path
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 UTF_32 = (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -26,23 +26,23 @@ SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f\ufeff"), " ")
 def read_text(path: Path) -> str:
     """The text of a file in UTF-8, UTF-16, UTF-32 or, failing these, Windows-1252.
 
-    Lines end with a line feed, and no-break spaces become plain ones. BadInput if the file cannot
+    Lines end with a line feed, and no-break spaces become plain ones. InputError if the file cannot
     be read, or is no text.
     """
     try:
         content = plain_file(path).read_bytes()
     except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    for begin, problem in BINARY.items():
+        raise invalid(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    for begin, message in BINARY.items():
         if content.startswith(begin):
-            raise fault(str(path), problem)
+            raise invalid(str(path), message)
     try:
         text = content.decode(_encoding(content))
     except UnicodeDecodeError as error:
-        problem = f"is no text in UTF-8, UTF-16 or Windows-1252 ({error.reason}); save it as UTF-8"
-        raise fault(str(path), problem) from error
+        message = f"is no text in UTF-8, UTF-16 or Windows-1252 ({error.reason}); save it as UTF-8"
+        raise invalid(str(path), message) from error
     if "\0" in text:
-        raise fault(str(path), "has zero bytes, so it is no text; export it as text in UTF-8")
+        raise invalid(str(path), "has zero bytes, so it is no text; export it as text in UTF-8")
     return text.translate(SPACES).replace("\r\n", "\n").replace("\r", "\n")
 
 

@@ -9,7 +9,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict
 
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault, naming
+from knitlab.io.errors import invalid, naming
 from knitlab.io.text_file import read_text
 
 TOML = (".toml",)  # suffix
@@ -24,18 +24,18 @@ class StrictModel(BaseModel):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The table in a TOML file; BadInput if it cannot be read, or is not TOML."""
+    """The table in a TOML file; InputError if it cannot be read, or is not TOML."""
     text = read_text(path)
     if len(text) > MOST_CHARACTERS:
-        raise fault(str(path), f"has more than {MOST_CHARACTERS:,} characters; make it shorter")
+        raise invalid(str(path), f"has more than {MOST_CHARACTERS:,} characters; make it shorter")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # the second of nested lists
-        raise fault(str(path), f"is not TOML ({error}); correct that line") from error
+        raise invalid(str(path), f"is not TOML ({error}); correct that line") from error
 
 
 def read_checked(schema: type[Schema], path: Path, named_by: str = "") -> Schema:
-    """The contents of a TOML file that a setting names; BadInput has every fault of the file."""
+    """The contents of a TOML file that a setting names; InputError has every fault of the file."""
     with naming(f"{named_by}: {path}" if named_by else str(path)):
         return schema.model_validate(read_toml(path))
 

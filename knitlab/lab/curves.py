@@ -11,7 +11,7 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from knitlab.cubes.cube_file import cells_across, is_measured
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.model.energy import Point
 from knitlab.model.fabric import Configuration
 from knitlab.model.stripe import STRIPE_QUANTITIES, Stripe
@@ -71,7 +71,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
     """The measured curves of one test, scaled to the number of unit cells across a case."""
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
-        raise fault("fit", f"takes one cycle; select {CYCLE}=1")
+        raise invalid("fit", f"takes one cycle; select {CYCLE}=1")
     strains = cell["applied_strain"].values
     across = case.unit_cells[1] / cells_across(experiment)
     values, errors = np.full((2, len(QUANTITIES), len(strains)), np.nan)
@@ -84,31 +84,31 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         errors[row] = np.hypot(np.nan_to_num(known), model_error * np.nanmax(np.abs(values[row])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
     if pulled.sum() < FEWEST_STRAINS:
-        problem = f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
-        raise fault("fit", problem)
+        message = f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
+        raise invalid("fit", message)
     values, errors = values[:, pulled], errors[:, pulled]
     if not (errors[np.isfinite(values)] > 0).all():
-        raise fault("model_error 0", "leaves values without an error; give one above 0")
+        raise invalid("model_error 0", "leaves values without an error; give one above 0")
     errors = np.nan_to_num(errors, nan=NO_ERROR)
     return MeasuredTest(tuple(strains[pulled].tolist()), values, errors)
 
 
 def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
-    """The one case of a plan with the design of an experiment; BadInput if it cannot be fitted."""
+    """The one case of a plan with the design of an experiment; or InputError."""
     if not is_measured(experiment):
-        raise fault("fit", "needs an experiment, and this cube was simulated; import one")
+        raise invalid("fit", "needs an experiment, and this cube was simulated; import one")
     wanted = {dim: int(experiment[dim].values[0]) for dim in DESIGN_DIMS}
     cases = [case for case in plan.cases.values() if wanted.items() <= case.design.items()]
     if len(cases) != 1:
-        remedy = "one value of each setting" if cases else "n_stripe and n_subunit"
+        hint = "one value of each setting" if cases else "n_stripe and n_subunit"
         design = tuple(wanted.values())
-        problem = f"must have one case of {design}, and has {len(cases)}; set {remedy}"
-        raise fault(plan.workflow, problem)
+        message = f"must have one case of {design}, and has {len(cases)}; set {hint}"
+        raise invalid(plan.workflow, message)
     (case,) = cases
     if case.method != "equilibrium":
-        raise fault(plan.workflow, "uses dynamics; set method = equilibrium")
+        raise invalid(plan.workflow, "uses dynamics; set method = equilibrium")
     if int(experiment["status"].values.flat[0]) != Status.ok:
-        raise fault("fit", "needs an experiment that is ok, and this one is not; import it again")
+        raise invalid("fit", "needs an experiment that is ok, and this one is not; import it again")
     # A test that continues from another cannot keep clear of contact.
     options = replace(case.options, contact="none")
     return replace(case, options=options, capacitor=None, sensitivities=False, unloading=False)

@@ -12,7 +12,7 @@ from pydantic import (
     model_validator,
 )
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.names import Line
 from knitlab.io.table_file import factor_of
 from knitlab.io.toml import StrictModel, read_checked
@@ -34,9 +34,9 @@ class _InUnit(StrictModel):
     def factor(self, target: str) -> float:
         """Factor that converts its unit to one of :data:`UNITS`; ValueError if there is none."""
         wanted = f"of {UNITS[target]}, such as {target}"
-        factor, faults = factor_of("", self.unit, target, wanted)
-        if faults:
-            raise ValueError(faults[0].problem)
+        factor, mistakes = factor_of("", self.unit, target, wanted)
+        if mistakes:
+            raise ValueError(mistakes[0].message)
         return factor
 
 
@@ -207,5 +207,5 @@ def read_description(path: Path, kind: RecordKind) -> Description:
     """Read a description that lists records of a kind."""
     description = read_checked(Description, path)
     if getattr(description, kind) is None:
-        raise fault(f"{path}: {kind}", "is missing; add a table that names its file")
+        raise invalid(f"{path}: {kind}", "is missing; add a table that names its file")
     return description

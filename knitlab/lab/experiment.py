@@ -19,7 +19,7 @@ from knitlab.cubes.cube_file import (
     read_cube,
     write_cube,
 )
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.fingerprint import code_fingerprint, file_digest, provenance, text_fingerprint
 from knitlab.io.json_file import json_table
 from knitlab.io.names import named_folder
@@ -68,7 +68,7 @@ def import_records(
         The cube, its path, and a summary of the records in lines of text.
 
     Raises:
-        BadInput: with every fault of the description and its records.
+        InputError: with every fault of the description and its records.
     """
     path = Path(description)
     described = read_description(path, kind)
@@ -88,22 +88,22 @@ def import_records(
     if cube_file.exists():
         old = read_cube(cube_file)
         if not is_measured(old):
-            problem = "holds simulations; give the description another name, or another folder"
-            raise fault(str(cube_file), problem)
-        problem = f"{IMPORTS} is not a table as knitlab writes it; import all records again"
-        stated = json_table(old.attrs.get(IMPORTS, "{}"), str(cube_file), Imports, problem)
+            message = "holds simulations; give the description another name, or another folder"
+            raise invalid(str(cube_file), message)
+        message = f"{IMPORTS} is not a table as knitlab writes it; import all records again"
+        stated = json_table(old.attrs.get(IMPORTS, "{}"), str(cube_file), Imports, message)
         imports = {**stated, **imports}
         kept = [name for other in imports if other != kind for name in imports[other]["variables"]]
         if missing := {*kept} - {*old.data_vars}:
-            raise fault(str(cube_file), f"has no {', '.join(missing)}; import all records again")
+            raise invalid(str(cube_file), f"has no {', '.join(missing)}; import all records again")
         coordinates = (*design_dims(cube), "applied_strain", SOURCE)
         same = parameters_of(old) == parameters_of(cube) and all(
             name in old.coords and np.array_equal(old[name], cube[name]) for name in coordinates
         )
         if kept and not same:
-            problem = "has another sample, length, width, source, cycles or strains than the"
-            remedy = "remove it, and import all records again"
-            raise fault(str(cube_file), f"{problem} description; {remedy}")
+            message = "has another sample, length, width, source, cycles or strains than the"
+            hint = "remove it, and import all records again"
+            raise invalid(str(cube_file), f"{message} description; {hint}")
         cube = cube.assign({name: old[name] for name in kept})
     cube.attrs[IMPORTS] = json.dumps(imports)
     write_cube(cube, cube_file)

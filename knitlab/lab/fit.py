@@ -23,7 +23,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.io.seal import has_seal, seal
 from knitlab.lab.calibration import ENTRY_UNITS
@@ -95,8 +95,8 @@ def fit_stripes(
     tables = np.zeros(len(FITTED))
     first = search.test(tables, flat=True)
     if first is None:
-        problem = "the test with the tabulated stripes does not converge at every strain; choose a"
-        raise fault(case.label, f"{problem} smaller strain_max, or another sample")
+        message = "the test with the tabulated stripes does not converge at every strain; choose a"
+        raise invalid(case.label, f"{message} smaller strain_max, or another sample")
     quantiles = qmc.Halton(len(FITTED), rng=0).random(starts)
     others = np.clip(looseness * norm.ppf(quantiles[1:]), *(INSIDE * search.bounds))
     best = last = search.from_start(tables)

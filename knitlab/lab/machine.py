@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.table_file import read_columns
 from knitlab.lab.description import CapacitanceTable, Description, TensileTable
 from knitlab.lab.records import Cycle, Record, cycles, resampled
@@ -71,26 +71,26 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     column = f"{path}: column {table.extension.column}"
     if not pulls:
         after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
-        raise fault(column, f"never rises{after}; give a test in which the sample is pulled")
+        raise invalid(column, f"never rises{after}; give a test in which the sample is pulled")
     pulled = pulls[0].loaded(log["time"])
     strain, force = log["extension"][pulled] / length, log["force"][pulled]
     requested = protocol.applied_strain
     if strain.max() < requested[1]:
-        problem = f"reaches an applied strain of only {strain.max():.3g} in its first cycle"
-        remedy = "check its unit and sign and the sample's length, or skip_cycles"
-        raise fault(column, f"{problem}; {remedy}")
+        message = f"reaches an applied strain of only {strain.max():.3g} in its first cycle"
+        hint = "check its unit and sign and the sample's length, or skip_cycles"
+        raise invalid(column, f"{message}; {hint}")
     if strain.min() > requested[1] / 2:
-        problem = f"begins at an applied strain of {strain.min():.3g}"
-        remedy = "give the extension from the relaxed length, which is 0 there"
-        raise fault(column, f"{problem}; {remedy}")
+        message = f"begins at an applied strain of {strain.min():.3g}"
+        hint = "give the extension from the relaxed length, which is 0 there"
+        raise invalid(column, f"{message}; {hint}")
     # A hold begins where the noise of the extension does not show whether it is reached.
     if strain.max() < requested[-1] - LAST_STEP * (requested[-1] - requested[-2]):
-        problem = f"ends at an applied strain of {strain.max():.3g} in its first cycle, but"
-        remedy = "reduce strain_max, or give skip_cycles"
-        raise fault(column, f"{problem} strain_max is {requested[-1]:g}; {remedy}")
+        message = f"ends at an applied strain of {strain.max():.3g} in its first cycle, but"
+        hint = "reduce strain_max, or give skip_cycles"
+        raise invalid(column, f"{message} strain_max is {requested[-1]:g}; {hint}")
     if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
-        problem = "falls as the sample is pulled; give tension as positive"
-        raise fault(f"{path}: column {table.force.column}", problem)
+        message = "falls as the sample is pulled; give tension as positive"
+        raise invalid(f"{path}: column {table.force.column}", message)
     return Pulls(**log, triggered=triggered, length=length, cycles=pulls, dropped=dropped)
 
 
@@ -102,16 +102,16 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
     log, triggered, dropped = _read_log(path, table)
     lowest = log["capacitance"].min()
     if not lowest > 0:
-        problem = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
-        raise fault(f"{path}: column {table.capacitance.column}", problem)
+        message = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
+        raise invalid(f"{path}: column {table.capacitance.column}", message)
     # Without starts, both logs have a trigger.
     starts = table.starts.to("s") if table.starts else pulls.triggered - triggered
     time = log["time"] + starts
     first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
-        problem = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran"
-        problem += f" from {first:g} s to {last:g} s; correct starts or the trigger"
-        raise fault(f"{path}: column {table.time.column}", problem)
+        message = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran"
+        message += f" from {first:g} s to {last:g} s; correct starts or the trigger"
+        raise invalid(f"{path}: column {table.time.column}", message)
     strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
     seen, least = np.isfinite(strain), defaults().capacitor.linearity
 
@@ -163,19 +163,19 @@ def _read_log(
     }
     time = values["time"]
     if len(time) < FEWEST_POINTS:
-        problem = f"has {len(time)} rows of measurements; give at least {FEWEST_POINTS}"
-        raise fault(str(path), problem)
+        message = f"has {len(time)} rows of measurements; give at least {FEWEST_POINTS}"
+        raise invalid(str(path), message)
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
         (one, other), at = time[falls[0] :][:2], falls[0] + 1
         points = f"point {at} to point {at + 1} ({one:g} s to {other:g} s)"
-        problem = f"does not rise from {points}; sort the rows, and keep one of each time"
-        raise fault(f"{path}: column {table.time.column}", problem)
+        message = f"does not rise from {points}; sort the rows, and keep one of each time"
+        raise invalid(f"{path}: column {table.time.column}", message)
     triggered = np.nan
     if table.trigger is not None:
         levels = numbers[table.trigger.column]
         risen = levels > (levels.min() + levels.max()) / 2
         if risen[0] or not risen.any():
-            problem = "does not begin low and rise; give starts instead"
-            raise fault(f"{path}: column {table.trigger.column}", problem)
+            message = "does not begin low and rise; give starts instead"
+            raise invalid(f"{path}: column {table.trigger.column}", message)
         triggered = float(time[risen.argmax()])
     return values, triggered, int((~good).sum())

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.table_file import read_columns
 from knitlab.lab.description import Description, MarkersTable, SampleTable
 from knitlab.lab.machine import Imports, Values, read_pulls
@@ -80,8 +80,8 @@ def read_markers(folder: Path, description: Description) -> Imports:
     if table.strain_per_frame is not None:
         strain, spans = frames * table.strain_per_frame, [frames]
         if strain[-1] < requested[-1] * (1 - 1e-9):
-            problem = f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
-            raise fault(str(path), f"{problem} {requested[-1]:g}; reduce strain_max")
+            message = f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
+            raise invalid(str(path), f"{message} {requested[-1]:g}; reduce strain_max")
     else:
         assert table.frame_rate is not None  # as without strain_per_frame it has both
         assert table.starts is not None
@@ -92,14 +92,14 @@ def read_markers(folder: Path, description: Description) -> Imports:
         spans = [np.flatnonzero(cycle.loaded(time) & seen) for cycle in pulls.cycles]
         if not len(spans[0]):
             pull = f"the first pull, from {pulls.cycles[0].start:g} s to {pulls.cycles[0].turn:g} s"
-            problem = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does"
-            raise fault(str(path), f"{problem} not cover {pull}; correct starts or frame_rate")
+            message = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does"
+            raise invalid(str(path), f"{message} not cover {pull}; correct starts or frame_rate")
         summary.append(pulls.summary)
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
     if pulled > LARGEST_AT_REST * requested[1]:
-        problem = f"already reach a strain of {pulled:.3g}"
-        remedy = "give fewer, or correct starts or strain_per_frame"
-        raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", f"{problem}; {remedy}")
+        message = f"already reach a strain of {pulled:.3g}"
+        hint = "give fewer, or correct starts or strain_per_frame"
+        raise invalid(f"{path}: relaxed_frames {table.relaxed_frames}", f"{message}; {hint}")
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
     check_pull(path, marked, strain)
@@ -107,11 +107,11 @@ def read_markers(folder: Path, description: Description) -> Imports:
     values = [marker_values(marked, strains, strain[span], span) for span in spans]
     mean, error = values[0]["mean_strain_yy"], values[0]["mean_strain_yy_error"]
     if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(error[0])):
-        problem = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
-        raise fault(str(path), f"{problem}; correct starts or relaxed_frames")
+        message = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
+        raise invalid(str(path), f"{message}; correct starts or relaxed_frames")
     if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * requested[-1]:
-        problem = "shows markers that do not move while the sample is pulled; correct starts"
-        raise fault(str(path), problem)
+        message = "shows markers that do not move while the sample is pulled; correct starts"
+        raise invalid(str(path), message)
     if not np.isfinite(mean).any():
         summary.append("no central unit cell keeps its markers, so there are no mean strains")
     return values, [marked.summary, *marked.remarks, *summary]
@@ -123,8 +123,8 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     read = read_tracks(path, table.y_axis, table.least_confidence, table.pixel.to("mm"))
     tracks = in_fabric_axes(read.positions, table)
     if table.relaxed_frames > len(tracks):
-        problem = f"exceeds the number of frames, {len(tracks)}; give fewer"
-        raise fault(f"{path}: relaxed_frames {table.relaxed_frames}", problem)
+        message = f"exceeds the number of frames, {len(tracks)}; give fewer"
+        raise invalid(f"{path}: relaxed_frames {table.relaxed_frames}", message)
     before = tracks[: table.relaxed_frames]
     seen = np.isfinite(before).sum(axis=0)
     first = np.where(seen > 0, np.nansum(before, axis=0) / seen.clip(1), np.nan)
@@ -148,25 +148,25 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     rows, columns = sample.unit_cells
     if not (1 <= marked_rows <= rows and 1 <= marked_columns <= columns):
         shown = f"{marked_rows} × {marked_columns} unit cells of a sample of {rows} × {columns}"
-        remedy = "give markers_per_cell, or a table of places"
-        raise fault(str(path), f"shows {shown}; {remedy}")
+        hint = "give markers_per_cell, or a table of places"
+        raise invalid(str(path), f"shows {shown}; {hint}")
     cells = lattice_vectors(marked.relaxed).reshape(-1, 2, 2)
     edges = cells[np.isfinite(cells).all(axis=(1, 2))]
     if not len(edges):
-        raise fault(str(path), "shows no unit cell with all of its corners; mark more of them")
+        raise invalid(str(path), "shows no unit cell with all of its corners; mark more of them")
     mean = edges.mean(axis=0)
     sizes = np.linalg.norm(mean, axis=0)
     (xx, xy), (yx, yy) = mean / sizes
     misaligned = np.degrees(np.arctan2(yx - xy, xx + yy))
     if abs(misaligned) > LARGEST_MISALIGNMENT:
-        problem = f"are {misaligned:.0f}° from the rows and columns of markers"
-        raise fault(f"{path}: weft and warp", f"{problem}; correct them, or give turned")
+        message = f"are {misaligned:.0f}° from the rows and columns of markers"
+        raise invalid(f"{path}: weft and warp", f"{message}; correct them, or give turned")
     for size, count, side in zip(sizes, (columns, rows), ("width", "length"), strict=True):
         stated = getattr(sample, side).to("mm")
         if not 1 / LARGEST_SIZE_RATIO < size * count / stated < LARGEST_SIZE_RATIO:
-            problem = f"is {stated:.4g} mm for {count} unit cells, but the markers give"
-            remedy = "correct it, unit_cells, pixel or markers_per_cell"
-            raise fault(f"{path}: sample.{side}", f"{problem} {size:.4g} mm each; {remedy}")
+            message = f"is {stated:.4g} mm for {count} unit cells, but the markers give"
+            hint = "correct it, unit_cells, pixel or markers_per_cell"
+            raise invalid(f"{path}: sample.{side}", f"{message} {size:.4g} mm each; {hint}")
 
 
 def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSample:
@@ -188,14 +188,14 @@ def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSampl
     drifting = np.linalg.norm(drift) > LEAST_DRIFT * np.linalg.norm(separation)
     if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
         moves = f"moves {abs(np.degrees(difference)):.0f}° off the separation of its rows"
-        remedy = "correct weft and warp, or if the camera moved give align = picture"
-        raise fault(str(path), f"shows a sample that {moves}; {remedy}")
+        hint = "correct weft and warp, or if the camera moved give align = picture"
+        raise invalid(str(path), f"shows a sample that {moves}; {hint}")
     if drifting and abs(difference) <= AGREEING:
         turn = by_drift
     if abs(turn) > np.radians(LARGEST_MISALIGNMENT):
-        problem = f"shows a pull that is {np.degrees(turn):.0f}° from the warp"
-        remedy = "correct weft, warp or turned, or give align = picture"
-        raise fault(str(path), f"{problem}; {remedy}")
+        message = f"shows a pull that is {np.degrees(turn):.0f}° from the warp"
+        hint = "correct weft, warp or turned, or give align = picture"
+        raise invalid(str(path), f"{message}; {hint}")
     back = _clockwise(turn).T
     relaxed, corners = marked.relaxed @ back, marked.corners @ back
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
@@ -210,8 +210,8 @@ def check_pull(path: Path, marked: MarkedSample, strain: Strains) -> None:
     size = np.linalg.norm(separation)
     drifts_across = np.linalg.norm(drift) > LEAST_DRIFT * size and abs(drift[0]) > abs(drift[1])
     if drifts_across and abs(across[0]) > size:
-        problem = "shows a sample that is pulled along its weft; correct weft and warp, or the"
-        raise fault(str(path), f"{problem} order of the coordinates, which is x, y")
+        message = "shows a sample that is pulled along its weft; correct weft and warp, or the"
+        raise invalid(str(path), f"{message} order of the coordinates, which is x, y")
 
 
 def _median(vectors: Float[np.ndarray, "*any 2"]) -> Vector:
@@ -279,10 +279,10 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
         table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE)
         marker, row, column = (whole_numbers(places, name, table[name]) for name in names)
         if marker.max() >= len(first):
-            problem = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"
-            raise fault(f"{places}: column marker", problem)
+            message = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"
+            raise invalid(f"{places}: column marker", message)
         rows, columns = np.full((2, len(first)), -1)
         rows[marker], columns[marker] = row, column
         return grid_of_positions(rows, columns)
     except NoGrid as error:
-        raise fault(str(places or path), str(error)) from error
+        raise invalid(str(places or path), str(error)) from error

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import t as student_t
 
-from knitlab.io.errors import fault, shown
+from knitlab.io.errors import invalid, shown
 
 Zero = Literal["none", "start"] | float
 """What is subtracted from the force: nothing, the force at zero strain, or a number [N]."""
@@ -47,9 +47,9 @@ class Tested:
         zero, preload = self.zero, self.preload
         number = isinstance(zero, int | float) and math.isfinite(zero)
         if not (zero in (None, "none", "start") or number):
-            raise fault("zero", f"is {shown(zero)}; give none, start, or a number of newtons")
+            raise invalid("zero", f"is {shown(zero)}; give none, start, or a number of newtons")
         if preload is not None and not 0 < preload < math.inf:
-            raise fault("preload", f"is {preload:g} N; give a tension above 0")
+            raise invalid("preload", f"is {preload:g} N; give a tension above 0")
 
     @property
     def in_newtons(self) -> str:
@@ -128,14 +128,14 @@ def correction_of(
 ) -> Correction:
     """Corrections of repeats, by the starts of their first loadings and what the user says.
 
-    All forces are in one unit. BadInput if a force at zero strain is above the noise and the user
+    All forces are in one unit. InputError if a force at zero strain is above the noise and the user
     does not say what it is, or if it contradicts what the user says.
     """
     known = {name: start for name, start in starts.items() if start is not None}
     zero, preload = tested.zero, tested.preload
     if len(known) < len(starts) and (zero == "start" or preload is not None):
-        problem = "has too few readings near zero strain for zero start or a preload"
-        raise fault(where, f"{problem}; give the whole record, or zero as a number")
+        message = "has too few readings near zero strain for zero start or a preload"
+        raise invalid(where, f"{message}; give the whole record, or zero as a number")
     if zero is None and preload is None:
         _refuse_ambiguous(where, known, unit)
         return Correction(dict.fromkeys(starts, 0.0))
@@ -155,15 +155,15 @@ def correction_of(
     for name, start in known.items():
         left = start.force - offsets[name]
         if abs(left - preload) > max(start.noise, NEAR_PRELOAD * preload):
-            problem = (
+            message = (
                 f"is {left:.3g} {unit} at zero strain, not the preload of {preload:.3g} {unit}"
             )
-            remedy = "if the load cell was zeroed under it, also give zero = start; else correct it"
-            raise fault(_named(where, name, starts), f"{problem}; {remedy}")
+            hint = "if the load cell was zeroed under it, also give zero = start; else correct it"
+            raise invalid(_named(where, name, starts), f"{message}; {hint}")
     if not slope > preload:
-        problem = f"rises by {slope:.3g} {unit} per strain of 1 at its start, so that no relaxed"
-        problem += f" length follows from a preload of {preload:.3g} {unit}; give a smaller one"
-        raise fault(where, problem)
+        message = f"rises by {slope:.3g} {unit} per strain of 1 at its start, so that no relaxed"
+        message += f" length follows from a preload of {preload:.3g} {unit}; give a smaller one"
+        raise invalid(where, message)
     stretched = _stretched(preload, slope)
     summary.append(
         f"begins under a preload of {preload:.3g} {unit}, which stretches it by"
@@ -173,19 +173,19 @@ def correction_of(
 
 
 def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> None:
-    """BadInput if the force at zero strain of a repeat, or its mean, is above the noise."""
+    """InputError if the force at zero strain of a repeat, or its mean, is above the noise."""
     for name, start in {**starts, **_mean_of(starts)}.items():
         if abs(start.force) <= start.noise:
             continue
         begins = f"is {start.force:.3g} {unit} at zero strain, above its noise of {start.noise:.2g}"
-        remedy = "if that is an offset of the load cell, give zero = start"
+        hint = "if that is an offset of the load cell, give zero = start"
         if start.force > 0:
             stretch = "more than doubles its length"
             if start.slope > 2 * start.force:
                 stretch = f"stretches it by {_percent(_stretched(start.force, start.slope))}"
-            remedy += f"; if it is a preload, which {stretch}, give preload = {start.force:.3g}"
-        remedy += "; to keep it, give zero = none"
-        raise fault(_named(where, name, starts), f"{begins} {unit}; {remedy}")
+            hint += f"; if it is a preload, which {stretch}, give preload = {start.force:.3g}"
+        hint += "; to keep it, give zero = none"
+        raise invalid(_named(where, name, starts), f"{begins} {unit}; {hint}")
 
 
 def _mean_of(starts: Mapping[str, Start]) -> dict[str, Start]:

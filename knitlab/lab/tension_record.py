@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.io.errors import Fault, fault, raise_any
+from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.table_file import factor_of, name_and_unit, numbers_of, read_table
 from knitlab.lab.friction_fit import LoadingCycles, Passage
 from knitlab.lab.record_start import Correction, Tested, Zero, correction_of, start_of
@@ -99,7 +99,7 @@ def read_tension_record(
         The curve of each repeat; its summary says what was subtracted and how strains were moved.
 
     Raises:
-        BadInput: with every fault of the file; and if the force at zero strain is above the noise
+        InputError: with every fault of the file; and if the force at zero strain is above the noise
             but neither ``zero`` nor ``preload`` is given, or contradicts the preload.
     """
     path, tested = Path(path), Tested(zero, preload)
@@ -155,15 +155,15 @@ def read_cycles(
 
     The arguments are those of :func:`read_tension_record`. Each passage is resampled at evenly
     spaced strains; records at negative strain are left out. Offset and preload are those of the
-    first loading. BadInput has every fault of the file. A column of several swatches, such as
+    first loading. InputError has every fault of the file. A column of several swatches, such as
     ``specimen``, is refused.
     """
     path, tested = Path(path), Tested(zero, preload)
     sizes = {"extension": gauge_length, "force": width, "stress": thickness}
     columns, repeats, named = _columns(path, sizes)
     if len(set(repeats)) > 1 and named not in OF_ONE_SWATCH:
-        problem = "has several swatches, and cycles are of one; give one, in a column repeat"
-        raise fault(f"{path}: column {named}", problem)
+        message = "has several swatches, and cycles are of one; give one, in a column repeat"
+        raise invalid(f"{path}: column {named}", message)
     strain, force = columns.values()
     own = np.array(repeats) == repeats[0]
     first = {repeats[0]: _first_loading(strain[own], force[own])}
@@ -187,7 +187,7 @@ def read_cycles(
                 middles = ((even[1:] + even[:-1]) / 2)[known]
                 passages.append(Passage(middles[steps], curve.values[known][steps], loading))
     if not passages:
-        raise fault(str(path), "has no loading; give strain that rises")
+        raise invalid(str(path), "has no loading; give strain that rises")
     per_width = "stress" in columns or width is not None
     return LoadingCycles(tuple(passages), per_width, correction.summary)
 
@@ -201,48 +201,48 @@ def _columns(
     """
     headers, table, _ = read_table(path, EXAMPLE)
     columns: dict[str, tuple[int, str, str]] = {}
-    faults = []
+    mistakes = []
     for number, header in enumerate(headers):
         name, unit = name_and_unit(header)
         kind = _kind(name, unit)
         if kind is None:
             continue
         if not unit and kind != "repeat":
-            faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
+            mistakes.append(Mistake(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if kind in columns:
             first = columns[kind][2]
-            problem = "occurs twice" if name == first else f"is {kind}, and so is {first}"
-            problem += "; keep one; write specimens below each other, with a column repeat"
-            faults.append(Fault(f"{path}: column {name}", problem))
+            message = "occurs twice" if name == first else f"is {kind}, and so is {first}"
+            message += "; keep one; write specimens below each other, with a column repeat"
+            mistakes.append(Mistake(f"{path}: column {name}", message))
         columns[kind] = number, unit, name
     along = "strain" if "strain" in columns else "extension"
     loads = [name for name in ("force", "stress") if name in columns]
     if along not in columns:
-        problem = f"is missing; the file has {', '.join(headers)}; {EXAMPLE}"
-        faults.append(Fault(f"{path}: column strain", problem))
+        message = f"is missing; the file has {', '.join(headers)}; {EXAMPLE}"
+        mistakes.append(Mistake(f"{path}: column strain", message))
     if len(loads) != 1:
         absent = f"has neither; it has {', '.join(headers)}; {EXAMPLE}"
-        problem = "has both; keep one" if loads else absent
-        faults.append(Fault(f"{path}: columns force and stress", problem))
-    raise_any(faults)
+        message = "has both; keep one" if loads else absent
+        mistakes.append(Mistake(f"{path}: columns force and stress", message))
+    raise_if_any(mistakes)
     (load,) = loads
     values = {}
     for kind in (along, load):
         (number, unit, name), size = columns[kind], sizes.get(kind)
         over_width = " over width" if kind == "stress" and size is None else ""
-        column, (target, remedy) = f"{path}: column {name}", TARGETS[kind + over_width]
+        column, (target, hint) = f"{path}: column {name}", TARGETS[kind + over_width]
         numbers, wrong = numbers_of(path, name, table[number])
-        factor, of_unit = factor_of(column, unit, target, remedy)
+        factor, of_unit = factor_of(column, unit, target, hint)
         if kind == "extension" and size is None:
-            of_unit = [Fault(column, "needs the gauge_length, the relaxed length, in mm")]
-        faults += wrong + of_unit
+            of_unit = [Mistake(column, "needs the gauge_length, the relaxed length, in mm")]
+        mistakes += wrong + of_unit
         scale = size or 1.0
         values[kind] = numbers * factor * (scale if kind == "stress" else 1 / scale)
     for other, name in (("stress", "thickness"), ("force", "width")):
         if other != load and (size := sizes[other]) is not None:
-            problem = f"is for {other}, but the record holds {load}; leave it out"
-            faults.append(Fault(f"{name} {size:g}", problem))
-    raise_any(faults)
+            message = f"is for {other}, but the record holds {load}; leave it out"
+            mistakes.append(Mistake(f"{name} {size:g}", message))
+    raise_if_any(mistakes)
     if "repeat" not in columns:
         return values, ["1"] * len(table), ""
     number, _, name = columns["repeat"]
@@ -263,7 +263,7 @@ def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Po
     number = np.arange(len(strain), dtype=float)
     pulls = cycles(number, strain, LEAST_TURN)
     if cycle > max(1, len(pulls)):
-        raise fault(column, f"has {len(pulls)} cycles; choose one of them, not cycle {cycle}")
+        raise invalid(column, f"has {len(pulls)} cycles; choose one of them, not cycle {cycle}")
     if pulls:
         loading = pulls[cycle - 1].loaded(number)
         # Records at rest before the first loading belong to it.
@@ -271,11 +271,11 @@ def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Po
         strain, force = strain[loading], force[loading]
     below = strain < 0
     if strain.min() < -max(SLACK, SLACK * strain.max()):
-        raise fault(column, f"goes down to {strain.min():g}; give tension alone, from 0 up")
+        raise invalid(column, f"goes down to {strain.min():g}; give tension alone, from 0 up")
     strain, force = strain[~below], force[~below]
     if (points := len(np.unique(strain))) < LEAST_POINTS:
-        problem = f"has {points} points; three parameters need at least {LEAST_POINTS}"
-        raise fault(column, problem)
+        message = f"has {points} points; three parameters need at least {LEAST_POINTS}"
+        raise invalid(column, message)
     return strain, force, int(below.sum())
 
 
@@ -297,8 +297,8 @@ def _correction(
 ) -> Correction:
     """Corrections of the repeats, by their first loadings, with offsets in the record's unit."""
     if "stress" in columns and (name := tested.in_newtons):
-        problem = "is in N, but the record holds stress; give a record of the force, or zero start"
-        raise fault(f"{name} {getattr(tested, name):g}", problem)
+        message = "is in N, but the record holds stress; give a record of the force, or zero start"
+        raise invalid(f"{name} {getattr(tested, name):g}", message)
     scale, unit = width or 1.0, "N/mm" if "stress" in columns else "N"
     starts = {name: start_of(strain, scale * force) for name, (strain, force) in first.items()}
     where = f"{path}: column {'stress' if 'stress' in columns else 'force'}"
@@ -313,13 +313,13 @@ def period_of(
     gauge_length: float | None = None,
     gauge_stitches: float | None = None,
 ) -> float:
-    """Relaxed period of an n × n fabric [mm], as given, or from its 2 n stitches; or BadInput."""
+    """Relaxed period of an n × n fabric [mm], as given, or from its 2 n stitches; or InputError."""
     if period is not None and gauge_stitches is not None:
-        raise fault("period", "is given twice; give period or gauge_stitches")
+        raise invalid("period", "is given twice; give period or gauge_stitches")
     if period is not None:
         return period
     if gauge_stitches is None:
-        raise fault("period", "is missing; give it in mm, or gauge_length and gauge_stitches")
+        raise invalid("period", "is missing; give it in mm, or gauge_length and gauge_stitches")
     if gauge_length is None:
-        raise fault("gauge_stitches", "give a period only with the gauge_length; give it in mm")
+        raise invalid("gauge_stitches", "give a period only with the gauge_length; give it in mm")
     return gauge_length * 2 * n / gauge_stitches

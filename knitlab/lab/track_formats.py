@@ -13,7 +13,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 from numpy.lib.format import open_memmap
 
-from knitlab.io.errors import fault, raise_any, shortened
+from knitlab.io.errors import invalid, raise_if_any, shortened
 from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
 from knitlab.io.text_file import plain_file, read_text
 
@@ -51,7 +51,7 @@ def read_tracks(
     Formats are an ``.npy`` array (frame, marker, 2) of tracking-markers, and tables of DeepLabCut,
     SLEAP, TrackMate, trackpy, ``frame,marker,x,y`` and ``x0,y0,x1,y1,…``. ``y_axis`` is the
     direction in which y increases in the picture, by default that of the format, and ``pixel`` the
-    size of a pixel on the fabric [mm], which is checked if the file states lengths. BadInput if
+    size of a pixel on the fabric [mm], which is checked if the file states lengths. InputError if
     positions are incomplete or impossible.
     """
     if path.suffix.lower() == ".npy":
@@ -59,22 +59,22 @@ def read_tracks(
     elif path.suffix.lower() in (".csv", ".txt", ".tsv", ".xlsx"):
         read = _table(path)
     else:
-        raise fault(str(path), "has no suffix .npy or .csv; give one of these")
+        raise invalid(str(path), "has no suffix .npy or .csv; give one of these")
     if read.unit:
-        factor, faults = factor_of(str(path), read.unit, "mm", "of length")
-        if faults or not np.isclose(factor, pixel):
+        factor, mistakes = factor_of(str(path), read.unit, "mm", "of length")
+        if mistakes or not np.isclose(factor, pixel):
             stated = f'pixel = {{ value = 1, unit = "{read.unit}" }}'
-            raise fault(str(path), f"has positions in {read.unit}; give {stated}")
+            raise invalid(str(path), f"has positions in {read.unit}; give {stated}")
     tracks, summary = read.positions, []
     lost = np.isnan(tracks)
     if np.isinf(tracks).any():
         frame, marker, _ = np.argwhere(np.isinf(tracks))[0]
-        problem = f"is infinite for marker {marker} in frame {frame}; write NaN where it is lost"
-        raise fault(str(path), problem)
+        message = f"is infinite for marker {marker} in frame {frame}; write NaN where it is lost"
+        raise invalid(str(path), message)
     if (half_known := lost[..., 0] != lost[..., 1]).any():
         frame, marker = np.argwhere(half_known)[0]
-        problem = f"has only one coordinate of marker {marker} in frame {frame}; correct it"
-        raise fault(str(path), problem)
+        message = f"has only one coordinate of marker {marker} in frame {frame}; correct it"
+        raise invalid(str(path), message)
     up = (y_axis or read.y_axis) == "up"
     stated = "as stated" if y_axis else f"as {read.program} writes it; else give y_axis"
     summary.append(f"y counts {'upwards' if up else 'downwards'}, {stated}")
@@ -89,8 +89,8 @@ def read_tracks(
             summary.append(f"{wrong.sum()} positions {which} are left out")
     if len(empty := np.flatnonzero(np.isnan(tracks).all(axis=(1, 2)))):
         listed = ", ".join(map(str, empty[:5])) + (", …" if len(empty) > 5 else "")
-        problem = f"shows no marker in {len(empty)} frames ({listed})"
-        raise fault(str(path), f"{problem}; track them again, or cut them off")
+        message = f"shows no marker in {len(empty)} frames ({listed})"
+        raise invalid(str(path), f"{message}; track them again, or cut them off")
     tracks = tracks * [1.0, -1.0] if up else tracks
     return read._replace(positions=tracks, y_axis="down", summary=tuple(summary))
 
@@ -99,22 +99,22 @@ def _array(path: Path) -> Tracks:
     try:
         tracks = open_memmap(plain_file(path), mode="r")  # which compares sizes
     except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+        raise invalid(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except Exception as error:  # numpy raises many types of a damaged header
         why = shortened(" ".join(str(error).split()))
-        problem = f"is not a complete .npy array ({why}); save it with numpy.save"
+        message = f"is not a complete .npy array ({why}); save it with numpy.save"
         if "magic string" in str(error):
-            problem = "is not an .npy array; save it with numpy.save"
+            message = "is not an .npy array; save it with numpy.save"
         elif "Python objects" in str(error):
-            problem = "holds pickled objects, which may execute code; save a plain array of floats"
-        raise fault(str(path), problem) from error
+            message = "holds pickled objects, which may execute code; save a plain array of floats"
+        raise invalid(str(path), message) from error
     if tracks.dtype.kind not in "fiu":
-        raise fault(str(path), "holds no array of numbers; save one with numpy.save")
+        raise invalid(str(path), "holds no array of numbers; save one with numpy.save")
     if tracks.ndim != 3 or tracks.shape[2] != 2:
-        problem = f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
-        raise fault(str(path), problem)
+        message = f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
+        raise invalid(str(path), message)
     if not tracks.size:
-        raise fault(str(path), f"is empty, of shape {tracks.shape}; track some markers")
+        raise invalid(str(path), f"is empty, of shape {tracks.shape}; track some markers")
     return Tracks(tracks.astype(float), "tracking-markers", y_axis="up")
 
 
@@ -134,26 +134,26 @@ def _table(path: Path) -> Tracks:
     if wide := _wide(path, table):
         return wide
     present = ", ".join(table.headers[:8])
-    raise fault(str(path), f"has no columns of markers, but {present}; {EXAMPLE}")
+    raise invalid(str(path), f"has no columns of markers, but {present}; {EXAMPLE}")
 
 
 def _deeplabcut(path: Path, text: str) -> Tracks:
     """Rows ``scorer``, perhaps ``individuals``, ``bodyparts`` and ``coords`` above the numbers."""
     begins = [line.split(",")[0] for line in text.splitlines()[:6]]
     if "coords" not in begins:
-        raise fault(str(path), "begins as a table of DeepLabCut, but has no row coords below")
+        raise invalid(str(path), "begins as a table of DeepLabCut, but has no row coords below")
     try:
         table = pd.read_csv(
             StringIO(text), header=list(range(begins.index("coords") + 1)), index_col=0
         )
         columns = table.apply(pd.to_numeric, errors="raise").to_numpy(float)
     except (ValueError, TypeError, IndexError) as error:
-        problem = f"begins as a table of DeepLabCut, but is none ({' '.join(str(error).split())})"
-        raise fault(str(path), f"{problem}; export it again") from error
+        message = f"begins as a table of DeepLabCut, but is none ({' '.join(str(error).split())})"
+        raise invalid(str(path), f"{message}; export it again") from error
     coordinates = [str(name[-1]) for name in table.columns]
     if len(columns) == 0 or coordinates != ["x", "y", "likelihood"] * (len(coordinates) // 3):
-        problem = "begins as a table of DeepLabCut, but its columns are not x, y, likelihood"
-        raise fault(str(path), f"{problem}; export it again")
+        message = "begins as a table of DeepLabCut, but its columns are not x, y, likelihood"
+        raise invalid(str(path), f"{message}; export it again")
     of_markers = columns.reshape(len(columns), -1, 3)
     return Tracks(of_markers[..., :2], "DeepLabCut", confidence=of_markers[..., 2])
 
@@ -208,19 +208,19 @@ def _column(
     texts = table.rows[table.headers.index(name) if column is None else column]
     gap = texts.str.lower().isin(["", "nan"])
     values = np.full(len(texts), np.nan)
-    values[~gap], faults = numbers_of(path, name, texts[~gap])
-    raise_any(faults)
+    values[~gap], mistakes = numbers_of(path, name, texts[~gap])
+    raise_if_any(mistakes)
     return values
 
 
 def whole_numbers(
     path: Path, name: str, values: Float[np.ndarray, " row"]
 ) -> Int[np.ndarray, " row"]:
-    """Values of a column as whole numbers from 0 up; BadInput names the first that is none."""
+    """Values of a column as whole numbers from 0 up; InputError names the first that is none."""
     bad = np.flatnonzero(~((values % 1 == 0) & (values >= 0)))
     if len(bad):
-        problem = f"has {values[bad[0]]:g} at point {bad[0] + 1}; count from 0 up"
-        raise fault(f"{path}: column {name}", problem)
+        message = f"has {values[bad[0]]:g} at point {bad[0] + 1}; count from 0 up"
+        raise invalid(f"{path}: column {name}", message)
     return values.astype(int)
 
 
@@ -233,12 +233,12 @@ def _by_frame(
     index = whole_numbers(path, frame, _column(path, table, frame))
     frames = np.unique(index)
     if frames[0] > 1:
-        problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
-        raise fault(f"{path}: column frame", problem)
+        message = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
+        raise invalid(f"{path}: column frame", message)
     if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
-        raise fault(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
+        raise invalid(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
     rows.index = pd.MultiIndex.from_arrays([index, marker])
     if rows.index.has_duplicates:
-        raise fault(str(path), "has a marker twice in one frame; keep one row")
+        raise invalid(str(path), "has a marker twice in one frame; keep one row")
     wide = rows.unstack().to_numpy()
     return wide.reshape(len(frames), len(names), -1).swapaxes(1, 2)

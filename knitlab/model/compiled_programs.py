@@ -28,8 +28,8 @@ def keep_compiled_programs() -> None:
     named = getattr(jax.config, "jax_compilation_cache_dir", None)
     if named is not None:
         kept = getattr(jax.config, "jax_enable_compilation_cache", True)
-        if kept and (problem := problem_of_cache(named)):
-            warnings.warn(problem, stacklevel=2)
+        if kept and (message := problem_of_cache(named)):
+            warnings.warn(message, stacklevel=2)
             jax.config.update("jax_enable_compilation_cache", False)
         return
     folder = user_cache_path("knitlab") / "compiled" / _kind_of_program()

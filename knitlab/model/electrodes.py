@@ -95,9 +95,9 @@ class Electrodes:
         """The axis of the electrodes, 0 for x and 1 for y."""
         return 0 if self.along == "course" else 1
 
-    def faults(self, shape: MeshShape) -> list[str]:
+    def mistakes(self, shape: MeshShape) -> list[str]:
         """All faults of the electrodes on a mesh, each with its position."""
-        faults, size = [], (shape.cells_x, shape.cells_y)
+        mistakes, size = [], (shape.cells_x, shape.cells_y)
         period = size[self.axis] if shape.periodic else 0
         x, y = (period, 0) if self.axis == 0 else (0, period)
 
@@ -116,33 +116,33 @@ class Electrodes:
             )
 
         for name, strips in zip(NAMES, self.strips, strict=True):
-            faults += [
+            mistakes += [
                 f"electrode {name} extends beyond the fabric: {strip} of {size[0]} × {size[1]}"
                 for strip in filter(leaves, strips)
             ]
-            faults += [
+            mistakes += [
                 f"electrode {name} overlaps itself: {shared}"
                 for shared in common(combinations(strips, 2))
                 if shared.area > 0
             ]
         touching = common(product(*self.strips))
-        return faults + [f"the electrodes touch, a short circuit: {each}" for each in touching]
+        return mistakes + [f"the electrodes touch, a short circuit: {each}" for each in touching]
 
 
 class BadLayout(ValueError):
-    """A layout that is impossible on a fabric; ``problems`` has a sentence for each fault."""
+    """A layout that is impossible on a fabric; ``messages`` has a sentence for each fault."""
 
-    def __init__(self, problems: list[str]) -> None:
-        super().__init__("; ".join(problems))
-        self.problems = problems
+    def __init__(self, messages: list[str]) -> None:
+        super().__init__("; ".join(messages))
+        self.messages = messages
 
 
 def _width(value: object, number_or_stripe: ValidatorFunctionWrapHandler) -> object:
     try:
         return number_or_stripe(value)
     except ValidationError as error:
-        problem = f"a width is a number of stitches above 0 or 'stripe', but is {value!r}"
-        raise ValueError(problem) from error
+        message = f"a width is a number of stitches above 0 or 'stripe', but is {value!r}"
+        raise ValueError(message) from error
 
 
 def _mask(rows: tuple[str, ...]) -> tuple[str, ...]:
@@ -191,8 +191,8 @@ def place_electrodes(
     else:
         strips = _along_ridges(layout, pattern, options, stitches)
     electrodes = Electrodes((strips[0], strips[1]), layout.along)
-    if faults := electrodes.faults(shape):
-        raise BadLayout(faults)
+    if mistakes := electrodes.mistakes(shape):
+        raise BadLayout(mistakes)
     return electrodes
 
 
@@ -240,15 +240,15 @@ def _along_ridges(
 def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> list[tuple[Strip, ...]]:
     drawing = np.array([list(row.upper()) for row in layout.mask[::-1]])
     if drawing.shape != (shape.cells_y, shape.cells_x):
-        problem = (
+        message = (
             f"the mask has {len(layout.mask)} rows of {len(layout.mask[0])} letters, the fabric"
             f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter per cell"
         )
-        raise BadLayout([problem])
-    if problems := [
-        problem for name in NAMES for problem in _broken(name, drawing == name, layout.along, shape)
+        raise BadLayout([message])
+    if messages := [
+        message for name in NAMES for message in _broken(name, drawing == name, layout.along, shape)
     ]:
-        raise BadLayout(problems)
+        raise BadLayout(messages)
     plated = (np.argwhere(drawing == name).astype(float).tolist() for name in NAMES)
     return [tuple(Strip(x, x + 1, y, y + 1) for y, x in cells) for cells in plated]
 

@@ -21,11 +21,11 @@ Patches = Annotated[float, Field(ge=0)]  # 1.5 is the middle of the second patch
 
 
 class BadPattern(ValueError):
-    """A pattern that cannot be knitted; ``problems`` has a sentence for each fault."""
+    """A pattern that cannot be knitted; ``messages`` has a sentence for each fault."""
 
-    def __init__(self, problems: Sequence[str]) -> None:
-        super().__init__("; ".join(problems))
-        self.problems = tuple(problems)
+    def __init__(self, messages: Sequence[str]) -> None:
+        super().__init__("; ".join(messages))
+        self.messages = tuple(messages)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class PatchGrid:
 
     def grid_folds(self) -> list[tuple[SingleFold, int, int, int]]:
         """Single folds with their grid line, start and end; :class:`BadPattern` has all faults."""
-        problems, on_grid = list[str](), []
+        messages, on_grid = list[str](), []
         for number, fold in enumerate(self.folds, 1):
             across, length = self.column_borders, self.row_borders
             if fold.along == "course":
@@ -138,14 +138,14 @@ class PatchGrid:
                 try:
                     lines.append(_grid_line(at, across if name == "at" else length))
                 except ValueError as error:
-                    problems.append(f"fold {number}: {name} = {at:g} {error}")
+                    messages.append(f"fold {number}: {name} = {at:g} {error}")
             if len(lines) == 3:
                 if lines[1] >= lines[2]:
-                    problem = f"start = {fold.start:g} is not below end = {end:g}"
-                    problems.append(f"fold {number}: {problem}")
+                    message = f"start = {fold.start:g} is not below end = {end:g}"
+                    messages.append(f"fold {number}: {message}")
                 on_grid.append((fold, lines[0], lines[1], lines[2]))
-        if problems:
-            raise BadPattern(problems)
+        if messages:
+            raise BadPattern(messages)
         return on_grid
 
 
@@ -168,17 +168,17 @@ def letters_of(rows: Sequence[str]) -> np.ndarray:
     widths = {len(row) for row in rows}
     if not rows or len(widths) != 1 or widths == {0}:
         lengths = ", ".join(f"row {k} has {len(row)}" for k, row in enumerate(rows, 1))
-        problem = f"patch map {list(rows)} is not a rectangle; give rows of equal length"
-        raise BadPattern([f"{problem} (from the top, {lengths} patches)" if rows else problem])
-    problems = [
+        message = f"patch map {list(rows)} is not a rectangle; give rows of equal length"
+        raise BadPattern([f"{message} (from the top, {lengths} patches)" if rows else message])
+    messages = [
         f"patch map, row {row} from the top, column {column}: {letter!r} is not a knit;"
         " use R for rib, G for garter and P for plain knit"
         for row, letters in enumerate(rows, 1)
         for column, letter in enumerate(letters, 1)
         if letter.upper() not in KNIT_OF_LETTER
     ]
-    if problems:
-        raise BadPattern(problems)
+    if messages:
+        raise BadPattern(messages)
     return np.array([list(row.upper()) for row in rows[::-1]])
 
 

@@ -49,8 +49,8 @@ class SpringCurve:
         return f"<SpringCurve: {len(self.strain)} points>"
 
     def __post_init__(self) -> None:
-        if problems := _problems(np.asarray(self.strain, float), np.asarray(self.force, float)):
-            raise ValueError("; ".join(problems))
+        if messages := _problems(np.asarray(self.strain, float), np.asarray(self.force, float)):
+            raise ValueError("; ".join(messages))
 
     @cached_property
     def spline(self) -> PPoly:
@@ -84,23 +84,23 @@ def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " kn
         ]
     if not (np.isfinite(strain).all() and np.isfinite(force).all()):
         return ["it has numbers that are not finite; remove them"]
-    problems = []
+    messages = []
     for name, values in (("strain", strain), ("force", force)):
         falls = np.flatnonzero(np.diff(values) <= 0)
         if len(falls):
             step = falls[0]
-            problems.append(
+            messages.append(
                 f"its {name} does not increase from {values[step]:g} to {values[step + 1]:g} at"
                 f" point {step + 2}; give increasing values"
             )
     if strain[0] <= -1:
-        problems.append(f"its strain begins at {strain[0]:g}; give strains above -1")
+        messages.append(f"its strain begins at {strain[0]:g}; give strains above -1")
     rest = np.flatnonzero(strain == 0)
     if not len(rest) or force[rest[0]] != 0:
-        problems.append("it does not contain zero strain and zero force; give the point 0, 0")
+        messages.append("it does not contain zero strain and zero force; give the point 0, 0")
     elif rest[0] == len(strain) - 1:
-        problems.append("it ends at rest; give points in tension")
-    return problems
+        messages.append("it ends at rest; give points in tension")
+    return messages
 
 
 class SpringLaw(eqx.Module):

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from pydantic import PositiveFloat
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.model.array_library import array_library
 from knitlab.model.settings import CellSize, ModelOptions, PlainKnit, RestAngle, Sheet, Unit
 from knitlab.model.spring_law import SpringCurve
@@ -179,14 +179,14 @@ def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
 
     Changes are values such as ``rib_k_s``, and factors such as ``rib_k_s_factor`` for one knit or
     ``k_s_factor`` for both; a stiffening strain, for one knit or for both, replaces any other
-    spring law. Raises BadInput if the rest angle would reach π, which is flat.
+    spring law. Raises InputError if the rest angle would reach π, which is flat.
     """
     numbers: dict[str, Any] = {
         name: _changed(getattr(stripe, name), changes, f"{stripe.knit}_{name}", f"{name}_factor")
         for name in STRIPE_QUANTITIES
     }
     if not numbers["theta_0"] < math.pi:
-        raise fault(
+        raise invalid(
             "model: theta_0",
             f"the changes make theta_0 of {stripe.knit} {stripe.n}"
             f" {numbers['theta_0']:.3g} rad; keep it below pi, which is flat",

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 Covariance = Mapping[str, Mapping[str, float]]
 Subject = Literal["swatch", "mean"]
@@ -31,7 +31,7 @@ class StripeCovariance(Covariance):
             of one curve, nothing is known about a new swatch.
 
     Raises:
-        BadInput: if the degrees of freedom are not above 0, or there are fewer than two repeats.
+        InputError: if the degrees of freedom are not above 0, or there are fewer than two repeats.
 
     Example:
         >>> import knitlab as kl
@@ -47,11 +47,11 @@ class StripeCovariance(Covariance):
 
     def __post_init__(self) -> None:
         if not self.degrees_of_freedom > 0:
-            problem = f"is {self.degrees_of_freedom!r}; give a number above 0"
-            raise fault("degrees_of_freedom", problem)
+            message = f"is {self.degrees_of_freedom!r}; give a number above 0"
+            raise invalid("degrees_of_freedom", message)
         if self.repeats is not None and self.repeats < LEAST_REPEATS:
-            problem = f"is {self.repeats!r}; give {LEAST_REPEATS} at least, or leave it out"
-            raise fault("repeats", problem)
+            message = f"is {self.repeats!r}; give {LEAST_REPEATS} at least, or leave it out"
+            raise invalid("repeats", message)
 
     @classmethod
     def of(cls, table: Covariance) -> "StripeCovariance":

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.solvers.case import Case, Method, by_test
 from knitlab.solvers.dynamics.settings import Dynamics
 
@@ -54,14 +54,14 @@ class Shard:
     def __post_init__(self) -> None:
         integers = all(type(value) is int for value in (self.number, self.count))
         if not (integers and 1 <= self.number <= self.count <= MOST_SHARDS):
-            problem = "is not a part of a plan; give a whole number from 1 to the number of shards,"
-            raise fault(f"shard {self}", f"{problem} which are at most {MOST_SHARDS:,}")
+            message = "is not a part of a plan; give a whole number from 1 to the number of shards,"
+            raise invalid(f"shard {self}", f"{message} which are at most {MOST_SHARDS:,}")
 
     @classmethod
     def of(cls, text: str) -> "Shard":
-        """Read a shard, as in ``3/40``; BadInput if the text is of another form."""
+        """Read a shard, as in ``3/40``; InputError if the text is of another form."""
         if not (match := re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)):
-            raise fault(f"shard {text}", "is not of the form NUMBER/COUNT; write it as in 3/40")
+            raise invalid(f"shard {text}", "is not of the form NUMBER/COUNT; write it as in 3/40")
         return cls(int(match[1]), int(match[2]))
 
     def __str__(self) -> str:
@@ -144,7 +144,7 @@ def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | Non
     if needs and needs[0] > memory:
         largest = f"batch of {max(batch.unknowns for batch in batches):,} unknowns"
         sizes = f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB"
-        raise fault(largest, f"{sizes}; take fewer unit_cells or a larger machine")
+        raise invalid(largest, f"{sizes}; take fewer unit_cells or a larger machine")
     while workers > 1 and sum(needs[:workers]) > memory:
         workers -= 1
     return workers

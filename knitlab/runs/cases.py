@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from knitlab.io.errors import BadInput, Fault, fault, raise_any, unknown
+from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any, unknown
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.model.capacitor import Capacitor
 from knitlab.model.electrodes import BadLayout
@@ -62,10 +62,10 @@ Source = Callable[[str], str]  # names where a `section.key` comes from, for a f
 
 
 def designs_of_section(section: DesignSection, parameters: Parameters, source: Source) -> Designs:
-    """The designs of ``[design]``; BadInput if a set or a member is unknown, or none is left."""
+    """The designs of ``[design]``; InputError if a set or a member is unknown, or none is left."""
     name, sets = section.set or "paper", parameters.designs.root
     if name not in sets:
-        raise fault(source("design.set"), unknown(name, sets, "set"))
+        raise invalid(source("design.set"), unknown(name, sets, "set"))
     if section.n_stripe is None or section.n_subunit is None:
         pairs = _members(section, name, sets[name].pairs, source)
     else:
@@ -75,25 +75,25 @@ def designs_of_section(section: DesignSection, parameters: Parameters, source: S
     designs: Designs = {pair: why and f"{why}{of_material}" for pair, why in reasons.items()}
     if all(designs.values()):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
-        raise BadInput(Fault(asked, str(reason)) for reason in dict.fromkeys(designs.values()))
+        raise InputError(Mistake(asked, str(reason)) for reason in dict.fromkeys(designs.values()))
     return designs
 
 
 def _members(
     section: DesignSection, name: str, pairs: tuple[Pair, ...], source: Source
 ) -> list[Pair]:
-    faults = []
+    mistakes = []
     for axis, (key, other) in enumerate((("n_stripe", "n_subunit"), ("n_subunit", "n_stripe"))):
         members = sorted({pair[axis] for pair in pairs})
         wanted = getattr(section, key) or members
-        remedy = f"choose from {members}, or give {other} too for a grid of your own"
-        faults += [
-            Fault(source(f"design.{key}"), f"set {name!r} has no {key} = {value}; {remedy}")
+        hint = f"choose from {members}, or give {other} too for a grid of your own"
+        mistakes += [
+            Mistake(source(f"design.{key}"), f"set {name!r} has no {key} = {value}; {hint}")
             for value in wanted
             if value not in members
         ]
         pairs = tuple(pair for pair in pairs if pair[axis] in wanted)
-    raise_any(faults)
+    raise_if_any(mistakes)
     return sorted(pairs)
 
 
@@ -102,8 +102,8 @@ def designs_of_stripes(section: StripesSection, parameters: Parameters, source: 
     there = {knit: list(parameters.stripes.rows(knit)) for knit in section.knit}
     sizes = sorted(set().union(*there.values()))
     if section.n and (strangers := sorted(set(section.n) - set(sizes))):
-        problem = f"there is no stripe of n = {strangers}; choose from {sizes}"
-        raise fault(source("stripes.n"), problem)
+        message = f"there is no stripe of n = {strangers}; choose from {sizes}"
+        raise invalid(source("stripes.n"), message)
     return {
         (knit, n, boundary): None
         if n in there[knit]
@@ -153,7 +153,7 @@ def cases(
     parameters: Parameters,
     source: Source,
 ) -> Iterator[Case]:
-    """Cases of the possible designs, also labelled by axes; BadInput if settings contradict."""
+    """Cases of the possible designs, also labelled by axes; InputError if settings contradict."""
     protocol, numbers = workflow.protocol, {*CHANGES, *PLAIN_NUMBERS}
     changes = workflow.model.model_dump(include=numbers, exclude_none=True)
     model_options = overridden(parameters.model, workflow.model)
@@ -204,13 +204,13 @@ def cases(
                 _check_size(case, source)
                 case.sample.grid_folds()
                 if entry.cell and (height % entry.cell[0] or width % entry.cell[1]):
-                    problem = f"cell = {list(entry.cell)} does not fill the pattern of {height} by"
-                    problem += f" {width} patches; give numbers that divide them"
-                    raise BadPattern([problem])
+                    message = f"cell = {list(entry.cell)} does not fill the pattern of {height} by"
+                    message += f" {width} patches; give numbers that divide them"
+                    raise BadPattern([message])
                 _check_thickness(case, source)
             except BadPattern as error:
                 where = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
-                raise BadInput(Fault(where, problem) for problem in error.problems) from error
+                raise InputError(Mistake(where, message) for message in error.messages) from error
             yield case.without_unused()
     elif workflow.stripes is not None:
         for knit, n, boundary in possible:
@@ -233,8 +233,8 @@ def cases(
 def _plain(parameters: Parameters, changes: dict[str, float], source: Source) -> PlainKnit:
     plain, names = parameters.plain, declared(PlainKnit)
     if plain is None and (missing := [name for name in names if name not in changes]):
-        problem = f"the material {parameters.material!r} has no plain knit; give {missing}"
-        raise fault(source("design.pattern"), f"{problem}, or choose a pattern without P")
+        message = f"the material {parameters.material!r} has no plain knit; give {missing}"
+        raise invalid(source("design.pattern"), f"{message}, or choose a pattern without P")
     return changed_table(plain or PlainKnit(**{name: changes[name] for name in names}), changes)
 
 
@@ -246,7 +246,7 @@ def _pattern(
     if name is None:
         return Pattern(rows=section.pattern), Path()
     if name not in parameters.patterns:
-        raise fault(source("design.pattern"), unknown(name, parameters.patterns, "pattern"))
+        raise invalid(source("design.pattern"), unknown(name, parameters.patterns, "pattern"))
     return parameters.patterns[name]
 
 
@@ -255,7 +255,7 @@ def electrode_problems(case: Case) -> tuple[str, ...]:
     try:
         _ = case.capacitor and case.electrodes
     except BadLayout as error:
-        return tuple(error.problems)
+        return tuple(error.messages)
     return ()
 
 
@@ -267,8 +267,8 @@ def _capacitor(
     layout = parameters.capacitor.layout
     if section.layout is not None:
         if section.layout not in parameters.layouts:
-            problem = unknown(section.layout, parameters.layouts, "layout")
-            raise fault(source("electrodes.layout"), f"{problem}, or give a mask")
+            message = unknown(section.layout, parameters.layouts, "layout")
+            raise invalid(source("electrodes.layout"), f"{message}, or give a mask")
         layout = parameters.layouts[section.layout]
     # The section's ``layout`` is a name.
     numbers = overridden(parameters.capacitor, section)
@@ -328,8 +328,8 @@ def _check_together(
         ("friction.fold_friction", friction.fold_friction > 0, of_friction),
         ("friction.fold_drift", friction.fold_drift > 0, of_friction),
     ):
-        for problem in (problem for problem, holds in refused.items() if used and holds):
-            raise fault(source(key), problem)
+        for message in (message for message, holds in refused.items() if used and holds):
+            raise invalid(source(key), message)
 
 
 def _check_size(case: Case, source: Source) -> None:
@@ -340,8 +340,8 @@ def _check_size(case: Case, source: Source) -> None:
         rows, columns = sum(grading.row_periods), sum(grading.column_periods)
     nodes = rows * along_y * columns * along_x * case.options.cells_per_period**2
     if nodes > MOST_NODES:
-        problem = f"makes a grid of {nodes:.1e} nodes, above {MOST_NODES:.0e}; make it smaller"
-        raise fault(source("design.unit_cells"), f"{case.label}: {problem}")
+        message = f"makes a grid of {nodes:.1e} nodes, above {MOST_NODES:.0e}; make it smaller"
+        raise invalid(source("design.unit_cells"), f"{case.label}: {message}")
 
 
 def _check_thickness(case: Case, source: Source) -> None:
@@ -356,8 +356,8 @@ def _check_thickness(case: Case, source: Source) -> None:
     thickness = case.sheet.thickness
     largest /= case.lengths_ratio
     if thickness >= largest:
-        problem = f"is too thick for the folds of {case.label}; give less than {largest:.3g} mm"
-        raise fault(source("model.thickness"), f"{thickness:g} mm {problem}")
+        message = f"is too thick for the folds of {case.label}; give less than {largest:.3g} mm"
+        raise invalid(source("model.thickness"), f"{thickness:g} mm {message}")
 
 
 def _other_stitches(parameters: Parameters) -> Iterator[str]:

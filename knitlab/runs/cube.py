@@ -24,7 +24,7 @@ from knitlab.cubes.cube_file import (
     read_cube,
     shared,
 )
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.fingerprint import provenance
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES
@@ -51,7 +51,7 @@ class Entry(NamedTuple):
 
 
 def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
-    """The existing cube, if there is one; BadInput if the plan's designs cannot be added to it.
+    """The existing cube, if there is one; InputError if the plan's designs cannot be added to it.
 
     A damaged one is renamed, to be built again from the case files.
     """
@@ -64,23 +64,23 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
         return None
     dims = design_dims(cube)
     if dims != plan.dims:
-        problem = f"has the dimensions {', '.join(dims)}, but the workflow has"
-        raise fault(str(path), f"{problem} {', '.join(plan.dims)}; name another results folder")
+        message = f"has the dimensions {', '.join(dims)}, but the workflow has"
+        raise invalid(str(path), f"{message} {', '.join(plan.dims)}; name another results folder")
     others = set(cells(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
     listed = "; ".join(str(change) for change in changed if change.key[0] not in MAY_DIFFER)
     if others and listed:
-        problem = f"holds {len(others)} designs computed otherwise ({listed}); name another results"
-        problem += " folder, or list the values of a setting to make it a dimension"
-        raise fault(str(path), problem)
+        message = f"holds {len(others)} designs computed otherwise ({listed}); name another results"
+        message += " folder, or list the values of a setting to make it a dimension"
+        raise invalid(str(path), message)
     return cube
 
 
 def stored_in(cube: xr.Dataset, path: Path) -> xr.Dataset:
-    """What a run stores of the simulated cube of a path; BadInput if it lacks what all have."""
+    """What a run stores of the simulated cube of a path; InputError if it lacks what all have."""
     cube = of_schema(cube)
     if not {*UNIT_CELLS, "code"} <= set(cube):
-        raise fault(str(path), "is of another version of knitlab; name another results folder")
+        raise invalid(str(path), "is of another version of knitlab; name another results folder")
     return cube
 
 

@@ -34,11 +34,11 @@ Table = TypeVar("Table")
 
 
 def _small_enough(name: str) -> AfterValidator:
-    largest, unit, problem = LARGEST[name]
+    largest, unit, message = LARGEST[name]
 
     def check(error: float) -> float:
         if error > largest:
-            raise ValueError(f"{error:g}{unit} {problem}; give at most {largest:g}{unit}")
+            raise ValueError(f"{error:g}{unit} {message}; give at most {largest:g}{unit}")
         return error
 
     return AfterValidator(check)
@@ -129,7 +129,7 @@ def with_fields(fields: Fields) -> Callable[[Model], Model]:
 
 
 def checked(name: str, table: Table, kind: type[Table]) -> Table:
-    """A table of settings as a dataclass; BadInput has every value that is out of range."""
+    """A table of settings as a dataclass; InputError has every value that is out of range."""
     values = {field: getattr(table, field) for field in declared(kind)}
     for field, value in values.items():
         if dataclasses.is_dataclass(value):

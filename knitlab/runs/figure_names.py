@@ -16,6 +16,6 @@ FIGURE_SUFFIXES = (".pdf", ".svg", ".png")
 
 
 def check_figure_suffix(output: str | Path | None) -> None:
-    """BadInput unless the suffix of a file, if one is asked for, is a format of a figure."""
+    """InputError unless the suffix of a file, if one is asked for, is a format of a figure."""
     if output is not None:
         check_suffix(Path(output), FIGURE_SUFFIXES, "a figure")

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import PositiveFloat, TypeAdapter
 
-from knitlab.io.errors import ErrorCollector, Fault, fault, naming, raise_any
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
 from knitlab.model.settings import CellSize, ModelOptions, PlainKnit, Unit
@@ -87,7 +87,7 @@ class Material:
         machine: model of the machine that knitted the swatches, one of ``params/machine.toml``.
 
     Raises:
-        BadInput: if a number is out of range, or a stripe is there twice.
+        InputError: if a number is out of range, or a stripe is there twice.
 
     Example:
         >>> import knitlab as kl
@@ -120,28 +120,28 @@ class Material:
     machine: str | None = None
 
     def __post_init__(self) -> None:
-        faults = ErrorCollector()
-        with faults, naming("name"):
+        mistakes = ErrorCollector()
+        with mistakes, naming("name"):
             TypeAdapter(Line).validate_python(self.name)
-        with faults:
+        with mistakes:
             checked("material", self.on_machine, YarnOnMachine)
         named = [(stripe.knit, stripe.n) for stripe in self.stripes]
         if not named:
-            faults.all.append(Fault("stripes", "are missing; give at least one knitlab.Stripe"))
+            mistakes.all.append(Mistake("stripes", "are missing; give at least one knitlab.Stripe"))
         for knit, n in sorted({each for each in named if named.count(each) > 1}):
-            faults.all.append(Fault("stripes", f"have {knit} {n} twice; keep one"))
+            mistakes.all.append(Mistake("stripes", f"have {knit} {n} twice; keep one"))
         lacking = [f"{each.knit} {each.n}" for each in self.stripes if each.row_width is None]
         if 0 < len(lacking) < len(self.stripes):
-            problem = f"have no row_width of {', '.join(lacking)}, but of others"
-            faults.all.append(Fault("stripes", f"{problem}; calibrate all by force over width"))
+            message = f"have no row_width of {', '.join(lacking)}, but of others"
+            mistakes.all.append(Mistake("stripes", f"{message}; calibrate all by force over width"))
         for stripe in self.stripes:
-            with faults, naming(f"{stripe.knit} {stripe.n}"):
+            with mistakes, naming(f"{stripe.knit} {stripe.n}"):
                 StripeRow.of(stripe)
         for name, number in self.numbers.items():
             if not 0 < number < math.inf:
-                problem = f"is {number!r}; give a number above 0 in {UNIT_OF[name]}"
-                faults.all.append(Fault(name, problem))
-        raise_any(faults.all)
+                message = f"is {number!r}; give a number above 0 in {UNIT_OF[name]}"
+                mistakes.all.append(Mistake(name, message))
+        raise_if_any(mistakes.all)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -164,24 +164,24 @@ class Material:
         return geometric_mean(flat_stitch(each, self.cell_size) for each in own) if own else None
 
     def check(self, model: ModelOptions, where: str = "model") -> None:
-        """Raise BadInput, with the place ``where``, if model options contradict the material."""
+        """Raise InputError, with the place ``where``, if model options contradict the material."""
         if model.cell_size != self.cell_size:
             periods = f"whose periods are those of {self.cell_size} stripes"
-            problem = (
+            message = (
                 f"cell_size {model.cell_size} contradicts the material {self.name!r}, {periods}"
             )
-            raise fault(where, f"{problem}; leave it out, or take {self.cell_size}")
+            raise invalid(where, f"{message}; leave it out, or take {self.cell_size}")
         if model.hinge_stiffness == "per_length" and any(each.row_width for each in self.stripes):
             widths = "whose stripes give the width of a row"
-            problem = f"hinge_stiffness per_length contradicts the material {self.name!r}, {widths}"
-            raise fault(where, f"{problem}; leave it out, or take per_edge")
+            message = f"hinge_stiffness per_length contradicts the material {self.name!r}, {widths}"
+            raise invalid(where, f"{message}; leave it out, or take per_edge")
 
     @classmethod
     def read(cls, path: str | Path) -> "Material":
         """The material in a file, as :meth:`write` and ``knitlab calibrate`` write it.
 
         Raises:
-            BadInput: with every fault of the file.
+            InputError: with every fault of the file.
         """
         return read_checked(MaterialFile, Path(path)).material(Path(path).stem)
 
@@ -252,7 +252,7 @@ class MaterialFile(StrictModel):
 
 
 def check_added(path: Path, knit: Knit, n: int, cell_size: CellSize, per_width: bool) -> None:
-    """BadInput if the stripes of a material file contradict one that is to be added there.
+    """InputError if the stripes of a material file contradict one that is to be added there.
 
     ``per_width`` says whether that has the width of a row.
     """
@@ -260,14 +260,14 @@ def check_added(path: Path, knit: Knit, n: int, cell_size: CellSize, per_width: 
         return
     there = read_checked(MaterialFile, path)
     if there.cell_size != cell_size:
-        problem = f"has periods of {there.cell_size} stripes, and {knit} {n} is {cell_size}"
-        raise fault(str(path), f"{problem}; calibrate all for cell_size {there.cell_size}")
+        message = f"has periods of {there.cell_size} stripes, and {knit} {n} is {cell_size}"
+        raise invalid(str(path), f"{message}; calibrate all for cell_size {there.cell_size}")
     for other in there.material(path.stem).stripes:
         if (other.knit, other.n) != (knit, n) and (other.row_width is not None) != per_width:
             widths = ("has", "none") if other.row_width else ("lacks", "one")
-            problem = f"{widths[0]} the width of a row, and {knit} {n} has {widths[1]}"
+            message = f"{widths[0]} the width of a row, and {knit} {n} has {widths[1]}"
             where = f"{path}: {other.knit} {other.n}"
-            raise fault(where, f"{problem}; give both swatches a width, or write two files")
+            raise invalid(where, f"{message}; give both swatches a width, or write two files")
 
 
 def add_stripe(
@@ -277,7 +277,7 @@ def add_stripe(
     covariance: Covariance | None = None,
     cell_size: CellSize = "relaxed",
 ) -> None:
-    """Add a stripe to a material file, or replace it there; BadInput has every fault of a file."""
+    """Add a stripe to a material file, or replace it there; InputError has all its mistakes."""
     table: dict[str, Any] = {"cell_size": cell_size}
     check_added(path, stripe.knit, stripe.n, cell_size, stripe.row_width is not None)
     if path.exists():
@@ -352,7 +352,7 @@ def with_material(parameters: Parameters, material: Material) -> Parameters:
 
 
 def known_parameters(material: Material | None, model: ModelOptions | None) -> Parameters:
-    """The parameters of a material, or the defaults; BadInput if model options contradict it."""
+    """The parameters of a material, or the defaults; InputError if model options contradict it."""
     if material is None:
         return defaults()
     if model is not None:

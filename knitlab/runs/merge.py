@@ -12,7 +12,7 @@ import xarray as xr
 from knitlab.cubes import case_file, cube_file
 from knitlab.cubes.cube_file import CUBE, differences, parameters_of
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
-from knitlab.io.errors import Fault, fault, raise_any
+from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.lock import held
 from knitlab.io.names import named_folder
 from knitlab.observables.schema import Status
@@ -53,12 +53,12 @@ class FolderContents:
 
     @classmethod
     def of(cls, path: Path) -> "FolderContents":
-        """Read a results folder; BadInput if it holds an experiment."""
+        """Read a results folder; InputError if it holds an experiment."""
         workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
         if cube is not None:
             if cube_file.is_measured(cube):
-                raise fault(str(path), "holds an experiment; only simulations are merged")
+                raise invalid(str(path), "holds an experiment; only simulations are merged")
             cube = stored_in(cube, path / CUBE)
             workflow, dims = str(cube.attrs.get("workflow", workflow)), cube_file.design_dims(cube)
             gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
@@ -92,14 +92,16 @@ class FolderContents:
 def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = False) -> Merge:
     """Join the files of several folders, see :func:`knitlab.merge`; all is compared before.
 
-    BadInput if they contradict each other or hold several workflows.
+    InputError if they contradict each other or hold several workflows.
     """
     paths = dict.fromkeys(path.resolve() for each in folders for path in _results_folders(each))
     sources = [FolderContents.of(path) for path in paths]
     names = {source.workflow: source.path for source in sources}
     if len(names) > 1:
         listed = ", ".join(f"{name} in {path}" for name, path in names.items())
-        raise fault("folders", f"hold results of several workflows ({listed}); merge one at a time")
+        raise invalid(
+            "folders", f"hold results of several workflows ({listed}); merge one at a time"
+        )
     target = named_folder(results, next(iter(names))).resolve()
     with held(target):
         clear_unfinished(target)
@@ -139,7 +141,7 @@ def _results_folders(path: Path) -> list[Path]:
     """A results folder of a workflow, or those in a folder of such folders."""
     folders = [path] if _holds_results(path) else [*filter(_holds_results, sorted(path.glob("*")))]
     if not folders:
-        raise fault(str(path), f"holds no results: neither {PLAN} nor {CUBE}; check the path")
+        raise invalid(str(path), f"holds no results: neither {PLAN} nor {CUBE}; check the path")
     return folders
 
 
@@ -157,7 +159,7 @@ def _joined(
     if not records:
         if old is None:
             path = merged[0].path
-            raise fault(str(path), f"has neither {PLAN} nor {CUBE}; run its workflow there first")
+            raise invalid(str(path), f"has neither {PLAN} nor {CUBE}; run its workflow there first")
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
@@ -168,17 +170,17 @@ def _joined(
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
     """Refuse folders that differ in dimensions, settings, gauges, codes or results."""
     first, *others = folders
-    faults: list[Fault] = []
+    mistakes: list[Mistake] = []
     for other in others:
         if first.dims and other.dims and first.dims != other.dims:
-            problem = f"has the dimensions {', '.join(other.dims)}, but {first.path} has"
-            problem += f" {', '.join(first.dims)}; merge it into another folder"
-            raise fault(str(other.path), problem)
+            message = f"has the dimensions {', '.join(other.dims)}, but {first.path} has"
+            message += f" {', '.join(first.dims)}; merge it into another folder"
+            raise invalid(str(other.path), message)
         changed = differences(first.parameters, other.parameters)
         if listed := "; ".join(str(each) for each in changed if each.key[0] not in MAY_DIFFER):
-            problem = f"was computed otherwise than {first.path} ({listed}); merge it into another"
-            problem += " folder, or run both as one workflow with a list of values"
-            faults.append(Fault(str(other.path), problem))
+            message = f"was computed otherwise than {first.path} ({listed}); merge it into another"
+            message += " folder, or run both as one workflow with a list of values"
+            mistakes.append(Mistake(str(other.path), message))
     codes: dict[str, Path] = {}
     for folder in folders if not any_code else ():
         for case_id, cell in folder.results.items():
@@ -186,16 +188,16 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
             codes.setdefault(code, folder.path)
     if len(codes) > 1:
         listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
-        problem = f"hold cases of different code ({listed}); run the older ones again,"
-        faults.append(Fault("folders", f"{problem} or allow any code"))
-    if not faults:
-        faults = _contradictions(folders)
-    raise_any(faults)
+        message = f"hold cases of different code ({listed}); run the older ones again,"
+        mistakes.append(Mistake("folders", f"{message} or allow any code"))
+    if not mistakes:
+        mistakes = _contradictions(folders)
+    raise_if_any(mistakes)
 
 
-def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
+def _contradictions(folders: Sequence[FolderContents]) -> list[Mistake]:
     """Faults of designs that are another case, or the same case with other numbers."""
-    faults: dict[str, Fault] = {}
+    mistakes: dict[str, Mistake] = {}
     of_design: dict[Design, tuple[FolderContents, Cell]] = {}
     of_case: dict[str, FolderContents] = {}
     for folder in folders:
@@ -203,13 +205,13 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
             owner, known = of_design.setdefault(design, (folder, cell))
             if known.case_id != cell.case_id:
                 labels = results_folder.labelled(folder.dims, design)
-                problem = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
-                problem += f" {known.case_id}, computed with other settings;"
-                problem += " merge it into another folder"
-                faults[cell.case_id] = Fault(str(folder.path), problem)
+                message = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
+                message += f" {known.case_id}, computed with other settings;"
+                message += " merge it into another folder"
+                mistakes[cell.case_id] = Mistake(str(folder.path), message)
         for case_id in folder.results:
             owner = of_case.setdefault(case_id, folder)
-            if owner is folder or case_id in faults:
+            if owner is folder or case_id in mistakes:
                 continue
             if case_id in owner.sound & folder.sound:
                 files = (case_file.checksum_path(each.path, case_id) for each in (owner, folder))
@@ -217,11 +219,11 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Fault]:
                     continue
             agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:
-                problem = f"has other numbers in {folder.path} than in {owner.path}"
-                problem += f" ({sentence.partition(':')[0]});"
-                problem += " compute it alone with knitlab reproduce, and remove the wrong one"
-                faults[case_id] = Fault(f"case {case_id}", problem)
-    named = list(faults.values())[:MOST_NAMED]
-    if len(faults) > MOST_NAMED:
-        named.append(Fault("folders", f"contradict each other in {len(faults)} cases in all"))
+                message = f"has other numbers in {folder.path} than in {owner.path}"
+                message += f" ({sentence.partition(':')[0]});"
+                message += " compute it alone with knitlab reproduce, and remove the wrong one"
+                mistakes[case_id] = Mistake(f"case {case_id}", message)
+    named = list(mistakes.values())[:MOST_NAMED]
+    if len(mistakes) > MOST_NAMED:
+        named.append(Mistake("folders", f"contradict each other in {len(mistakes)} cases in all"))
     return named

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, RootModel, model_validator
 
-from knitlab.io.errors import ErrorCollector, Fault, fault, raise_any, shown
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any, shown
 from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
@@ -139,8 +139,8 @@ class StripeRow(StrictModel):
 
 def _stitches(text: str) -> str:
     if not re.fullmatch("[1-9][0-9]{0,3}", text):
-        problem = "a stripe is named by its number of stitches, from 1 to 9999"
-        raise ValueError(f"{problem}, but is {shown(text)}")
+        message = "a stripe is named by its number of stitches, from 1 to 9999"
+        raise ValueError(f"{message}, but is {shown(text)}")
     return text
 
 
@@ -174,7 +174,7 @@ class StripeTables(StrictModel):
         return list(range(sizes[0], sizes[-1] + 1)) if self.interpolate and sizes else sizes
 
     def stripe(self, knit: Knit, stitches: int) -> Stripe:
-        """One stripe; KeyError if there is none, BadInput between two with springs not linear."""
+        """One stripe; KeyError if there is none, InputError between two with springs not linear."""
         rows = self.rows(knit)
         if stitches not in self.sizes(knit):
             raise KeyError(stitches)
@@ -186,8 +186,8 @@ class StripeTables(StrictModel):
         smaller, larger = max(n for n in rows if n < stitches), min(n for n in rows if n > stitches)
         laws = *SPRING_LAWS, "curve_along"
         if any(getattr(rows[n], law) is not None for n in (smaller, larger) for law in laws):
-            problem = f"lies between {smaller} and {larger}, whose springs are not both linear"
-            raise fault(f"{knit} {stitches}", f"{problem}; calibrate it")
+            message = f"lies between {smaller} and {larger}, whose springs are not both linear"
+            raise invalid(f"{knit} {stitches}", f"{message}; calibrate it")
         fraction = (stitches - smaller) / (larger - smaller)
         interpolated: dict[str, Any] = {}
         for name in QUANTITIES:
@@ -201,8 +201,8 @@ class StripeTables(StrictModel):
             if None not in ends:
                 interpolated[name] = ends[0] * (ends[1] / ends[0]) ** fraction
             elif any(ends):
-                problem = f"lies between {smaller} and {larger}, of which one has no {name}"
-                raise fault(f"{knit} {stitches}", f"{problem}; calibrate it")
+                message = f"lies between {smaller} and {larger}, of which one has no {name}"
+                raise invalid(f"{knit} {stitches}", f"{message}; calibrate it")
         return Stripe(knit, stitches, **interpolated)
 
     def with_stripes(self, stripes: Iterable[Stripe]) -> "StripeTables":
@@ -294,16 +294,16 @@ class Parameters:
     yarn: YarnOnMachine | None = None  # of the material
 
     def with_tables(self, **given: object) -> "Parameters":
-        """The parameters with other tables, None keeps one; BadInput has every one out of range."""
-        faults = ErrorCollector()
+        """The parameters with other tables, None keeps one; InputError lists all out of range."""
+        mistakes = ErrorCollector()
         tables: dict[str, Any] = {name: each for name, each in given.items() if each is not None}
         for name, table in tables.items():
-            with faults:
+            with mistakes:
                 if not isinstance(table, TABLES[name]):
-                    problem = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
-                    raise fault(name, problem)
+                    message = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
+                    raise invalid(name, message)
                 tables[name] = checked(name, table, TABLES[name])
-        raise_any(faults.all)
+        raise_if_any(mistakes.all)
         return replace(self, **tables)
 
 
@@ -334,20 +334,20 @@ FILES: dict[str, type[Any]] = {
 
 def read_parameters(folder: Path) -> Parameters:
     """Read and check every file of a parameter folder."""
-    faults = ErrorCollector()
+    mistakes = ErrorCollector()
     read: dict[str, Any] = {}
     for name, schema in FILES.items():
-        with faults:
+        with mistakes:
             read[name] = read_checked(schema, folder / f"{name}.toml")
     if "stripes" in read and "designs" in read:
         # Sets can be checked against the stripes even if another file has faults.
-        faults.all += [
-            Fault(f"{folder / 'designs.toml'}: {name}", problem)
+        mistakes.all += [
+            Mistake(f"{folder / 'designs.toml'}: {name}", message)
             for name, members in read["designs"].root.items()
             for pair in members.pairs
-            if (problem := read["stripes"].impossible(*pair))
+            if (message := read["stripes"].impossible(*pair))
         ]
-    raise_any(faults.all)
+    raise_if_any(mistakes.all)
     items = [item for file in read.values() for item in file]
     stated = {name: entry for name, entry in items if isinstance(entry, ParameterValue)}
     layouts = {
@@ -379,7 +379,7 @@ def defaults() -> Parameters:
         ``stripes.stripe(knit, n)`` gives one; and the named ``layouts`` of electrodes.
 
     Raises:
-        BadInput: with every fault of the files.
+        InputError: with every fault of the files.
 
     Example:
         >>> from dataclasses import replace

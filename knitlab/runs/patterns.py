@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, RootModel, model_validator
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.image_file import read_image
 from knitlab.io.names import Name
 from knitlab.io.text_file import read_text
@@ -98,7 +98,7 @@ class Pattern(StrictModel):
         return [folder / name for name in (self.map, self.image) if name is not None]
 
     def patches(self, folder: Path) -> tuple[str, ...]:
-        """The rows of letters, top course first; BadInput if its file cannot be used."""
+        """The rows of letters, top course first; InputError if its file cannot be used."""
         if self.rows is not None:
             return tuple(row.upper() for row in self.rows)
         path = self.files(folder)[0]
@@ -110,7 +110,7 @@ class Pattern(StrictModel):
                 rows = _letters_of_image(path, self.colours)
             letters_of(rows)
         except BadPattern as error:
-            raise fault(str(path), str(error)) from error
+            raise invalid(str(path), str(error)) from error
         return rows
 
     def grading(
@@ -120,10 +120,10 @@ class Pattern(StrictModel):
         names = ("column_n_stripe", "row_n_stripe", *SIZES_OF_LINES[0], *SIZES_OF_LINES[1])
         if all(getattr(self, name) is None for name in names):
             return None
-        problems: list[str] = []
+        messages: list[str] = []
         made = []
         for lines, number_of_lines in ((COLUMNS, len(rows[0])), (ROWS, len(rows))):
-            sizes = self._sizes(lines, number_of_lines, n_stripe, n_subunit, problems)
+            sizes = self._sizes(lines, number_of_lines, n_stripe, n_subunit, messages)
             periods, stripes = [], []
             for number, (n, size) in enumerate(sizes, 1):
                 line, period = f"{lines.title} {number}", 2 * lines.stitches * n
@@ -132,31 +132,31 @@ class Pattern(StrictModel):
                     near = sorted({max(1, count) * period, (count + 1) * period})
                     are = f"{size} {lines.unit} are {2 * size / period:g} stripes of n_stripe {n}"
                     rule = "a patch holds an even number of them"
-                    remedy = f"take {' or '.join(map(str, near))}"
-                    problems.append(f"{line}: {are}, and {rule}; {remedy}")
+                    hint = f"take {' or '.join(map(str, near))}"
+                    messages.append(f"{line}: {are}, and {rule}; {hint}")
                 periods.append(max(1, count))
                 try:
                     stripes.append(stripe(lines.knit, lines.stitches * n))
                 except KeyError:
                     missing = f"no {lines.knit} stripe of {lines.stitches * n} {lines.unit}"
-                    remedy = "choose another n_stripe, or give a material that has it"
-                    problems.append(f"{line}: there is {missing}; {remedy}")
+                    hint = "choose another n_stripe, or give a material that has it"
+                    messages.append(f"{line}: there is {missing}; {hint}")
             made.append((tuple(periods), tuple(stripes)))
-        if problems:
-            raise BadPattern(problems)
+        if messages:
+            raise BadPattern(messages)
         (column_periods, rib), (row_periods, garter) = made
         return Grading(row_periods, column_periods, garter, rib)
 
     def _sizes(
-        self, lines: "_Lines", count: int, n_stripe: int, n_subunit: int, problems: list[str]
+        self, lines: "_Lines", count: int, n_stripe: int, n_subunit: int, messages: list[str]
     ) -> list[tuple[int, int]]:
         """The n_stripe of every line, and its size in stitches or courses."""
 
         def given(key: str, default: int) -> Sequence[int]:
             values: Sequence[int] | None = getattr(self, f"{lines.name}_{key}")
             if values is not None and len(values) != count:
-                problem = f"{lines.name}_{key} gives {len(values)} values, but the pattern has"
-                problems.append(f"{problem} {count} {lines.name}s; give one for each")
+                message = f"{lines.name}_{key} gives {len(values)} values, but the pattern has"
+                messages.append(f"{message} {count} {lines.name}s; give one for each")
                 values = None
             return values or (default,) * count
 
@@ -196,7 +196,7 @@ def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]
     try:
         letters = {to_hex(colour): letter for colour, letter in colours.items()}
     except ValueError as error:
-        raise fault(str(path), f"{error}; name colours such as #ff0000") from error
+        raise invalid(str(path), f"{error}; name colours such as #ff0000") from error
     # Each pixel as one number, as images have few colours.
     numbers = np.ascontiguousarray(pixels).view(np.uint32)[..., 0]
     drawn = np.full(numbers.shape, "", dtype="<U1")
@@ -206,8 +206,8 @@ def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]
         red, green, blue, opacity = pixels[y, x] / 255
         name = "transparent" if opacity < 1 else to_hex((red, green, blue))
         if name not in letters:
-            problem = f"pixel {x + 1} of line {y + 1} is {name}, which colours gives no letter"
-            raise fault(str(path), f"{problem}; it has {', '.join(letters)}")
+            message = f"pixel {x + 1} of line {y + 1} is {name}, which colours gives no letter"
+            raise invalid(str(path), f"{message}; it has {', '.join(letters)}")
         drawn[is_colour] = letters[name]
     return tuple(map("".join, drawn.tolist()))
 

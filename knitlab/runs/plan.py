@@ -12,7 +12,7 @@ from typing import Any
 from knitlab.cubes.cube_file import common_settings
 from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
+from knitlab.io.errors import ErrorCollector, InputError, Mistake, invalid
 from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
 from knitlab.io.json_file import with_checksum
 from knitlab.io.shipped import shipped
@@ -118,16 +118,16 @@ class Plan:
 def make_plan(
     workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
 ) -> Plan:
-    """The plan of a workflow, by name or file, with overrides; BadInput has every fault."""
+    """The plan of a workflow, by name or file, with overrides; InputError has every fault."""
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
-    faults, parameters, read = ErrorCollector(), None, None
+    mistakes, parameters, read = ErrorCollector(), None, None
     axes, designs = workflow_text.Axes(), Designs()
     made: dict[str, Case] = {}
     inputs = [text.path, *folder.glob("*.toml")]
-    with faults:
+    with mistakes:
         parameters = read_parameters(folder)
-    with faults:
+    with mistakes:
         if parameters and (model := text.section("model")):
             if model.material is not None:
                 inputs.append(text.folder(MATERIAL) / model.material)
@@ -135,29 +135,29 @@ def make_plan(
             if (interpolate := model.interpolate_stripes) is not None:
                 stripes = parameters.stripes.model_copy(update={"interpolate": interpolate})
                 parameters = replace(parameters, stripes=stripes)
-    with faults:
+    with mistakes:
         read, axes = text.checked()
-    with faults:
+    with mistakes:
         if parameters and (design := text.section("design")):
             parameters, files = with_pattern_files(design, parameters, text)
             inputs += files
             designs = designs_of_section(design, parameters, text.source)
         elif parameters and (pure := text.section("stripes")):
             designs = designs_of_stripes(pure, parameters, text.source)
-    with faults:
-        if parameters and read and not faults.all:
+    with mistakes:
+        if parameters and read and not mistakes.all:
             sets = math.prod(len(axes[name]) for name in {*axes} - {*text.paired[1:]})
             if (number := len(designs) * sets) > MOST_CASES:
-                problem = f"asks for {number:,} cases, above {MOST_CASES:,}; give shorter lists"
-                raise fault(str(text.path), problem)
+                message = f"asks for {number:,} cases, above {MOST_CASES:,}; give shorter lists"
+                raise invalid(str(text.path), message)
             made = {
                 case.case_id: case
                 for labels, chosen in workflow_text.combinations(read, axes, text.paired)
                 for case in cases(chosen, labels, designs, parameters, text.source)
             }
-            faults.all += _misplaced_electrodes(made, text)
-    if parameters is None or read is None or faults.all:
-        raise BadInput(faults.all)
+            mistakes.all += _misplaced_electrodes(made, text)
+    if parameters is None or read is None or mistakes.all:
+        raise InputError(mistakes.all)
     # Paired settings share the last dimension.
     dims = [name for name in axes if name not in text.paired] + [SAMPLE] * bool(text.paired)
     return Plan(
@@ -178,17 +178,17 @@ def make_plan(
     )
 
 
-def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fault]:
+def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Mistake]:
     """Faults of the electrodes of cases; one fault for all designs that have it."""
     designs: dict[str, list[str]] = defaultdict(list)
     for case in made.values():
-        for problem in electrode_problems(case):
-            designs[problem].append(case.label)
+        for message in electrode_problems(case):
+            designs[message].append(case.label)
     given = text.table.get("electrodes", {})
     source = text.source(f"electrodes.{'mask' if 'mask' in given else 'layout'}")
     return [
-        Fault(source, f"{problem} (in {labels[0]}{' and others' if len(labels) > 1 else ''})")
-        for problem, labels in designs.items()
+        Mistake(source, f"{message} (in {labels[0]}{' and others' if len(labels) > 1 else ''})")
+        for message, labels in designs.items()
     ]
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 from knitlab.cubes.case_file import case_path, read_case, stored_cases
 from knitlab.cubes.cube_file import parameters_of
 from knitlab.cubes.recorded_case import case_of_record
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import InputError, invalid
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.observables.measurement import measured
 from knitlab.runs.results_folder import FAILURES, PLAN, earlier_failures, read_plan
@@ -40,10 +40,10 @@ class RecordedCase(NamedTuple):
 
 
 def find_case(results: Path, case_id: str) -> RecordedCase:
-    """The case whose identifier begins so, in a results folder or those in it; else BadInput."""
+    """The case whose identifier begins so, in a results folder or those in it; else InputError."""
     matches: dict[str, tuple[Path, dict[str, Any]]] = {}
     for folder in [results, *sorted(path for path in results.glob("*") if path.is_dir())]:
-        with suppress(BadInput, OSError):  # a folder that cannot be read holds no case
+        with suppress(InputError, OSError):  # a folder that cannot be read holds no case
             recorded = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
             if (folder / PLAN).is_file():
                 recorded |= read_plan(folder)["cases"]
@@ -55,11 +55,13 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
                     matches.setdefault(name, (folder, recorded[name]))
     if not matches:
         where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
-        raise fault(case_id, where)
+        raise invalid(case_id, where)
     if len(matches) > 1 and case_id not in matches:
         some = ", ".join(list(matches)[:MOST_NAMED])
         more = ", …" if len(matches) > MOST_NAMED else ""
-        raise fault(case_id, f"{len(matches)} cases begin so ({some}{more}); give more characters")
+        raise invalid(
+            case_id, f"{len(matches)} cases begin so ({some}{more}); give more characters"
+        )
     name = case_id if case_id in matches else next(iter(matches))
     folder, record = matches[name]
     return RecordedCase(case_of_record(record, name), name, folder)
@@ -79,7 +81,7 @@ def reproduce(
         Whether every state converged and agrees with the case file, if there is one.
 
     Raises:
-        BadInput: if there is no such case, or several.
+        InputError: if there is no such case, or several.
     """
     recorded = find_case(Path(results), case_id)
     case = recorded.case

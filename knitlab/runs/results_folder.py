@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field, PositiveFloat, model_validator
 from knitlab.cubes.case_file import StoredCase, check_case_file, read_code, stored_cases
 from knitlab.cubes.cube_file import CUBE, design_dims, read_cube
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import InputError, invalid
 from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint
 from knitlab.io.json_file import json_table, read_json
 from knitlab.io.names import Name, named_folder
@@ -146,7 +146,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """The record of a folder's plan."""
     path = folder / PLAN
     if not path.exists():
-        raise fault(str(path), "does not exist; plan or run the workflow first")
+        raise invalid(str(path), "does not exist; plan or run the workflow first")
     return read_json(path, PlanRecord, "a plan", "plan the workflow again")
 
 
@@ -167,7 +167,7 @@ def earlier_failures(folder: Path) -> dict[str, Failure]:
         lines = plain_file(folder / FAILURES).read_text(encoding="utf-8").splitlines()
         entries = [json_table(line, FAILURES, FailureRecord) for line in lines]
         return {entry["case_id"]: entry for entry in entries}
-    except (OSError, ValueError, BadInput):
+    except (OSError, ValueError):
         return {}  # every run rewrites the file, and no result depends on it
 
 
@@ -235,7 +235,7 @@ def status(
         check: whether to compare every case file with its checksum.
 
     Raises:
-        BadInput: if the workflow was never planned there.
+        InputError: if the workflow was never planned there.
     """
     folder = named_folder(Path(results), Path(workflow).stem)
     record = read_plan(folder)
@@ -254,7 +254,7 @@ def folder_status(
     check: bool,
     changed: tuple[str, ...] = (),
 ) -> FolderStatus:
-    """Status of cases, given by their labels, in a folder; BadInput if ``cube.nc`` is no cube."""
+    """Status of cases, given by their labels, in a folder; InputError if ``cube.nc`` is no cube."""
     cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
     known = cells(cube)
     statuses = {}
@@ -274,7 +274,7 @@ def finished_plan(
     workflow: str, overrides: Overrides, results: Path
 ) -> tuple[dict[str, Any], xr.Dataset] | None:
     """The record of a plan of which a run would change nothing, and the cube; None if not."""
-    with suppress(BadInput, OSError):
+    with suppress(InputError, OSError):
         path = workflow_file(workflow)
         folder = results / path.stem
         record = read_plan(folder)

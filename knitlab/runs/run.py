@@ -13,7 +13,7 @@ import xarray as xr
 from knitlab.cubes.case_file import case_path, read_case
 from knitlab.cubes.cube_file import CUBE, differences, parameters_of, write_cube
 from knitlab.io.atomic_write import clear_unfinished
-from knitlab.io.errors import Fault, fault, raise_any
+from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.io.lock import gate, held, running_shards
 from knitlab.observables.schema import Status
@@ -59,15 +59,15 @@ class RunOptions:
     simulate: Simulate = simulate_batch
 
     def __post_init__(self) -> None:
-        faults = [
-            Fault(f"{name} {number}", "is not a whole number; give 0 or more")
+        mistakes = [
+            Mistake(f"{name} {number}", "is not a whole number; give 0 or more")
             for name, number in (("workers", self.workers or 0), ("retries", self.retries))
             if not isinstance(number, int) or number < 0
         ]
         if self.case_timeout is not None and not 0 < self.case_timeout <= LONGEST:
-            problem = f"is not above 0 and at most {LONGEST:,.0f} s; change it, or leave it out"
-            faults.append(Fault(f"case_timeout {self.case_timeout}", problem))
-        raise_any(faults)
+            message = f"is not above 0 and at most {LONGEST:,.0f} s; change it, or leave it out"
+            mistakes.append(Mistake(f"case_timeout {self.case_timeout}", message))
+        raise_if_any(mistakes)
 
     def processors(self, batches: int) -> int:
         """Processes on this machine for a number of batches, or 0 for this process."""
@@ -134,7 +134,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
 
     A batch that raises or whose worker dies is tried again, then each of its cases on its own; a
     case that still has no result is ``failed``. The last of several shards to end writes the cube.
-    BadInput if another run or plan holds the folder, its cube has other dimensions, or a batch
+    InputError if another run or plan holds the folder, its cube has other dimensions, or a batch
     needs more memory than there is; CannotWrite if the folder is full, finished cases are kept.
     """
     if options.scheduler is not None:
@@ -150,9 +150,9 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 recorded = results_folder.read_plan(results)
                 other_code = recorded.get("code") != code_fingerprint()
                 if other_code or recorded["cases"].keys() != plan.cases.keys():
-                    problem = "is that of the shards that run in this folder, and has other cases"
-                    problem += " or was made by other code; wait for them, or name another results"
-                    raise fault(str(results / PLAN), f"{problem} folder")
+                    message = "is that of the shards that run in this folder, and has other cases"
+                    message += " or was made by other code; wait for them, or name another results"
+                    raise invalid(str(results / PLAN), f"{message} folder")
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.cubes.uncertainty import NUMBERS, Stripes, UncertainStripe
-from knitlab.io.errors import fault, shortened, unknown
+from knitlab.io.errors import invalid, shortened, unknown
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, STIFFENING, Knit, Stripe
 from knitlab.model.stripe_covariance import SUBJECTS, StripeCovariance, Subject
 from knitlab.runs.material import Material
@@ -22,7 +22,7 @@ MEANING = {"swatch": "a new swatch", "mean": "the mean stripe"}
 
 
 def uncertain_stripes(material: str | Path | Material, subject: str | None = None) -> Stripes:
-    """Rib and garter of a material or its file by n_stripe; BadInput as of `covariance_of`.
+    """Rib and garter of a material or its file by n_stripe; InputError as of `covariance_of`.
 
     By default they are those of a new swatch if the scatter of repeats is known of every stripe of
     the material, otherwise those of the mean stripe, as their note says.
@@ -39,13 +39,13 @@ def uncertain_stripes(material: str | Path | Material, subject: str | None = Non
 
 
 def subject_of(material: Material, asked: str | None) -> Subject:
-    """What is uncertain, as asked or by default; BadInput for another word."""
+    """What is uncertain, as asked or by default; InputError for another word."""
     if asked is None:
         return "mean" if _without_scatter(material) else "swatch"
     for subject in SUBJECTS:
         if asked == subject:
             return subject
-    raise fault(f"uncertainty_of {shortened(asked)}", unknown(asked, SUBJECTS, "subject"))
+    raise invalid(f"uncertainty_of {shortened(asked)}", unknown(asked, SUBJECTS, "subject"))
 
 
 def note_of(material: Material, subject: Subject) -> str:
@@ -53,8 +53,8 @@ def note_of(material: Material, subject: Subject) -> str:
     lacking = _without_scatter(material)
     if subject == "mean" and lacking:
         names = shortened(", ".join(lacking))
-        remedy = "calibrate repeats of several swatches to know it"
-        return f"of the mean stripe; the scatter of swatches is not known of {names}; {remedy}"
+        hint = "calibrate repeats of several swatches to know it"
+        return f"of the mean stripe; the scatter of swatches is not known of {names}; {hint}"
     counted = sorted({each.repeats for each in _tables(material).values() if each.repeats})
     repeats = " or ".join(map(str, counted))
     return f"of {MEANING[subject]}, by the scatter of {repeats} repeats and Student's t"
@@ -78,45 +78,45 @@ def covariance_of(
     """A stripe, its uncertain numbers, and the covariance of these: of ln p, or of θ0.
 
     It is that of the mean stripe or of a new swatch, and of Student's t, whose degrees of freedom
-    are returned too. BadInput if the material lacks them, or they are no covariance.
+    are returned too. InputError if the material lacks them, or they are no covariance.
     """
     where = f"material {material.name}: {knit} {n}"
     stripe = next((each for each in material.stripes if (each.knit, each.n) == (knit, n)), None)
     if stripe is None:
-        raise fault(where, "is no stripe of this material; calibrate it by knitlab calibrate")
+        raise invalid(where, "is no stripe of this material; calibrate it by knitlab calibrate")
     table = material.covariances.get((knit, n))
     if table is None:
-        remedy = "calibrate it by knitlab calibrate, or write the covariance into the file"
-        raise fault(where, f"has no covariance; {remedy}")
+        hint = "calibrate it by knitlab calibrate, or write the covariance into the file"
+        raise invalid(where, f"has no covariance; {hint}")
     known_by = StripeCovariance.of(table)
     if math.isnan(factor := known_by.factor(subject)):
-        remedy = "calibrate repeats of several swatches, or choose uncertainty_of mean"
-        raise fault(where, f"has no scatter of repeats, so a new swatch is not known; {remedy}")
+        hint = "calibrate repeats of several swatches, or choose uncertainty_of mean"
+        raise invalid(where, f"has no scatter of repeats, so a new swatch is not known; {hint}")
     where, names = f"{where}: covariance", list(table)
     known = [*NUMBERS, *([] if stripe.stiffening_strain is None else [STIFFENING])]
     if strange := sorted({*names, *(name for row in table.values() for name in row)} - {*known}):
         listed = shortened(", ".join(map(repr, strange)))
-        raise fault(where, f"is of {listed}; give numbers of {', '.join(known)}")
+        raise invalid(where, f"is of {listed}; give numbers of {', '.join(known)}")
     if any({*row} != {*names} for row in table.values()) or not names:
-        raise fault(where, f"has rows that are not each of {', '.join(names)}; complete them")
+        raise invalid(where, f"has rows that are not each of {', '.join(names)}; complete them")
     matrix = np.array([[table[one][other] for other in names] for one in names], float)
     if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, 1e-6, 0):
-        raise fault(where, "is not symmetric, or not of numbers; give that of one fit")
+        raise invalid(where, "is not symmetric, or not of numbers; give that of one fit")
     if (largest := float(np.abs(matrix).max())) > LARGEST:
-        raise fault(where, f"has {largest:g}, above {LARGEST:g}; give that of logarithms and rad")
+        raise invalid(where, f"has {largest:g}, above {LARGEST:g}; give that of logarithms and rad")
     lowest = float(np.linalg.eigvalsh(matrix).min())
     if lowest < -ROUND_OFF * largest:
-        problem = f"is not positive semidefinite (lowest eigenvalue {lowest:.3g})"
-        raise fault(where, f"{problem}: no numbers vary like this; give that of one fit")
+        message = f"is not positive semidefinite (lowest eigenvalue {lowest:.3g})"
+        raise invalid(where, f"{message}: no numbers vary like this; give that of one fit")
     return stripe, names, factor * matrix, known_by.degrees_of_freedom
 
 
 def uncertain_stripe(material: Material, knit: Knit, n: int, subject: Subject) -> UncertainStripe:
-    """A stripe with the covariance of relative changes; BadInput as :func:`covariance_of`."""
+    """A stripe with the covariance of relative changes; InputError as :func:`covariance_of`."""
     stripe, names, matrix, freedom = covariance_of(material, knit, n, subject)
     if STIFFENING in names:
-        problem = f"is also of {STIFFENING}, for which cubes have no sensitivities"
-        raise fault(f"material {material.name}: {knit} {n}: covariance", f"{problem}; sample it")
+        message = f"is also of {STIFFENING}, for which cubes have no sensitivities"
+        raise invalid(f"material {material.name}: {knit} {n}: covariance", f"{message}; sample it")
     relative = np.array([1 / stripe.theta_0 if name == "theta_0" else 1.0 for name in names])
     places = [NUMBERS.index(name) for name in names]
     full = np.zeros((len(NUMBERS), len(NUMBERS)))

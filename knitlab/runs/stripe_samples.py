@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from scipy.stats import norm, qmc
 
 from knitlab.cubes.probability import chi_scale
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.toml import read_toml, write_toml
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit
 from knitlab.model.stripe_covariance import Subject
@@ -70,9 +70,9 @@ def sampled_numbers(
     for knit, n in knits:
         stripe, own, matrix, freedom = covariance_of(material, knit, n, subject)
         if freedom < LEAST_FREEDOM:
-            problem = f"has {freedom:g} degrees of freedom, whose samples have no bounds"
-            remedy = f"calibrate {math.ceil(LEAST_FREEDOM) + 1} repeats or more"
-            raise fault(f"material {material.name}: {knit} {n}: covariance", f"{problem}; {remedy}")
+            message = f"has {freedom:g} degrees of freedom, whose samples have no bounds"
+            hint = f"calibrate {math.ceil(LEAST_FREEDOM) + 1} repeats or more"
+            raise invalid(f"material {material.name}: {knit} {n}: covariance", f"{message}; {hint}")
         names += [f"{knit}_{name}" for name in own]
         middles += [getattr(stripe, name) for name in own]
         matrices.append(matrix)
@@ -103,14 +103,14 @@ def write_samples(
     """Write a workflow that samples a material; returns the number of samples."""
     if count < 2 or (sobol and count & (count - 1)):
         needed = "a power of 2, for Sobol indices" if sobol else "at least 2"
-        raise fault(f"samples {count}", f"is not {needed}; give {needed}")
+        raise invalid(f"samples {count}", f"is not {needed}; give {needed}")
     base = workflow_file(workflow)
     table: dict[str, Any] = read_toml(base)
     read = Material.read(material)
     chosen = subject_of(read, subject)
     numbers = sampled_numbers(read, n_stripe, count, seed, sobol, chosen)
     if "design" not in table:
-        raise fault(workflow, "has no designs, but pure stripes; name one with [design]")
+        raise invalid(workflow, "has no designs, but pure stripes; name one with [design]")
     # Lengths of the workflow are those of the paper's yarn.
     text = read_workflow(base, {"material": str(material)})
     _, scaled = with_material_file(material, defaults(), text)

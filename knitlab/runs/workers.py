@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import dask
 
-from knitlab.io.errors import CannotWrite, fault
+from knitlab.io.errors import CannotWrite, invalid
 from knitlab.model.threads import ONE_THREAD
 from knitlab.runs.simulate import Progress
 from knitlab.solvers.case import Case
@@ -114,8 +114,8 @@ def pool_of(
             yield pool
         return
     if task.case_timeout is not None and not hasattr(signal, "setitimer"):
-        problem = "this system ends no case of this process in time; give workers = 1"
-        raise fault(f"case_timeout {task.case_timeout:g}", problem)
+        message = "this system ends no case of this process in time; give workers = 1"
+        raise invalid(f"case_timeout {task.case_timeout:g}", message)
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
         for batch in batches:
@@ -213,7 +213,7 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 
 
 def connected(scheduler: str) -> "Client":
-    """A client of an existing scheduler; BadInput if none answers."""
+    """A client of an existing scheduler; InputError if none answers."""
     from distributed import Client
     from distributed.comm.addressing import get_address_host_port
 
@@ -225,13 +225,13 @@ def connected(scheduler: str) -> "Client":
                 line.recv(1)
         return Client(scheduler, timeout=10)
     except (OSError, ValueError, MemoryError) as error:  # the last of what speaks otherwise
-        problem = f"no dask scheduler answers ({error}); check the address"
-        raise fault(f"scheduler {scheduler}", problem) from error
+        message = f"no dask scheduler answers ({error}); check the address"
+        raise invalid(f"scheduler {scheduler}", message) from error
 
 
 @contextmanager
 def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
-    """A client of processes on this machine, which end with it; BadInput if they cannot start."""
+    """A client of processes on this machine, which end with it; InputError if they cannot start."""
     with suppress(ImportError):
         import resource  # not on Windows
 
@@ -240,9 +240,9 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
             FILES + workers * FILES_OF_WORKER,
         )
         if 0 <= limit < needed:
-            problem = f"need {needed} open files, and this process may have {limit}"
-            remedy = "raise ulimit -n, or take fewer workers or 0 for none"
-            raise fault(f"workers {workers}", f"{problem}; {remedy}")
+            message = f"need {needed} open files, and this process may have {limit}"
+            hint = "raise ulimit -n, or take fewer workers or 0 for none"
+            raise invalid(f"workers {workers}", f"{message}; {hint}")
     from distributed import Client, LocalCluster
 
     settings = {
@@ -273,8 +273,8 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
             )
             client = stack.enter_context(Client(stack.enter_context(cluster)))
         except Exception as error:  # many types, if a process is killed or there are few files
-            problem = f"cannot be started ({error}); run again, with fewer workers or 0 for none"
-            raise fault(f"workers {workers}", problem) from error
+            message = f"cannot be started ({error}); run again, with fewer workers or 0 for none"
+            raise invalid(f"workers {workers}", message) from error
         if dashboard:
             logging.getLogger(__name__).warning("dashboard  %s", cluster.dashboard_link)
         yield client

@@ -129,10 +129,10 @@ class ProtocolSection(StrictModel):
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
     ``strain_max``. ``load`` is how the fabric is strained, with the ratio of a biaxial and the
     angle of an off-axis load, and ``cycle`` the number of the cycle between zero and the largest
-    strain that is measured; lists of these are dimensions. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
-    respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
-    ``robustness`` the spread of results over this number of siblings of each design, which are
-    slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
+    strain that is measured; lists of these are dimensions. ``sensitivities`` adds the derivatives
+    of Poisson's ratio and force with respect to the stripe parameters, ``unloading`` the states of
+    unloading at the same strains, and ``robustness`` the spread of results over this number of
+    slightly perturbed copies of each design, which are tested in equilibrium only.
     """
 
     method: Method = "equilibrium"
@@ -154,15 +154,15 @@ class ProtocolSection(StrictModel):
         largest, step = self.strain_max, self.strain_step
         for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
-                problem = f"method = {self.method} gives no {name}; take method = equilibrium"
-                raise ValueError(problem)
+                message = f"method = {self.method} gives no {name}; take method = equilibrium"
+                raise ValueError(message)
         if largest > LARGEST_STRAIN:
             fraction = f"strains are fractions, so that {largest:g} % is {largest / 100:g}"
             raise ValueError(f"strain_max = {largest:g} is {largest:.0%}; {fraction}")
         steps = largest / step
         if abs(steps - round(steps)) > 1e-6:
-            problem = f"is not a whole multiple of strain_step = {step:g}; change one"
-            raise ValueError(f"strain_max = {largest:g} {problem}")
+            message = f"is not a whole multiple of strain_step = {step:g}; change one"
+            raise ValueError(f"strain_max = {largest:g} {message}")
         if steps > MOST_STEPS:
             most = f"strains; give at most {MOST_STEPS}"
             raise ValueError(f"strain_max / strain_step gives {steps:.3g} {most}")
@@ -188,7 +188,7 @@ class Protocol(ProtocolSection):
     """The strains of a tensile test, and how its states are reached: a workflow's ``[protocol]``.
 
     Raises:
-        BadInput: if a value is out of range, or two contradict.
+        InputError: if a value is out of range, or two contradict.
 
     Example:
         >>> import knitlab as kl

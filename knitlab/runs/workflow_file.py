@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from knitlab.io.errors import Fault, fault, shortened, unknown
+from knitlab.io.errors import Mistake, invalid, shortened, unknown
 from knitlab.io.names import named_folder
 from knitlab.io.shipped import shipped
 
@@ -17,7 +17,7 @@ Overrides = Sequence[str] | Mapping[str, Any]
 
 
 def workflow_file(workflow: str) -> Path:
-    """The file of a workflow given by its name or its path; BadInput if there is none."""
+    """The file of a workflow given by its name or its path; InputError if there is none."""
     named, path = shipped("workflows") / f"{workflow}.toml", Path(workflow)
     named_folder(Path(), path.stem)
     if named.is_file():
@@ -25,7 +25,7 @@ def workflow_file(workflow: str) -> Path:
     if path.is_file():
         return path
     names = [file.stem for file in shipped("workflows").glob("*.toml")]
-    raise fault(workflow, f"is not a file, and {unknown(path.stem, names, 'workflow')}")
+    raise invalid(workflow, f"is not a file, and {unknown(path.stem, names, 'workflow')}")
 
 
 @dataclass(frozen=True)
@@ -44,24 +44,24 @@ class Override:
 
 def read_overrides(
     overrides: Overrides, source: str = "settings"
-) -> tuple[list[Override], list[Fault]]:
+) -> tuple[list[Override], list[Mistake]]:
     """Overrides, of ``KEY=VALUE`` texts or Python values, and faults of those without a value."""
     read: list[Override] = []
-    faults: list[Fault] = []
+    mistakes: list[Mistake] = []
     for given in overrides:
         if isinstance(overrides, Mapping):
             key, value = given, _plain(overrides[given])
-            shown, remedy = f"{given}={value}", "a number, a text, true or false, or a list of them"
-            wrong = f"is {overrides[given]!r}; give {remedy}"
+            shown, hint = f"{given}={value}", "a number, a text, true or false, or a list of them"
+            wrong = f"is {overrides[given]!r}; give {hint}"
         else:
             key, _, text = map(str.strip, given.partition("="))
             value, shown = read_value(text) if text else None, given
             wrong = "is not KEY=VALUE; give both"
         if value is None:
-            faults.append(Fault(f"{source} {shortened(given)}", wrong))
+            mistakes.append(Mistake(f"{source} {shortened(given)}", wrong))
         else:
             read.append(Override(key, value, f"{source} {shortened(shown)}"))
-    return read, faults
+    return read, mistakes
 
 
 def read_value(text: str) -> Any:

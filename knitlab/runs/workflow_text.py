@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.io.errors import MOST_NAMES, BadInput, Fault, fault, faults_of, unknown
+from knitlab.io.errors import MAX_NAMES, InputError, Mistake, invalid, mistakes_of, unknown
 from knitlab.io.toml import read_toml
 from knitlab.model.electrodes import ElectrodeLayout
 from knitlab.observables.schema import SAMPLE, Variable
@@ -84,7 +84,7 @@ class WorkflowText:
     axes: Axes
     overrides: dict[str, Any]
     sources: dict[str, str]  # what each overridden ``section.key`` was given by, for messages
-    faults: tuple[Fault, ...]  # overrides and pairs that cannot be applied
+    mistakes: tuple[Mistake, ...]  # overrides and pairs that cannot be applied
     paired: tuple[str, ...] = ()  # axes that change together
 
     def source(self, key: str) -> str:
@@ -92,32 +92,36 @@ class WorkflowText:
         return self.sources.get(key, f"{self.path}: {key}")
 
     def checked(self) -> tuple[Workflow, Axes]:
-        """The workflow with the first value of each axis, and the axes; BadInput has all faults."""
-        faults, axes, workflow = [*self.faults], Axes(), None
+        """The workflow with the first value of each axis, and the axes; or InputError."""
+        mistakes, axes, workflow = [*self.mistakes], Axes(), None
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
-            read_faults = faults_of(error, "", KEYS)
-            faults += [Fault(self._origin(entry.path), entry.problem) for entry in read_faults]
+            read_faults = mistakes_of(error, "", KEYS)
+            mistakes += [Mistake(self._origin(entry.path), entry.message) for entry in read_faults]
         for name, given in self.axes.items():
             section, values = SETTINGS[name].section, []
             source = self.source(f"{section}.{name}")
             if len(given) > MOST_CASES:
-                raise fault(source, f"has {len(given):,} values, above {MOST_CASES:,}; give fewer")
+                raise invalid(
+                    source, f"has {len(given):,} values, above {MOST_CASES:,}; give fewer"
+                )
             for number, value in enumerate(given, start=1):
                 try:
                     table = SECTIONS[section].model_validate({name: _listed(section, name, value)})
                     values.append(getattr(table, name))
                 except ValidationError as error:
-                    if len(faults) > MOST_NAMES:
+                    if len(mistakes) > MAX_NAMES:
                         break
-                    problems = [entry.problem for entry in faults_of(error, "") if number > 1]
-                    faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
+                    messages = [entry.message for entry in mistakes_of(error, "") if number > 1]
+                    mistakes += [
+                        Mistake(f"{source}: value {number}", message) for message in messages
+                    ]
             if len(set(values)) < len(values) and name not in self.paired:
-                faults.append(Fault(source, "has a value twice; keep one"))
+                mistakes.append(Mistake(source, "has a value twice; keep one"))
             axes[name] = tuple(values)
-        if workflow is None or faults:
-            raise BadInput(faults)
+        if workflow is None or mistakes:
+            raise InputError(mistakes)
         return workflow, axes
 
     def section(self, name: str) -> Any:
@@ -151,16 +155,16 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
         else given
         for name, given in read_toml(path).items()
     }
-    read, faults = read_overrides(overrides)
+    read, mistakes = read_overrides(overrides)
     applied: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for override in read:
         name, value, source = override.name, override.value, override.source
         section = SETTINGS[name].section if name in SETTINGS else ""
         if not section:
-            faults.append(Fault(source, unknown(name, SETTINGS, "setting")))
+            mistakes.append(Mistake(source, unknown(name, SETTINGS, "setting")))
         elif override.key not in (name, f"{section}.{name}"):
-            faults.append(Fault(source, f"is in [{section}]; give {section}.{name}"))
+            mistakes.append(Mistake(source, f"is in [{section}]; give {section}.{name}"))
         else:
             if isinstance(given := table.setdefault(section, {}), dict):
                 given[name] = _listed(section, name, value)
@@ -173,30 +177,32 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
             axes[name] = tuple(given[name])
             given[name] = _listed(setting.section, name, axes[name][0])
     pairs = table.pop(PAIRED) if isinstance(table.get(PAIRED), dict) else {}
-    faults += _refused_pairs(path, pairs, table)
-    if not faults:
+    mistakes += _refused_pairs(path, pairs, table)
+    if not mistakes:
         axes |= {name: tuple(values) for name, values in pairs.items()}
         for name, values in pairs.items():
             table[SETTINGS[name].section][name] = values[0]
-    paired = tuple(pairs) if not faults else ()
-    return WorkflowText(path, table, axes, applied, sources, tuple(faults), paired)
+    paired = tuple(pairs) if not mistakes else ()
+    return WorkflowText(path, table, axes, applied, sources, tuple(mistakes), paired)
 
 
-def _refused_pairs(path: Path, pairs: dict[str, Any], table: dict[str, Any]) -> list[Fault]:
+def _refused_pairs(path: Path, pairs: dict[str, Any], table: dict[str, Any]) -> list[Mistake]:
     """What is wrong with the lists of ``[paired]``, beside a table without them."""
-    faults = list[Fault]()
+    mistakes = list[Mistake]()
     able = [name for name, each in SETTINGS.items() if each.section in SWEPT_SECTIONS]
     able = [name for name in able if name not in OF_ALL_CASES and not SETTINGS[name].takes_list]
     lengths = {len(each) if isinstance(each, list) else 0 for each in pairs.values()}
     for name in pairs:
         where = f"{path}: {PAIRED}.{name}"
         if name not in able:
-            faults.append(Fault(where, unknown(name, able, "setting that can be paired")))
+            mistakes.append(Mistake(where, unknown(name, able, "setting that can be paired")))
         elif len(lengths) > 1 or 0 in lengths:
-            faults.append(Fault(where, "is not a list as long as the others; give one value each"))
+            mistakes.append(
+                Mistake(where, "is not a list as long as the others; give one value each")
+            )
         elif name in table.setdefault(section := SETTINGS[name].section, {}):
-            faults.append(Fault(where, f"has one value in [{section}] too; give it once"))
-    return faults
+            mistakes.append(Mistake(where, f"has one value in [{section}] too; give it once"))
+    return mistakes
 
 
 def _listed(section: str, name: str, value: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cubes.recorded_case import recorded_case
-from knitlab.io.errors import BadInput, Fault, fault, shown
+from knitlab.io.errors import InputError, Mistake, invalid, shown
 from knitlab.model.capacitor import Capacitor
 from knitlab.model.electrodes import ElectrodeLayout, Electrodes, Strip, ridge_lines
 from knitlab.model.network import MeshShape
@@ -24,12 +24,12 @@ REMEDY = "give ridges such as w1 or c2, joined as w1+w3, or grid cells such as 0
 
 
 def sensor_case(case_file: xr.Dataset) -> tuple[Case, Capacitor]:
-    """The case of a case file, and its capacitor; BadInput if it has none, or was sheared."""
+    """The case of a case file, and its capacitor; InputError if it has none, or was sheared."""
     case = recorded_case(case_file)
     if case.capacitor is None:
-        raise fault(case.label, "has no electrodes; simulate it with layout = checkerboard")
+        raise invalid(case.label, "has no electrodes; simulate it with layout = checkerboard")
     if "length_shear" in case_file:
-        raise fault(case.label, "was sheared; simulate it with load = warp, weft or biaxial")
+        raise invalid(case.label, "was sheared; simulate it with load = warp, weft or biaxial")
     return case, case.capacitor
 
 
@@ -78,13 +78,13 @@ class ElectrodeSet:
 
     @property
     def _bare(self) -> Group:
-        """What no electrode covers, if all of them are as long as the fabric; or BadInput."""
+        """What no electrode covers, if all of them are as long as the fabric; or InputError."""
         across = 1 - self.along
         cells = self.shape.cells_x, self.shape.cells_y
         strips = [strip for group in self.groups for strip in group]
         if any(strip.extents[self.along] != (0, cells[self.along]) for strip in strips):
-            problem = "is of cloth whose electrodes are ridges from end to end; leave it out"
-            raise fault("cloth_permittivity", problem)
+            message = "is of cloth whose electrodes are ridges from end to end; leave it out"
+            raise invalid("cloth_permittivity", message)
         ends = sorted(strip.extents[across] for strip in strips)
         lines = [0.0, *(end for pair in ends for end in pair), float(cells[across])]
         gaps = [(a, b) for a, b in zip(lines[::2], lines[1::2], strict=True) if b > a]
@@ -93,7 +93,7 @@ class ElectrodeSet:
 
 
 def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -> ElectrodeSet:
-    """The named electrodes, or every ridge of the layout's face; BadInput if they are impossible.
+    """The named electrodes, or every ridge of the layout's face; InputError if they are impossible.
 
     ``w2`` is the second ridge along a wale, ``c1`` the first along a course, counted in the whole
     fabric on the face of the layout, and ``left:right/bottom:top`` a rectangle of grid cells.
@@ -104,16 +104,16 @@ def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -
         letter = layout.along[0]
         names = [f"{letter}{k + 1}" for k in range(len(ridges(letter)))]
     if len(names) < 2 or len(set(names)) < len(names):
-        raise fault("electrodes", f"are {', '.join(names) or 'none'}; give two or more different")
+        raise invalid("electrodes", f"are {', '.join(names) or 'none'}; give two or more different")
     letters = {part[:1] for name in names for part in name.split("+")} & {"w", "c"}
     if shape.periodic and letters == {"w", "c"}:
-        problem = "cross those along courses, and periodic fabric repeats along one direction"
-        raise fault("electrodes along wales", f"{problem}; simulate with boundary = clamped")
+        message = "cross those along courses, and periodic fabric repeats along one direction"
+        raise invalid("electrodes along wales", f"{message}; simulate with boundary = clamped")
     groups = tuple(tuple(_strips(name, ridges)) for name in names)
     only = letters.pop() if len(letters) == 1 else layout.along[0]
     of_set = ElectrodeSet(tuple(names), groups, 0 if only == "c" else 1, shape)
-    if faults := list(_faults(of_set, capacitor)):
-        raise BadInput(Fault("electrodes", each) for each in faults)
+    if mistakes := list(_faults(of_set, capacitor)):
+        raise InputError(Mistake("electrodes", each) for each in mistakes)
     return of_set
 
 
@@ -122,7 +122,7 @@ def _faults(of_set: ElectrodeSet, capacitor: Capacitor) -> Iterator[str]:
     ends = 0.0, float((of_set.shape.cells_x, of_set.shape.cells_y)[of_set.along])
     for one, other in combinations(range(len(of_set.names)), 2):
         pair = Electrodes((of_set.groups[one], of_set.groups[other]), ALONG[of_set.along])
-        for each in pair.faults(of_set.shape):
+        for each in pair.mistakes(of_set.shape):
             if "touch" not in each or not capacitor.dielectric_thickness:
                 names = f"{of_set.names[one]} (A) and {of_set.names[other]} (B)"
                 yield f"{each}, of {names}; separate them, or set dielectric_thickness"
@@ -158,8 +158,10 @@ def _strips(name: str, ridges: "partial[list[Strip]]") -> Iterator[Strip]:
         elif (ridge := re.fullmatch(r"([wc])([1-9]\d*)", part)) is not None:
             known, number = ridges(ridge[1]), int(ridge[2])
             if number > len(known):
-                problem = f"is not there: this fabric has {len(known)} ridges of this kind"
-                raise fault(f"electrode {part}", f"{problem}; choose one of them")
+                message = f"is not there: this fabric has {len(known)} ridges of this kind"
+                raise invalid(f"electrode {part}", f"{message}; choose one of them")
             yield known[number - 1]
             continue
-        raise fault(f"electrode {shown(part)}", f"is no ridge or rectangle of grid cells; {REMEDY}")
+        raise invalid(
+            f"electrode {shown(part)}", f"is no ridge or rectangle of grid cells; {REMEDY}"
+        )

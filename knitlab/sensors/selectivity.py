@@ -19,7 +19,7 @@ from jaxtyping import Float
 from knitlab.cubes.case_file import LENGTH_FACTOR, length_unit, network_configurations
 from knitlab.cubes.chosen_case import has_shape, plies_touch
 from knitlab.cubes.selection import chosen_indices
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.model.capacitor import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.observables.capacitance.panels import panels_on
@@ -55,15 +55,15 @@ def selectivity_of_case(
     """The selectivity of a periodic case with electrodes, relaxed or at selected strains.
 
     Lengths are those of the case. Where its plies touch nothing is known, as bending leaves contact
-    out. BadInput if it is clamped, has no electrodes, or a grounded plane.
+    out. InputError if it is clamped, has no electrodes, or a grounded plane.
     """
     case, capacitor = sensor_case(case_file)
-    for wrong, problem, remedy in (
+    for wrong, message, hint in (
         (case.options.boundary != "periodic", "is a clamped sample", "boundary = periodic"),
         (capacitor.ground != "none", "has a plane that does not bend with it", "ground = none"),
     ):
         if wrong:
-            raise fault(case.label, f"{problem}; simulate it with {remedy}")
+            raise invalid(case.label, f"{message}; simulate it with {hint}")
     chosen = chosen_indices({STRAIN: case_file[STRAIN].values}, selections).get(STRAIN, [0])
     solver, factor = _Solver(case, capacitor), float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
     gauges, status = [], list[str]()

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.cubes.case_file import case_path, checksum_path, read_case, write_case_file
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.export.meshes.made_up import CASE_ID, PREVIEW, kept_file
 
@@ -93,9 +93,9 @@ def test_a_thickness_gives_a_solid_to_print(tmp_path):
 def test_what_cannot_be_exported_is_one_sentence_and_writes_nothing(
     tmp_path, name, selections, options, message
 ):
-    with pytest.raises(BadInput, match=message) as refused:
+    with pytest.raises(InputError, match=message) as refused:
         kl.export(PREVIEW, tmp_path / name, **options, **selections)
-    assert len(refused.value.faults) == 1
+    assert len(refused.value.mistakes) == 1
     assert not [*tmp_path.iterdir()]
 
 
@@ -113,17 +113,17 @@ def test_a_design_that_failed_or_has_not_run_is_named(results, tmp_path):
         (Status.pending, "is planned but has not run; run it first"),
     ):
         change_cube(results, status=status)
-        with pytest.raises(BadInput, match=message):
+        with pytest.raises(InputError, match=message):
             kl.export(results, tmp_path / "a.vtu", **ONE)
 
 
 def test_a_damaged_case_file_is_not_read(results, tmp_path):
     path = case_path(results, CASE_ID)
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(BadInput, match=f"has a damaged case file {CASE_ID}.nc; run the design"):
+    with pytest.raises(InputError, match=f"has a damaged case file {CASE_ID}.nc; run the design"):
         kl.export(results, tmp_path / "a.vtu", **ONE)
     checksum_path(results, CASE_ID).unlink()
-    with pytest.raises(BadInput, match="damaged"):
+    with pytest.raises(InputError, match="damaged"):
         kl.export(results, tmp_path / "a.vtu", **ONE)
 
 
@@ -133,31 +133,31 @@ def test_a_design_that_did_not_reach_its_last_strains_is_exported_up_to_there(re
     write_case_file(results, CASE_ID, case.assign_attrs(reason="no equilibrium at 0.3"))
     change_cube(results, status=Status.not_converged)
     with pytest.raises(
-        BadInput,
+        InputError,
         match=r"applied_strain 0.36: has no shape: no equilibrium at 0.3; select up to 0.27",
     ):
         kl.export(results, tmp_path / "a.vtu", **ONE, applied_strain=0.36)
     exported = kl.export(results, tmp_path / "a.pvd", **ONE)
     assert exported.applied_strain[-1] == 0.27
     case["position"][:] = np.nan
-    with pytest.raises(BadInput, match="has no shape: it did not relax"):
+    with pytest.raises(InputError, match="has no shape: it did not relax"):
         kl.export(case, tmp_path / "b.vtu")
 
 
 def test_a_measured_cube_has_no_shapes(tmp_path):
     cube = kl.open_cube(PREVIEW).assign_coords(source="swatch")
-    with pytest.raises(BadInput, match="swatch: was measured and has no shapes"):
+    with pytest.raises(InputError, match="swatch: was measured and has no shapes"):
         kl.export(cube, tmp_path / "a.vtu", **ONE)
 
 
 def test_a_cube_in_memory_and_a_test_say_what_they_take(tmp_path):
     cube = kl.open_cube(PREVIEW).copy()
     cube.encoding.clear()
-    with pytest.raises(BadInput, match="not opened from a file, beside which shapes lie"):
+    with pytest.raises(InputError, match="not opened from a file, beside which shapes lie"):
         kl.export(cube, tmp_path / "a.vtu", **ONE)
-    with pytest.raises(BadInput, match="is not a cube or a test"):
+    with pytest.raises(InputError, match="is not a cube or a test"):
         kl.export(xr.Dataset(), tmp_path / "a.vtu", **ONE)
-    with pytest.raises(BadInput, match="of a test, select applied_strain alone"):
+    with pytest.raises(InputError, match="of a test, select applied_strain alone"):
         kl.export(kept_file(), tmp_path / "a.vtu", **ONE)
 
 

@@ -55,7 +55,7 @@ def test_values_are_those_of_the_positions():
 @pytest.mark.slow
 def test_tests_without_positions_and_functions_without_numbers_are_refused():
     test = kl.simulate(kl.Design(n_stripe=4, n_subunit=8, boundary="periodic"), [0.0, 0.03])
-    with pytest.raises(kl.BadInput, match=r"heights: returns an array of shape \(8, 8\)"):
+    with pytest.raises(kl.InputError, match=r"heights: returns an array of shape \(8, 8\)"):
         kl.evaluate(test, heights=lambda shape: shape.positions[..., 2])
-    with pytest.raises(kl.BadInput, match="no node positions"):
+    with pytest.raises(kl.InputError, match="no node positions"):
         kl.evaluate(test.drop_vars("position"), thickness=thickness)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from benchmarks.solver.message import Problem
 
 from benchmarks.solver import limit, methods
 from benchmarks.solver.measurement import TOLERANCE, Measurement
-from benchmarks.solver.problem import Problem
 from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.solvers.equilibrium.loading import all_free
 

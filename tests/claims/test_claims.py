@@ -10,7 +10,7 @@ from knitlab.claims.judgement import judged
 from knitlab.claims.margin import Grade
 from knitlab.cli import main
 from knitlab.cubes.cube_file import write_cube
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.lab.fit_statistics import common_slope_probability, linear_fit
 from knitlab.observables.schema import Status, described
 
@@ -279,7 +279,7 @@ def test_every_fault_of_a_claims_file_is_listed(tmp_path):
         '[one]\ntext = "x"\nplace = "y"\ntopic = "tension"\ntest = "no_such"\n[two]\nplace = "y"\n'
         'test = "value_within"\nof = "status"\nhihgest = 1.0\n'
     )
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         read_claims(path)
     said = str(caught.value)
     assert "one: test" in said
@@ -314,7 +314,7 @@ def test_slopes_of_one_line_and_of_several_are_distinguished():
 
 def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
     write_cube(good_checkerboards(), tmp_path / "cube.nc")
-    with pytest.raises(BadInput, match=r"selections n_stripe=4: is not a swept setting"):
+    with pytest.raises(InputError, match=r"selections n_stripe=4: is not a swept setting"):
         judged(read_claims(), [tmp_path], {"n_stripe": 4})
 
 

@@ -15,7 +15,7 @@ from knitlab.claims.judgement import contrary, judged, judged_slices, listed, su
 from knitlab.claims.margin import Grade
 from knitlab.claims.samples import Checkerboards, preference
 from knitlab.cubes.cube_file import write_cube
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import PACKAGE
 from knitlab.observables.schema import Status
 from tests.claims.test_claims import LOWEST, SLOPES, good_checkerboards, good_stripes
@@ -179,7 +179,7 @@ def test_every_number_of_a_claim_is_the_papers_or_knitlabs(tmp_path, lines, prob
         '[one]\ntext = "x"\nplace = "y"\ntopic = "tension"\ntest = "value_within"\n'
         f'of = "gauge_factor"\nhighest = 1.0\n{lines}\n'
     )
-    with pytest.raises(BadInput, match=problem):
+    with pytest.raises(InputError, match=problem):
         read_claims(path)
 
 

@@ -115,8 +115,8 @@ def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     best, other = ranked(open_cube(tmp_path))
     counts = [f"{each.count(Grade.holds)}/{each.decided}" for each in (best, other)]
     assert [found for found in re.findall(r"\d+/\d+", text) if found in counts] == counts
-    files, faults = draw_figures(["options", "auxetic"], tmp_path)
-    assert not faults
+    files, mistakes = draw_figures(["options", "auxetic"], tmp_path)
+    assert not mistakes
     assert {path.stem for path in files} == {
         "options",
         "auxetic_fold_phase-stripe_border",

@@ -19,55 +19,55 @@ from tests.export.meshes.made_up import CASE_ID, PREVIEW, kept_file
 REFERENCE = PREVIEW.parent
 
 
-def faults_of(path):
+def mistakes_of(path):
     """What of a netCDF file is against CF 1.11: sections 2.2 to 2.5, 3.1, 3.3, 3.5 and 5."""
-    faults = []
+    mistakes = []
     with netCDF4.Dataset(path) as file:
-        faults += [file.Conventions] * (not file.Conventions.startswith("CF-1."))
+        mistakes += [file.Conventions] * (not file.Conventions.startswith("CF-1."))
         for name, variable in file.variables.items():
             stated = {key: variable.getncattr(key) for key in variable.ncattrs()}
             text = variable.dtype is str or variable.dtype.kind in "SU"
             is_coordinate = name in file.dimensions
             if not name.isidentifier() or "missing_value" in stated:
-                faults.append(f"{name}: name or missing_value")
+                mistakes.append(f"{name}: name or missing_value")
             if is_coordinate and "_FillValue" in stated:
-                faults.append(f"{name}: a coordinate with _FillValue")
+                mistakes.append(f"{name}: a coordinate with _FillValue")
             if is_coordinate and not text and not np.all(np.diff(variable[:]) > 0):
-                faults.append(f"{name}: not monotonic")
+                mistakes.append(f"{name}: not monotonic")
             if not stated.get("long_name") or not isinstance(stated.get("units"), str):
-                faults.append(f"{name}: without name or units")
+                mistakes.append(f"{name}: without name or units")
             pint.Unit(stated["units"])
             for key in {"_FillValue", "flag_values", "valid_range"} & set(stated):
                 if np.asarray(stated[key]).dtype != variable.dtype:
-                    faults.append(f"{name}: {key} of another type")
+                    mistakes.append(f"{name}: {key} of another type")
             if "flag_values" in stated:
                 meanings = stated["flag_meanings"].split()
                 if len(meanings) != len(set(stated["flag_values"])):
-                    faults.append(f"{name}: flags")
+                    mistakes.append(f"{name}: flags")
                 values = set(np.ma.compressed(variable[:]).tolist())
-                faults += [f"{name}: no flag"] * (not values <= set(stated["flag_values"]))
+                mistakes += [f"{name}: no flag"] * (not values <= set(stated["flag_values"]))
             for other in stated.get("coordinates", "").split():
                 if not set(file[other].dimensions) <= {*variable.dimensions}:
-                    faults.append(f"{name}: coordinate {other}")
-    return faults
+                    mistakes.append(f"{name}: coordinate {other}")
+    return mistakes
 
 
 @pytest.mark.parametrize("name", ["sensor", "sensor_layouts", "stripes", "even_auxetic", "graded"])
 def test_a_cube_that_is_written_follows_cf(tmp_path, name):
     kept = read_cube(REFERENCE / name)
     write_cube(kept.copy(deep=True), tmp_path / "cube.nc")
-    assert faults_of(tmp_path / "cube.nc") == []
+    assert mistakes_of(tmp_path / "cube.nc") == []
     xr.testing.assert_equal(read_cube(tmp_path), kept)
 
 
 def test_a_case_file_that_is_written_follows_cf(tmp_path):
     write_case_file(tmp_path, CASE_ID, described(kept_file().copy(deep=True)))
-    assert faults_of(case_path(tmp_path, CASE_ID)) == []
+    assert mistakes_of(case_path(tmp_path, CASE_ID)) == []
 
 
 def test_faults_of_another_writer_are_found(tmp_path):
     made_up_cube().assign_attrs(Conventions="CF-1.11").to_netcdf(tmp_path / "cube.nc")
-    assert faults_of(tmp_path / "cube.nc") == ["applied_strain: a coordinate with _FillValue"]
+    assert mistakes_of(tmp_path / "cube.nc") == ["applied_strain: a coordinate with _FillValue"]
 
 
 def in_another_order(cube):

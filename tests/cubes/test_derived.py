@@ -152,7 +152,7 @@ def test_columns_and_sorting_take_expressions():
     np.testing.assert_allclose(table["10*force_per_width"], 10 * plain["force_per_width"])
     assert list(table.columns) == asked
     for wrong, problem in (("2*3", "one value for all"), ("foo/2", "no column 'foo'")):
-        with pytest.raises(kl.BadInput, match=problem):
+        with pytest.raises(kl.InputError, match=problem):
             cube.knitlab.query(columns=[wrong])
 
 

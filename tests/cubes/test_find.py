@@ -120,7 +120,7 @@ def test_cubes_on_other_strains_are_searched_together():
     ],
 )
 def test_an_invalid_target_is_refused(targets, message):
-    with pytest.raises(kl.BadInput, match=message):
+    with pytest.raises(kl.InputError, match=message):
         kl.find(cube(), targets=targets)
 
 
@@ -148,7 +148,7 @@ def test_curves_can_be_reduced_in_queries():
     assert table.iloc[0, 1] == pytest.approx(0, abs=1e-12)
     missing = kl.query(cube(), where="isnan(mean(poisson_ratio, 0.1:0.4))")
     assert len(missing) == len(LEVELS)
-    with pytest.raises(kl.BadInput, match="reduces a curve along applied_strain"):
+    with pytest.raises(kl.InputError, match="reduces a curve along applied_strain"):
         kl.query(cube(), where="mean(knit_cell_x, 0:0.1) > 0")
 
 
@@ -162,7 +162,7 @@ def test_poisson_ratio_below_its_first_strain_is_refused(window):
         lambda: kl.query(cube(), where=f"mean(poisson_ratio, {window}) < 0"),
         lambda: kl.find(cube(), targets=f"max(poisson_ratio, {window}) < 0"),
     ):
-        with pytest.raises(kl.BadInput, match=rf"{window}.*0\.1\b.*poisson_ratio"):
+        with pytest.raises(kl.InputError, match=rf"{window}.*0\.1\b.*poisson_ratio"):
             ask()
 
 
@@ -200,5 +200,5 @@ def test_a_target_may_be_an_expression_over_columns():
 
 def test_a_curve_in_an_expression_must_be_reduced():
     cube = open_cube("results/reference/periodic")
-    with pytest.raises(kl.BadInput, match=r"or reduce it, as mean\(force_per_width"):
+    with pytest.raises(kl.InputError, match=r"or reduce it, as mean\(force_per_width"):
         find_designs([cube], [read_target("force_per_width / 2 = 0.1")])

@@ -12,7 +12,7 @@ import knitlab as kl
 from knitlab.cubes.cube_file import with_derived
 from knitlab.cubes.force_control import under_force
 from knitlab.cubes.selection import selected
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import network
@@ -78,7 +78,7 @@ def test_the_force_at_the_strain_that_is_read_is_the_one_selected(steps, fractio
     ],
 )
 def test_forces_that_cannot_be_selected_are_refused(selections):
-    with pytest.raises(BadInput, match="force"):
+    with pytest.raises(InputError, match="force"):
         selected(cube_of(STRAINS), selections)
 
 
@@ -124,7 +124,7 @@ def test_biaxial_tests_hold_those_at_a_ratio_of_forces():
     "selections", [{"force_ratio": 1, "load_ratio": 0.5}, {"force_ratio": np.inf}]
 )
 def test_ratios_that_cannot_be_selected_are_refused(selections):
-    with pytest.raises(BadInput, match="force_ratio"):
+    with pytest.raises(InputError, match="force_ratio"):
         selected(stiff_sheet(np.array([0.0, 1.0])), selections)
 
 

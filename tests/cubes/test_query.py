@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from knitlab.cubes.condition import holds
 from knitlab.cubes.query import designs_of_all, designs_table, formatted, queried, query_cubes
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from tests.cubes.artificial_cubes import made_up_cube
 
 TABLE = designs_table(made_up_cube())
@@ -76,7 +76,7 @@ def test_expressions_are_evaluated(expression, expected):
     ],
 )
 def test_anything_else_is_refused(expression, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         queried(TABLE, expression)
 
 
@@ -142,7 +142,7 @@ def test_cubes_of_one_name_are_told_apart_by_their_folders(tmp_path):
 @pytest.mark.slow
 @given(st.text(max_size=30))
 def test_any_text_filters_or_is_refused(expression):
-    with contextlib.suppress(BadInput):
+    with contextlib.suppress(InputError):
         assert holds(expression, TABLE).dtype == bool
 
 
@@ -172,7 +172,7 @@ def test_a_column_named_twice_appears_once():
 
 
 def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
-    with pytest.raises(BadInput, match="select applied_strain=VALUE"):
+    with pytest.raises(InputError, match="select applied_strain=VALUE"):
         queried(TABLE, "poisson_ratio < 0")
 
 
@@ -190,7 +190,7 @@ def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
     ],
 )
 def test_a_bad_selection_is_named(selection, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         designs_table(made_up_cube(), selection)
 
 
@@ -210,12 +210,12 @@ SUMS = [
     ],
 )
 def test_too_much_at_once_is_refused_by_its_number(asked, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         made_up_cube().knitlab.query(**asked)
 
 
 def test_unknown_names_are_reported_with_the_nearest():
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         queried(TABLE, sort=["-poisson_min"], columns=["perods"])
     text = str(caught.value)
     assert "sort -poisson_min" in text
@@ -275,5 +275,5 @@ def test_counts_between_two_strains_are_known_only_if_both_agree():
 
 
 def test_strains_beyond_the_cube_are_refused():
-    with pytest.raises(BadInput, match="has no applied_strain"):
+    with pytest.raises(InputError, match="has no applied_strain"):
         query_cubes([made_up_cube()], {"applied_strain": 9.0})

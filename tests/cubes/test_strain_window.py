@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import linregress
 
 from knitlab.cubes.strain_window import REDUCTIONS, StrainWindow, gradient, root_mean_square
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 
 GRID = np.array([0.0, 0.03, 0.06, 0.1, 0.2, 0.45])
 CURVES = np.array([np.sin(9 * GRID), GRID**2 - 0.3])
@@ -90,7 +90,7 @@ def test_a_single_strain_is_read_between_those_that_were_simulated():
 
 @pytest.mark.parametrize("text", ["", "a", "0.2:0.1", "-0.1:0.2", "0.1:0.2:0.3", "nan", "0:inf"])
 def test_an_invalid_window_is_refused(text):
-    with pytest.raises(BadInput, match="window"):
+    with pytest.raises(InputError, match="window"):
         StrainWindow.of(text, "target")
 
 

@@ -11,7 +11,7 @@ from scipy.stats import t as student_t
 import knitlab as kl
 from knitlab.cubes.sampled import saltelli_design, sampled_uncertainty
 from knitlab.cubes.uncertainty import NUMBERS, Stripes, UncertainStripe, first_order
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.schema import Status, described
 from knitlab.runs.stripe_samples import latin_hypercube, saltelli
@@ -163,25 +163,25 @@ def test_a_covariance_that_is_none_is_refused(given, problem):
     if problem is None:
         assert kl.uncertainty(cube(np.ones(8)), material=changed)
         return
-    with pytest.raises(BadInput, match=problem):
+    with pytest.raises(InputError, match=problem):
         kl.uncertainty(cube(np.ones(8)), material=changed)
 
 
 def test_what_has_no_uncertainty_is_refused():
-    with pytest.raises(BadInput, match="has no sensitivities; run it with sensitivities = true"):
+    with pytest.raises(InputError, match="has no sensitivities; run it with sensitivities = true"):
         kl.uncertainty(
             cube(np.ones(8)).drop_vars(["poisson_ratio_sensitivity", "reaction_force_sensitivity"]),
             material=material(),
         )
     other = cube(np.ones(8))
     other["rib_k_s"] = other["rib_k_s"] * 1.01
-    with pytest.raises(BadInput, match=r"rib_k_s of n_stripe 4: is 2\.02 in the cube, and 2 "):
+    with pytest.raises(InputError, match=r"rib_k_s of n_stripe 4: is 2\.02 in the cube, and 2 "):
         kl.uncertainty(other, material=material())
-    with pytest.raises(BadInput, match="rib 4: is no stripe of this material"):
+    with pytest.raises(InputError, match="rib 4: is no stripe of this material"):
         kl.uncertainty(cube(np.ones(8)), material=kl.Material((GARTER,)))
-    with pytest.raises(BadInput, match="cubes: none is given"):
+    with pytest.raises(InputError, match="cubes: none is given"):
         kl.uncertainty(material=material())
-    with pytest.raises(BadInput, match="material: is not given"):
+    with pytest.raises(InputError, match="material: is not given"):
         kl.uncertainty(cube(np.ones(8)))
 
 
@@ -207,7 +207,9 @@ def test_designs_are_ranked_by_the_normal_probability_of_the_target():
     assert kl.find(cube(slopes), targets="poisson_ratio < 0 @ 0.1", **only).table[
         "probability"
     ].item() == pytest.approx(0.5, abs=0.005)
-    with pytest.raises(BadInput, match="is one value, which is met with probability 0; add a tol"):
+    with pytest.raises(
+        InputError, match="is one value, which is met with probability 0; add a tol"
+    ):
         kl.find(cube(slopes), targets="poisson_ratio = -0.32 @ 0.1", material=material())
 
 
@@ -252,11 +254,11 @@ def test_what_is_known_of_one_curve_is_said_and_no_new_swatch():
     assert all(word in found.attrs["comment"] for word in ("mean", "not known", "rib 4", "garter"))
     nearest = kl.find(asked, targets="poisson_ratio < -0.3 @ 0.1", material=one)
     assert nearest.uncertainty == found.attrs["comment"]
-    with pytest.raises(BadInput, match=r"rib 4: .*new swatch.*calibrate repeats"):
+    with pytest.raises(InputError, match=r"rib 4: .*new swatch.*calibrate repeats"):
         kl.uncertainty(asked, material=one, uncertainty_of="swatch")
-    with pytest.raises(BadInput, match=r"uncertainty_of mena: .*mean"):
+    with pytest.raises(InputError, match=r"uncertainty_of mena: .*mean"):
         kl.uncertainty(asked, material=one, uncertainty_of="mena")
-    with pytest.raises(BadInput, match=r"uncertainty_of mean: .*material"):
+    with pytest.raises(InputError, match=r"uncertainty_of mean: .*material"):
         kl.find(asked, targets="poisson_ratio < -0.3 @ 0.1", uncertainty_of="mean")
 
 
@@ -272,7 +274,7 @@ def test_a_probability_agrees_with_the_interval(repeats):
 @pytest.mark.parametrize("wrong", [{"degrees_of_freedom": 0.0}, {"repeats": 1}])
 def test_degrees_of_freedom_and_repeats_are_checked(wrong):
     (name,) = wrong
-    with pytest.raises(BadInput, match=f"{name}: is .*give"):
+    with pytest.raises(InputError, match=f"{name}: is .*give"):
         kl.StripeCovariance({"k_s": {"k_s": 1.0}}, **wrong)
 
 

@@ -10,7 +10,7 @@ from knitlab.design.objective import Objective, aimed, all_met, check_targets
 from knitlab.design.request import DesignRequest, checked_request, with_tolerance
 from knitlab.design.search_space import search_space
 from knitlab.design.trial import Trial, run_trial
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 
 STRAINS = np.array([0.0, 0.1, 0.2, 0.3])
@@ -110,7 +110,7 @@ def test_constraints_are_negative_where_they_are_violated():
 def test_targets_that_a_test_cannot_have_are_refused(text, message):
     space = search_space(checked_request("sleeve", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
     case, _ = space.case(space.designs[0], np.zeros(0))
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         check_targets([read_target(text)], (), case)
 
 

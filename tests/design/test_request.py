@@ -14,7 +14,7 @@ from knitlab.design.request import (
     read_request,
     with_tolerance,
 )
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 
 TARGET = "poisson_ratio = -0.3 @ 0.05:0.25"
 
@@ -113,17 +113,17 @@ def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked)
     ],
 )
 def test_mistakes_of_a_request_are_named(changes, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         request(**changes)
 
 
 def test_every_mistake_of_a_file_is_listed_and_its_paths_are_of_its_folder(tmp_path):
     path = tmp_path / "sleeve.toml"
     path.write_text('targets = "poisson_ratio"\n[vary]\nrib_k_t = [2, 1]\nn_stripe = [0]\n')
-    with pytest.raises(BadInput) as error:
+    with pytest.raises(InputError) as error:
         read_request(path)
-    assert len(error.value.faults) == 3
-    assert all(str(path) in str(fault) for fault in error.value.faults)
+    assert len(error.value.mistakes) == 3
+    assert all(str(path) in str(fault) for fault in error.value.mistakes)
     path.write_text(f'targets = "{TARGET}"\ncubes = ["known"]\n')
     assert read_request(path).cubes == (str(tmp_path / "known"),)
 
@@ -139,5 +139,5 @@ def test_a_curve_is_read_from_a_table_or_a_file(tmp_path):
     (tmp_path / "sleeve.toml").write_text('targets = "poisson_ratio = wanted.csv"\n')
     assert read_request(tmp_path / "sleeve.toml").targets[0].curve == of_table.curve
     path.write_text("strain [1],ratio [1]\n0.1,-0.4\n")
-    with pytest.raises(BadInput, match="column poisson_ratio"):
+    with pytest.raises(InputError, match="column poisson_ratio"):
         request(targets=[f"poisson_ratio = {path}"])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from knitlab.design.request import checked_request
 from knitlab.design.search_space import search_space
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
 
 VARY = {
@@ -79,5 +79,5 @@ def test_a_search_starts_from_the_tables():
     ],
 )
 def test_an_invalid_search_space_is_refused(changes, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         space(**changes)

@@ -60,9 +60,11 @@ def test_a_design_takes_the_electrodes_of_an_object_and_no_keywords():
     plated = replace(known.capacitor, layout=known.layouts["checkerboard"])
     sample = kl.knit(design, model=kl.Model(cell_size="flat"), capacitor=plated)
     assert sample.program == kl.knit("sensor", n_stripe=4, n_subunit=16).program
-    with pytest.raises(kl.BadInput, match="layout: is of a workflow or a cube; of a Design, give"):
+    with pytest.raises(
+        kl.InputError, match="layout: is of a workflow or a cube; of a Design, give"
+    ):
         kl.knit(design, layout="checkerboard")
-    with pytest.raises(kl.BadInput, match="capacitor: is of a Design; leave it out"):
+    with pytest.raises(kl.InputError, match="capacitor: is of a Design; leave it out"):
         kl.knit("periodic", capacitor=plated)
 
 
@@ -138,7 +140,7 @@ def test_a_cube_without_its_cases_is_planned_again(tmp_path):
     assert sample.chart.front.shape == (96, 48)
     cube.attrs["workflow"] = "own"
     cube.to_netcdf(tmp_path / "other.nc")
-    with pytest.raises(kl.BadInput, match="is recorded in no plan and no case file"):
+    with pytest.raises(kl.InputError, match="is recorded in no plan and no case file"):
         kl.knit(tmp_path / "other.nc", n_stripe=6, n_subunit=24)
 
 
@@ -315,5 +317,5 @@ def test_material_and_yarn_are_the_same_from_a_file_an_object_a_plan_and_a_test(
         rows = dict(sample.rows())
         assert (rows["material"], rows["yarn"]) == ("merino", "merino 2/30, two ends")
         assert rows["machine"].startswith("Kniterate")
-    with pytest.raises(kl.BadInput, match="material: is of a Design"):
+    with pytest.raises(kl.InputError, match="material: is of a Design"):
         kl.knit("periodic", n_stripe=4, n_subunit=16, material=material)

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from knitlab.cubes.cube_file import read_cube
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 PREVIEW = ROOT / "results/reference/preview/cube.nc"
@@ -77,7 +77,7 @@ def test_a_cube_that_another_program_writes_is_refused_as_locked(tmp_path):
     command = [sys.executable, "-c", WRITER, path]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as writer:
         writer.stdout.readline()
-        with pytest.raises(BadInput, match=r"opened for writing .* HDF5_USE_FILE_LOCKING=FALSE"):
+        with pytest.raises(InputError, match=r"opened for writing .* HDF5_USE_FILE_LOCKING=FALSE"):
             read_cube(path)
         writer.communicate(b"\n")
     assert "status" in read_cube(path)

@@ -10,7 +10,7 @@ from knitlab.claims.judgement import judged
 from knitlab.cli import main
 from knitlab.cubes.cube_file import write_cube
 from knitlab.figures.claims_page import _blocks, introduction, reliance, write_page
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from tests.claims.test_claims import good_checkerboards, good_stripes
 
 
@@ -33,7 +33,7 @@ def judgements(cubes):
 
 
 def test_a_page_of_another_format_is_refused(tmp_path):
-    with pytest.raises(BadInput, match="is not a page of Markdown; give it the suffix"):
+    with pytest.raises(InputError, match="is not a page of Markdown; give it the suffix"):
         write_page([], tmp_path / "page.html")
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from knitlab.figures.kinds.contact import contact_effect
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.cubes.artificial_cubes import STRAINS, made_up_cube
 
@@ -69,5 +69,5 @@ def test_designs_that_fail_in_one_of_both_are_named():
     ],
 )
 def test_a_cube_without_both_is_refused(cube, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         contact_effect(cube())

@@ -13,7 +13,7 @@ from knitlab.figures.kinds.curves import tension_curves
 from knitlab.figures.kinds.design_map import auxetic_map
 from knitlab.figures.kinds.sensitivity import sensitivity_map
 from knitlab.figures.style import value_colours
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from knitlab.runs.figure_names import FIGURE_NAMES
 from knitlab.runs.plan import make_plan
@@ -186,7 +186,7 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
 def test_a_figure_that_cannot_be_drawn_writes_nothing(
     cube_file, tmp_path, kind, output, selections, message
 ):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         draw_figure(kind, [cube_file], tmp_path / output, selections)
     assert list(tmp_path.iterdir()) == [cube_file]
 
@@ -230,7 +230,7 @@ def test_stretched_samples_have_the_colour_of_each_unit_cell():
 
 
 def test_stretched_samples_are_between_clamps():
-    with pytest.raises(BadInput, match="not periodic fabric"):
+    with pytest.raises(InputError, match="not periodic fabric"):
         stretched_samples([made_up_case(periodic=True)])
 
 
@@ -249,7 +249,7 @@ def test_a_shape_has_the_colour_of_its_height_at_the_selected_strain(strain):
 def test_a_strain_whose_shape_is_not_kept_is_refused():
     case = made_up_case(periodic=False)
     case["position"][1] = np.nan
-    with pytest.raises(BadInput, match="has no shape, which this case file keeps at 0;"):
+    with pytest.raises(InputError, match="has no shape, which this case file keeps at 0;"):
         draw("shape", [case], {"applied_strain": 0.2})
 
 
@@ -258,7 +258,7 @@ def test_a_file_that_is_no_cube_is_named(tmp_path, content):
     path = tmp_path / "cube.nc"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(BadInput, match=r"does not exist|is not a netCDF file"):
+    with pytest.raises(InputError, match=r"does not exist|is not a netCDF file"):
         draw_figure("auxetic", [path], tmp_path / "map.png")
 
 

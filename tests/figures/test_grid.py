@@ -9,7 +9,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.figures.drawing import draw
 from knitlab.figures.kinds.any_variable import by_periods
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.cubes.artificial_cubes import STATUS, made_up_cube
 
@@ -126,12 +126,12 @@ def test_a_cube_by_p_has_the_same_designs():
     ],
 )
 def test_what_cannot_be_shown_is_explained(options, chosen, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         kl.plot.grid(swept_cube(), **options, **chosen)
 
 
 def test_only_a_grid_takes_a_variable():
-    with pytest.raises(BadInput, match="of: is not an option of auxetic, only of grid"):
+    with pytest.raises(InputError, match="of: is not an option of auxetic, only of grid"):
         draw("auxetic", [made_up_cube()], options={"of": "poisson_ratio"})
 
 

@@ -11,7 +11,7 @@ from knitlab.cli import main
 from knitlab.figures.kinds.capacitors import capacitors_figure
 from knitlab.figures.kinds.design_map import PAPER, sensor_map, values_of_designs
 from knitlab.figures.nearest_designs import non_dominated
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from tests.cubes.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import values_written
 
@@ -81,7 +81,7 @@ def test_the_papers_checkerboards_are_drawn_with_their_slopes():
 
 @pytest.mark.parametrize("draw", [sensor_map, lambda cube: capacitors_figure([cube])])
 def test_a_cube_without_electrodes_is_refused(draw):
-    with pytest.raises(BadInput, match="electrodes"):
+    with pytest.raises(InputError, match="electrodes"):
         draw(made_up_cube())
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from knitlab.figures.kinds.any_variable import swept_values
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.cubes.artificial_cubes import made_up_cube
 
@@ -59,5 +59,5 @@ def test_curves_are_reduced():
     ],
 )
 def test_what_it_cannot_show_is_refused(cube, of, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         swept_values(cube(), of)

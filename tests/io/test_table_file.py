@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.table_file import numbers_of, read_table
 from knitlab.io.text_file import read_text
 
@@ -111,7 +111,7 @@ def test_marks_of_thousands_quotes_spaces_and_ends_of_lines(tmp_path, content, e
     ],
 )
 def test_what_is_no_table_is_named_with_its_line(tmp_path, content, named):
-    with pytest.raises(BadInput, match=named):
+    with pytest.raises(InputError, match=named):
         read(tmp_path, content)
 
 
@@ -119,8 +119,8 @@ def test_a_row_without_a_number_is_reported_as_a_point(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("a,b\n1,2\nx,y\n5,6\n")
     _, rows, _ = read_table(path, "")
-    _, faults = numbers_of(path, "a", rows[0])
-    assert "point 2 is 'x'" in str(faults[0])
+    _, mistakes = numbers_of(path, "a", rows[0])
+    assert "point 2 is 'x'" in str(mistakes[0])
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_a_row_without_a_number_is_reported_as_a_point(tmp_path):
 def test_what_is_no_text_is_named(tmp_path, begin, named):
     path = tmp_path / "table.csv"
     path.write_bytes(begin)
-    with pytest.raises(BadInput, match=named):
+    with pytest.raises(InputError, match=named):
         read_table(path, "")
 
 

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from tests.cubes.artificial_cubes import made_up_cube
 from tests.lab.recorded import Laboratory
 
@@ -377,5 +377,5 @@ def test_records_of_another_sample_are_not_mixed_in(tmp_path, good):
 
 def test_settings_beside_a_plan_are_refused():
     plan = kl.plan("laboratory")
-    with pytest.raises(BadInput, match="settings: belong to workflows; plan the workflow with"):
+    with pytest.raises(InputError, match="settings: belong to workflows; plan the workflow with"):
         kl.fit("nowhere.nc", plan, strain_max=0.1)

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.cubes.cube_file import open_cube
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.lab.experiment import import_records
 from knitlab.observables.capacitance.sensor import mean_slope
 from knitlab.observables.schema import COORDINATES, VARIABLES
@@ -86,7 +86,7 @@ def test_imports_of_another_form_are_a_sentence(tmp_path, imports):
     file = import_records("tensile", path, tmp_path).path
     changed = xr.load_dataset(file).assign_attrs(imports=imports)
     changed.to_netcdf(file)
-    with pytest.raises(BadInput, match=r"cube\.nc: .*import all records again"):
+    with pytest.raises(InputError, match=r"cube\.nc: .*import all records again"):
         import_records("markers", path, tmp_path)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
 from knitlab.lab.curves import (
@@ -167,7 +167,7 @@ def test_a_poor_fit_warns(case, truth):
 @pytest.mark.slow
 def test_a_sample_that_does_not_relax_is_refused(case, truth):
     hopeless = replace(case, solver=replace(case.equilibrium_solver, max_iterations=3))
-    with pytest.raises(BadInput, match="does not converge"):
+    with pytest.raises(InputError, match="does not converge"):
         fit_stripes(hopeless, noisy(truth, 0.005, 1), looseness=0.2)
 
 
@@ -269,15 +269,15 @@ def test_experiments_that_cannot_be_fitted_are_refused(case, truth):
     plan = make_plan("laboratory", PERIODIC)
     cube = experiment(case, truth)
     assert case_for(plan, cube).design == case.design
-    with pytest.raises(BadInput, match="this cube was simulated"):
+    with pytest.raises(InputError, match="this cube was simulated"):
         case_for(plan, experiment(case, truth, source="simulation"))
-    with pytest.raises(BadInput, match="one case of \\(6, 24\\), and has 0"):
+    with pytest.raises(InputError, match="one case of \\(6, 24\\), and has 0"):
         case_for(plan, experiment(case, truth, n_stripe=[6], n_subunit=[24]))
-    with pytest.raises(BadInput, match="and has 2; set one value of each"):
+    with pytest.raises(InputError, match="and has 2; set one value of each"):
         case_for(make_plan("laboratory", (*PERIODIC, "k_wall=50,100")), cube)
-    with pytest.raises(BadInput, match="give one above 0"):
+    with pytest.raises(InputError, match="give one above 0"):
         target_of(cube, case, model_error=0.0)
-    with pytest.raises(BadInput, match="at least 3 strains"):
+    with pytest.raises(InputError, match="at least 3 strains"):
         target_of(cube.isel(applied_strain=[0, 1, 2]), case, model_error=0.01)
 
 

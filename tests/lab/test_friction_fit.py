@@ -127,7 +127,7 @@ def test_cycles_are_of_one_swatch_and_friction_at_a_late_start_is_no_offset(tmp_
     path = tmp_path / "cycles.csv"
     lines = [f"{one},{other}" for one, other in rows if one > 0.1]
     path.write_text("\n".join(["strain [1],force [N]", *lines]))
-    with pytest.raises(kl.BadInput, match="give zero = none"):
+    with pytest.raises(kl.InputError, match="give zero = none"):
         kl.read_cycles(path)
     plain = kl.read_cycles(path, zero="none")
     assert [each.loading for each in plain.passages] == [True, False, True]
@@ -139,7 +139,7 @@ def test_cycles_are_of_one_swatch_and_friction_at_a_late_start_is_no_offset(tmp_
             ]
         )
     )
-    with pytest.raises(kl.BadInput, match="has several swatches, and cycles are of one"):
+    with pytest.raises(kl.InputError, match="has several swatches, and cycles are of one"):
         kl.read_cycles(path)
 
 
@@ -154,5 +154,5 @@ def test_friction_from_zero_strain_on_is_no_offset(tmp_path):
 
 def test_one_loading_tells_nothing_of_friction():
     cycles = LoadingCycles((replace(THERE, force=STRAIN),))
-    with pytest.raises(kl.BadInput, match="one loading alone; give unloading"):
+    with pytest.raises(kl.InputError, match="one loading alone; give unloading"):
         kl.calibrate_friction(cycles, period=1.0)

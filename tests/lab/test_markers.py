@@ -7,7 +7,7 @@ import tomli_w
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.lab.description import MarkersTable, SampleTable
 from knitlab.lab.experiment import import_records
 from knitlab.lab.marker_grid import find_grid
@@ -228,5 +228,5 @@ def test_coordinates_in_the_order_row_and_column_are_refused(tmp_path, align):
     cube = import_records("markers", path, tmp_path / "right").cube.squeeze()
     np.testing.assert_allclose(cube["poisson_ratio"][1:], -0.5)
     np.save(tmp_path / "markers.npy", tracks[..., ::-1])
-    with pytest.raises(BadInput, match=r"pulled along its weft|off the separation|from the warp"):
+    with pytest.raises(InputError, match=r"pulled along its weft|off the separation|from the warp"):
         import_records("markers", path, tmp_path / "wrong")

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import knitlab as kl
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.lab.tension_record import period_of, read_tension_record
 from knitlab.model.pure_stripe import PureStripe
 from knitlab.model.settings import ModelOptions
@@ -116,7 +116,7 @@ def test_what_testers_export_is_read(tmp_path, export, encoding):
 def test_what_can_be_read_two_ways_is_refused_in_a_sentence(tmp_path, header, parts):
     width = header.count(",") + 1
     rows = [",".join([f"{k / 10}"] * width) for k in range(9)]
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         read_tension_record(written(tmp_path, "\n".join([header, *rows])), gauge_length=80.0)
     message = str(caught.value).splitlines()[0]
     for part in parts:
@@ -158,19 +158,19 @@ def test_what_can_be_read_two_ways_is_refused_in_a_sentence(tmp_path, header, pa
     ],
 )
 def test_a_bad_curve_is_refused(tmp_path, text, options, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         read_tension_record(written(tmp_path, text), **options)
 
 
 def test_all_faults_are_in_one_message(tmp_path):
     path = written(tmp_path, "strain [m],force [kg]\n0,0\nx,1\n0.2,2\n0.3,nan\n")
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         read_tension_record(path)
-    assert len(caught.value.faults) == 4
+    assert len(caught.value.mistakes) == 4
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(BadInput, match=r"nowhere\.csv: cannot be read"):
+    with pytest.raises(InputError, match=r"nowhere\.csv: cannot be read"):
         read_tension_record(tmp_path / "nowhere.csv")
 
 
@@ -269,7 +269,7 @@ def test_the_period_follows_from_stitches():
     assert period_of(4, gauge_length=80.0, gauge_stitches=64) == pytest.approx(10.0)
     assert period_of(4, 10.0) == 10.0
     for given_twice in ({"period": 1.0, "gauge_stitches": 4.0}, {}, {"gauge_stitches": 4.0}):
-        with pytest.raises(BadInput):
+        with pytest.raises(InputError):
             period_of(4, **given_twice)
 
 
@@ -321,7 +321,7 @@ def test_what_is_known_of_the_start_gives_the_curve_of_the_spring(
 def test_a_force_at_zero_strain_above_the_noise_is_refused_with_both_remedies(
     tmp_path, truth, noise, read
 ):
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         read(gripped(tmp_path, **truth, noise=noise))
     (message,) = str(caught.value).splitlines()
     size = float(message.split(" is ")[1].split(" N ")[0])
@@ -341,7 +341,7 @@ def test_noise_alone_is_rarely_taken_for_an_offset_and_a_large_offset_never_for_
     def refused(**truth):
         try:
             read_tension_record(gripped(tmp_path, noise=0.01, repeats=3, **truth))
-        except BadInput:
+        except InputError:
             return True
         return False
 
@@ -395,17 +395,17 @@ def test_a_preloaded_stripe_is_counted_from_its_relaxed_length(tmp_path):
     ],
 )
 def test_what_contradicts_the_record_is_refused(tmp_path, truth, known, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         read_tension_record(gripped(tmp_path, **truth), **known)
 
 
 def test_newtons_are_not_subtracted_from_a_stress_and_a_late_start_has_no_zero(tmp_path):
     stress = written(tmp_path, GOOD.replace("force [N]", "stress [N/mm]"))
     for known in ({"zero": 0.1}, {"preload": 0.1}):
-        with pytest.raises(BadInput, match=r"0\.1: is in N, but the record holds stress"):
+        with pytest.raises(InputError, match=r"0\.1: is in N, but the record holds stress"):
             read_tension_record(stress, **known)
     late = written(tmp_path, GOOD.replace("0,0\n", "").replace("0.3,", "0.4,0.8\n0.5,"))
     for known in ({"zero": "start"}, {"preload": 0.1}):
-        with pytest.raises(BadInput, match="too few readings near zero strain"):
+        with pytest.raises(InputError, match="too few readings near zero strain"):
             read_tension_record(late, **known)
     assert read_tension_record(late, zero=0.1).force.max() == pytest.approx(0.8)

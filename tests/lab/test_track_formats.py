@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.lab.track_formats import read_tracks
 
 NAN = np.nan
@@ -142,13 +142,13 @@ def test_deeplabcut_may_track_several_individuals(tmp_path):
 
 def test_a_track_of_sleap_twice_in_a_frame_is_refused(tmp_path):
     rows = sleap(TRACKS)
-    with pytest.raises(BadInput, match="twice in one frame"):
+    with pytest.raises(InputError, match="twice in one frame"):
         read_tracks(write(tmp_path / "tracks.csv", [*rows, rows[-1]]))
 
 
 def test_unsure_positions_are_left_out_and_counted(tmp_path):
     path = write(tmp_path / "tracks.csv", deeplabcut(LOST, confidence=0.3))
-    with pytest.raises(BadInput, match="shows no marker in 6 frames"):
+    with pytest.raises(InputError, match="shows no marker in 6 frames"):
         read_tracks(path)
     np.testing.assert_array_equal(read_tracks(path, least_confidence=0.2).positions, LOST)
     rows = deeplabcut(TRACKS)
@@ -187,7 +187,7 @@ def test_zeros_are_lost_markers(tmp_path):
 def test_lengths_of_trackmate_need_the_unit_as_the_pixel(tmp_path):
     path = write(tmp_path / "tracks.csv", trackmate(TRACKS, "mm"))
     np.testing.assert_array_equal(read_tracks(path, pixel=1.0).positions, TRACKS)
-    with pytest.raises(BadInput, match="has positions in mm; give pixel"):
+    with pytest.raises(InputError, match="has positions in mm; give pixel"):
         read_tracks(path, pixel=0.05)
 
 
@@ -201,7 +201,7 @@ def test_lengths_of_trackmate_need_the_unit_as_the_pixel(tmp_path):
     ],
 )
 def test_a_damaged_table_is_refused_by_its_fault(tmp_path, change, named):
-    with pytest.raises(BadInput, match=named):
+    with pytest.raises(InputError, match=named):
         read_tracks(write(tmp_path / "tracks.csv", change(trackpy(TRACKS))))
 
 
@@ -212,7 +212,7 @@ def test_a_damaged_table_of_deeplabcut_is_refused(tmp_path):
         ([*rows[:3], [*rows[3][:2], "left", *rows[3][3:]]], "is none"),
         ([*rows[:2], ["coords", *["x", "y", "z"] * 5], *rows[3:]], "are not x, y, likelihood"),
     ):
-        with pytest.raises(BadInput, match=named):
+        with pytest.raises(InputError, match=named):
             read_tracks(write(tmp_path / "tracks.csv", damaged))
 
 
@@ -230,5 +230,5 @@ def test_a_damaged_header_of_an_array_is_a_sentence(tmp_path, header):
     text = f"{header}\n".encode()
     start = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
     path.write_bytes(start + text + bytes(480))
-    with pytest.raises(BadInput, match=r"is not a complete \.npy array"):
+    with pytest.raises(InputError, match=r"is not a complete \.npy array"):
         read_tracks(path)

@@ -146,8 +146,8 @@ def test_a_drawn_electrode_need_not_be_straight(options):
 
 def test_strips_that_overlap_are_named():
     strips = (Strip(0, 2, 0, 4), Strip(1, 3, 1, 2)), (Strip(4, 5, 0, 4),)
-    faults = Electrodes(strips, "wale").faults(MeshShape(8, 8, False))
-    assert faults == [
+    mistakes = Electrodes(strips, "wale").mistakes(MeshShape(8, 8, False))
+    assert mistakes == [
         "electrode A overlaps itself: columns 1 to 2, rows 1 to 2 (grid cells)",
     ]
 

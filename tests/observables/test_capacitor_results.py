@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.observables.capacitance.sensor import CapacitorStatus
 from knitlab.observables.schema import VARIABLES
@@ -96,7 +96,7 @@ LAYOUTS = (
     ],
 )
 def test_impossible_electrodes_are_refused_by_the_plan(overrides, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         make_plan("sensor", overrides)
 
 

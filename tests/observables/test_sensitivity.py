@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import xarray as xr
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.model.fabric import Configuration
 from knitlab.observables.schema import VARIABLES, Status
 from knitlab.runs.plan import make_plan
@@ -111,5 +111,5 @@ def test_undefined_sensitivities_are_missing(cube, monkeypatch, tmp_path):
     ],
 )
 def test_unavailable_sensitivities_are_refused(workflow, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         make_plan(workflow, ASKED)

@@ -39,7 +39,7 @@ def test_numbers_that_friction_does_not_use_name_no_case():
     ],
 )
 def test_what_has_no_meaning_is_refused(settings, problem):
-    with pytest.raises(kl.BadInput, match=problem):
+    with pytest.raises(kl.InputError, match=problem):
         make_plan("periodic", (*ONE, *settings))
 
 

@@ -27,7 +27,7 @@ from knitlab.cubes.cube_file import open_cube, write_cube
 from knitlab.cubes.query import formatted, query_cubes
 from knitlab.figures.claims_page import _escaped
 from knitlab.figures.explorer.explorer import write_explorer
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
 from knitlab.io.json_file import with_checksum
 from knitlab.io.names import is_name
@@ -94,7 +94,7 @@ def test_a_damaged_byte_gives_the_right_numbers_or_a_sentence(undamaged, tmp_pat
         assert query_cubes([open_cube(folder, lazily=True)]).equals(wanted)
         xr.testing.assert_identical(numbers(merge_folders([folder], merged).cube), numbers(cube))
 
-    with suppress(BadInput):
+    with suppress(InputError):
         read()
     xr.testing.assert_identical(numbers(ran(folder).cube), numbers(cube))
     read()
@@ -117,7 +117,7 @@ def test_a_name_works_everywhere_or_is_refused_with_its_place(tmp_path_factory, 
     before = {*folder.parent.iterdir()}
     taken = name == "checkerboard" or not set(name.upper()) - set("RGP")
     if not is_name(name) or taken:
-        with pytest.raises(BadInput, match="pattern"):
+        with pytest.raises(InputError, match="pattern"):
             make_plan("periodic", overrides)
         return
     plan = make_plan("periodic", overrides)
@@ -140,7 +140,7 @@ def test_a_stated_name_leads_nowhere_else(folder, tmp_path, name, where):
         (folder / "plan.json").unlink()
         cube = xr.load_dataset(folder / "cube.nc")
         cube.assign_attrs(workflow=str(name)).to_netcdf(folder / "cube.nc")
-    with pytest.raises(BadInput):
+    with pytest.raises(InputError):
         merge_folders([folder], tmp_path / "merged" / "here")
     assert not list(tmp_path.glob("victim*"))
 
@@ -197,7 +197,7 @@ def test_a_plan_of_another_schema_is_a_sentence(folder, change, tmp_path):
         lambda: status("periodic", results=tmp_path),
         lambda: merge_folders([folder], tmp_path / "merged"),
     ):
-        with pytest.raises(BadInput, match=r"plan\.json: is not a plan"):
+        with pytest.raises(InputError, match=r"plan\.json: is not a plan"):
             read()
     assert not ran(folder).failures
 
@@ -205,7 +205,7 @@ def test_a_plan_of_another_schema_is_a_sentence(folder, change, tmp_path):
 @pytest.mark.parametrize("text", ["[" * 100_000, "9" * 5000, '{"a": ' * 5000])
 def test_a_plan_without_end_is_a_sentence(folder, tmp_path, text):
     (folder / "plan.json").write_text(text)
-    with pytest.raises(BadInput, match=r"plan\.json: is not a plan"):
+    with pytest.raises(InputError, match=r"plan\.json: is not a plan"):
         status("periodic", results=tmp_path)
 
 
@@ -221,7 +221,7 @@ def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
     cube = xr.load_dataset(folder / "cube.nc")
     cube["status"][0, 0] = 99
     write_cube(cube, folder / "cube.nc")
-    with pytest.raises(BadInput, match="unknown status 99"):
+    with pytest.raises(InputError, match="unknown status 99"):
         open_cube(folder)
     run = ran(folder)
     xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
@@ -247,7 +247,7 @@ def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
 def test_a_cube_of_another_form_is_a_sentence_and_built_again(folder, undamaged, change, problem):
     cube = change(xr.load_dataset(folder / "cube.nc"))
     cube.to_netcdf(folder / "cube.nc")
-    with pytest.raises(BadInput, match=problem):
+    with pytest.raises(InputError, match=problem):
         open_cube(folder)
     xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
 
@@ -268,7 +268,7 @@ def test_a_cube_without_the_name_of_its_workflow_is_merged_as_its_folder(folder,
 def test_a_cube_without_unit_cells_is_of_another_version(folder, tmp_path):
     xr.load_dataset(folder / "cube.nc").drop_vars("unit_cells_x").to_netcdf(folder / "cube.nc")
     for use in (ran, lambda folder: merge_folders([folder], tmp_path / "merged")):
-        with pytest.raises(BadInput, match=r"cube\.nc: is of another version of knitlab"):
+        with pytest.raises(InputError, match=r"cube\.nc: is of another version of knitlab"):
             use(folder)
 
 
@@ -277,7 +277,7 @@ def test_a_damaged_name_of_an_attribute_is_a_sentence(folder, undamaged, sealed)
     contents = (folder / "cube.nc").read_bytes()
     contents = contents if sealed else contents[:-LENGTH]
     (folder / "cube.nc").write_bytes(contents.replace(b"workflow", b"workfloh"))
-    with pytest.raises(BadInput, match="a damaged one"):
+    with pytest.raises(InputError, match="a damaged one"):
         open_cube(folder)
     xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
 
@@ -294,7 +294,7 @@ def test_a_file_that_never_ends_is_a_sentence(folder, tmp_path):
     for path in (case, case.with_suffix(".sha256"), folder / "plan.json", folder / "cube.nc"):
         path.unlink()
         os.mkfifo(path)
-        with suppress(BadInput):
+        with suppress(InputError):
             status("periodic", results=tmp_path, check=True)
         path.unlink()
     holder = folder / ".lock.holder"
@@ -322,26 +322,26 @@ MANY = [1 + k / 1000 for k in range(1000)]
     ],
 )
 def test_a_sweep_that_is_too_large_is_refused_before_it_is_expanded(overrides, problem):
-    with pytest.raises(BadInput, match=problem):
+    with pytest.raises(InputError, match=problem):
         make_plan("periodic", overrides)
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "title = " + "9" * 5000, "a = {" * 5000])
 def test_a_workflow_that_is_too_large_is_a_sentence(tmp_path, text):
     (tmp_path / "large.toml").write_text(text)
-    with pytest.raises(BadInput, match="is not TOML"):
+    with pytest.raises(InputError, match="is not TOML"):
         make_plan(str(tmp_path / "large.toml"))
 
 
 def test_a_file_is_too_long_or_has_its_first_faults_listed(tmp_path):
     path = tmp_path / "large.toml"
     path.write_text(f'title = "{"x" * 6_000_000}"')
-    with pytest.raises(BadInput, match="has more than 5,000,000 characters"):
+    with pytest.raises(InputError, match="has more than 5,000,000 characters"):
         make_plan(str(path))
     path.write_text("".join(f"a{number} = 1\n" for number in range(20_000)))
-    with pytest.raises(BadInput, match="there is no setting 'a0'") as caught:
+    with pytest.raises(InputError, match="there is no setting 'a0'") as caught:
         make_plan(str(path))
-    assert len(caught.value.faults) <= 200
+    assert len(caught.value.mistakes) <= 200
 
 
 def test_an_image_of_many_patches_and_a_list_of_many_columns_take_a_moment(folder, tmp_path):
@@ -357,7 +357,7 @@ def test_an_image_of_many_patches_and_a_list_of_many_columns_take_a_moment(folde
 
 @pytest.mark.parametrize("condition", ["abs(" * 5000, "1" * 5000 + " > 0", f"n_stripe > {10**900}"])
 def test_a_condition_that_is_too_large_is_a_sentence(folder, condition):
-    with pytest.raises(BadInput, match=r"is too long|cannot be computed"):
+    with pytest.raises(InputError, match=r"is too long|cannot be computed"):
         open_cube(folder).knitlab.query(condition)
 
 
@@ -367,7 +367,7 @@ def test_a_condition_that_is_too_large_is_a_sentence(folder, condition):
 )
 def test_a_loose_tolerance_is_refused(setting):
     problem = r"would change Poisson's ratio by more than 0\.001|is too coarse"
-    with pytest.raises(BadInput, match=problem):
+    with pytest.raises(InputError, match=problem):
         make_plan("periodic", ("n_stripe=4", setting))
 
 
@@ -381,25 +381,25 @@ def test_a_case_file_damaged_before_its_checksum_is_a_sentence(folder, name, dam
     damaged = path.read_bytes().replace(name, damaged_name)
     path.write_bytes(damaged)
     path.with_suffix(".sha256").write_text(f"{hashlib.sha256(damaged).hexdigest()}  {path.name}\n")
-    with pytest.raises(BadInput, match="is no case file"):
+    with pytest.raises(InputError, match="is no case file"):
         read_case(folder, path.stem)
 
 
 def test_a_file_name_with_a_zero_byte_is_a_sentence():
-    with pytest.raises(BadInput, match="zero byte in its name"):
+    with pytest.raises(InputError, match="zero byte in its name"):
         read_text(Path("a\0b"))
 
 
 def test_an_image_of_a_format_that_is_not_read_is_a_sentence(tmp_path):
     Image.new("RGB", (32, 32)).save(tmp_path / "map.icns")
-    with pytest.raises(BadInput, match="save it as PNG"):
+    with pytest.raises(InputError, match="save it as PNG"):
         read_image(tmp_path / "map.icns")
 
 
 def test_a_mute_scheduler_is_a_sentence():
     with socket.create_server(("127.0.0.1", 0)) as mute:
         address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
-        with pytest.raises(BadInput, match="no dask scheduler answers"):
+        with pytest.raises(InputError, match="no dask scheduler answers"):
             connected(address)
 
 

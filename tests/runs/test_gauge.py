@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import knitlab
 from knitlab.cli import main
 from knitlab.cubes.cube_file import with_derived
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y
 from knitlab.runs.plan import make_plan
@@ -124,13 +124,13 @@ def test_a_query_shows_sizes_in_cloth_as_the_first_millimetres(tmp_path):
 
 @pytest.mark.parametrize("text", ["stitch_width=0", "stitch_width=-1", "stitch_height=0.5,0.6"])
 def test_a_bad_gauge_is_refused(text):
-    with pytest.raises(BadInput, match=f"settings {text}: ") as caught:
+    with pytest.raises(InputError, match=f"settings {text}: ") as caught:
         make_plan("paper", (text,))
-    assert len(caught.value.faults) == 1
+    assert len(caught.value.mistakes) == 1
 
 
 def test_an_unknown_key_of_the_gauge_is_refused():
-    with pytest.raises(BadInput, match="did you mean 'stitch_width'"):
+    with pytest.raises(InputError, match="did you mean 'stitch_width'"):
         make_plan("paper", ("gauge.stitch_depth=1",))
 
 

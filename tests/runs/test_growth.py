@@ -12,7 +12,7 @@ import knitlab.runs.results_folder as survey_module
 from knitlab.cubes.case_file import case_path, write_case_file
 from knitlab.cubes.cube_file import read_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.schema import Status
 from knitlab.runs.cube import build_cube
@@ -149,14 +149,14 @@ def test_factors_multiply_values_and_both_knits():
     ],
 )
 def test_a_bad_value_of_a_swept_setting_is_named(override, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         planned("n_stripe=4", "n_subunit=16", override)
 
 
 def test_a_cube_of_other_dimensions_is_not_mixed_in(tmp_path):
     ran(planned(*PAIRS), tmp_path)
     with pytest.raises(
-        BadInput, match="has the dimensions n_stripe, n_subunit, but the workflow has"
+        InputError, match="has the dimensions n_stripe, n_subunit, but the workflow has"
     ):
         ran(planned(*PAIRS, "z_max=4,6"), tmp_path)
 
@@ -203,9 +203,9 @@ def test_new_values_of_a_swept_setting_join_a_cube(tmp_path):
 @pytest.mark.parametrize("change", ["z_max=4", "cell_size=flat", "k_t_factor=2"])
 def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):
     before = ran(planned(*PAIRS), tmp_path).cube
-    with pytest.raises(BadInput, match="holds 2 designs computed otherwise"):
+    with pytest.raises(InputError, match="holds 2 designs computed otherwise"):
         ran(planned("n_stripe=8", "n_subunit=32", "strain_max=0.06", change), tmp_path)
-    with pytest.raises(BadInput, match="holds 1 designs computed otherwise"):
+    with pytest.raises(InputError, match="holds 1 designs computed otherwise"):
         ran(
             planned("n_stripe=4", "n_subunit=16", "strain_max=0.06", change), tmp_path, refresh=True
         )
@@ -267,12 +267,12 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
     assert table["k_t_factor"].tolist() == [1.2]
     assert len(cube.knitlab.query()) == 4
     assert cube.knitlab.select(k_t_factor=0.8).sizes["k_t_factor"] == 1
-    with pytest.raises(BadInput, match=r"select k_t_factor of 0\.8, 1\.2"):
+    with pytest.raises(InputError, match=r"select k_t_factor of 0\.8, 1\.2"):
         draw_figure("auxetic", [tmp_path], tmp_path / "map.png")
     drawn = draw_figure("auxetic", [tmp_path], tmp_path / "map.png", {"k_t_factor": 0.8})
     assert drawn.stat().st_size > 1000
-    figures, faults = draw_figures(("auxetic",), tmp_path)
-    assert faults == []
+    figures, mistakes = draw_figures(("auxetic",), tmp_path)
+    assert mistakes == []
     assert [path.name for path in figures] == [
         f"auxetic_k_t_factor-{value}.png" for value in (0.8, 1.2)
     ]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import knitlab as kl
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.equilibrium.loading import Load
 
@@ -48,7 +48,7 @@ def test_a_pull_along_the_warp_keeps_its_identifier():
     ],
 )
 def test_loads_that_a_boundary_cannot_carry_are_refused(settings, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         make_plan("periodic", (*PERIODIC, *settings))
 
 
@@ -59,7 +59,7 @@ def test_a_drag_of_equilibria_is_said_to_be_ignored_by_dynamics():
 
 
 def test_stripes_are_pulled_across_their_ridges():
-    with pytest.raises(BadInput, match="across their ridges"):
+    with pytest.raises(InputError, match="across their ridges"):
         make_plan("stripes", ("load=weft",))
 
 

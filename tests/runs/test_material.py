@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.runs.material import SCALED, add_stripe, with_material
 from knitlab.runs.parameters import StripeTables
 from knitlab.runs.plan import make_plan
@@ -87,10 +87,10 @@ def test_model_options_that_contradict_the_material_are_refused(tmp_path, settin
     own = replace(longer(RIB, 7.0), row_width=3.0), replace(longer(GARTER, 7.0), row_width=3.0)
     path = written(tmp_path / "a.toml", *own)
     settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
-    with pytest.raises(BadInput, match=f"{value} contradicts the material 'acrylic'"):
+    with pytest.raises(InputError, match=f"{value} contradicts the material 'acrylic'"):
         make_plan("periodic", settings | {setting: value})
     model = replace(kl.Model(), **{setting: value})
-    with pytest.raises(BadInput, match=f"{value} contradicts"):
+    with pytest.raises(InputError, match=f"{value} contradicts"):
         kl.simulate(
             kl.Design(4, 16), STRAINS, material=kl.Material(own, name="acrylic"), model=model
         )
@@ -98,16 +98,16 @@ def test_model_options_that_contradict_the_material_are_refused(tmp_path, settin
 
 def test_a_stripe_of_the_other_convention_is_not_added(tmp_path):
     add_stripe(tmp_path / "a.toml", RIB, "first")
-    with pytest.raises(BadInput, match="relaxed"):
+    with pytest.raises(InputError, match="relaxed"):
         add_stripe(tmp_path / "a.toml", GARTER, "second", cell_size="flat")
 
 
 def test_stripes_over_width_and_of_rows_are_not_mixed(tmp_path):
     wide = replace(RIB, row_width=3.0)
-    with pytest.raises(BadInput, match=r"row_width of garter 8.*; calibrate"):
+    with pytest.raises(InputError, match=r"row_width of garter 8.*; calibrate"):
         kl.Material((wide, GARTER))
     add_stripe(tmp_path / "a.toml", wide, "first")
-    with pytest.raises(BadInput, match=r"a.toml: rib 4.*garter 8.*width"):
+    with pytest.raises(InputError, match=r"a.toml: rib 4.*garter 8.*width"):
         add_stripe(tmp_path / "a.toml", GARTER, "second")
     # It may take the place of the only one.
     add_stripe(tmp_path / "a.toml", RIB, "again")
@@ -148,13 +148,13 @@ def test_a_length_that_is_not_given_is_stated_where_it_acts(tmp_path):
 )
 def test_the_papers_stripes_are_not_used_beside_a_material(tmp_path, workflow, given, problem):
     path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0))
-    with pytest.raises(BadInput, match=problem):
+    with pytest.raises(InputError, match=problem):
         make_plan(workflow, given | {"material": path})
 
 
 def test_one_knit_alone_is_not_completed_from_the_paper(tmp_path):
     path = written(tmp_path / "rib.toml", RIB)
-    with pytest.raises(BadInput, match=r"no garter stripe of 8.*material 'acrylic'"):
+    with pytest.raises(InputError, match=r"no garter stripe of 8.*material 'acrylic'"):
         make_plan("periodic", {"n_stripe": 4, "n_subunit": 16, "material": path})
     # Pure rib needs no garter.
     made = make_plan("stripes", {"knit": "rib", "material": path})
@@ -171,7 +171,7 @@ def test_of_a_named_set_only_designs_with_stripes_are_planned(tmp_path):
 def test_plain_knit_of_the_paper_is_not_used_either(tmp_path):
     path = written(tmp_path / "a.toml", RIB, GARTER)
     given = {"n_stripe": 4, "n_subunit": 16, "pattern": ["GP", "RG"], "material": path}
-    with pytest.raises(BadInput, match=r"has no plain knit; give .*plain_stretch_weft"):
+    with pytest.raises(InputError, match=r"has no plain knit; give .*plain_stretch_weft"):
         make_plan("periodic", given)
     written(tmp_path / "a.toml", RIB, GARTER, plain=PAPER.plain)
     (case,) = make_plan("periodic", given).cases.values()
@@ -183,12 +183,12 @@ def test_stripes_are_interpolated_only_if_asked(tmp_path):
     garters = [PAPER.stripes.stripe("garter", n) for n in (8, 16)]
     path = written(tmp_path / "a.toml", *ribs, *garters)
     given = {"n_stripe": 6, "n_subunit": 12, "material": path}
-    with pytest.raises(BadInput, match="n_stripe = 6 has no rib stripe"):
+    with pytest.raises(InputError, match="n_stripe = 6 has no rib stripe"):
         make_plan("periodic", given)
     (case,) = make_plan("periodic", given | {"interpolate_stripes": True}).cases.values()
     assert case.weft.period == pytest.approx((ribs[0].period + ribs[1].period) / 2)
     assert case.weft.k_t == pytest.approx(np.sqrt(ribs[0].k_t * ribs[1].k_t))
-    with pytest.raises(BadInput, match="n_stripe = 10 has no rib stripe"):
+    with pytest.raises(InputError, match="n_stripe = 10 has no rib stripe"):
         make_plan(
             "periodic", given | {"n_stripe": 10, "n_subunit": 20, "interpolate_stripes": True}
         )
@@ -201,14 +201,14 @@ def test_the_papers_stripes_are_interpolated_too_and_not_for_a_list():
     below, above = (PAPER.stripes.stripe("rib", n) for n in (6, 8))
     assert below.period < case.weft.period < above.period
     for name, value in (("interpolate_stripes", [True, False]), ("material", ["a", "b"])):
-        with pytest.raises(BadInput, match=name):
+        with pytest.raises(InputError, match=name):
             make_plan("periodic", {name: value})
 
 
 def test_a_stripe_between_stiffening_ones_is_refused():
     stripes = [replace(RIB, n=n, stiffening_strain=0.2) for n in (4, 8)]
     tables = StripeTables(interpolate=True).with_stripes(stripes)
-    with pytest.raises(BadInput, match="lies between 4 and 8, whose springs are not both linear"):
+    with pytest.raises(InputError, match="lies between 4 and 8, whose springs are not both linear"):
         tables.stripe("rib", 6)
 
 
@@ -252,23 +252,23 @@ def test_a_calibrated_stripe_is_added_to_the_file_and_replaces_itself(tmp_path):
 def test_a_material_with_faults_lists_every_one(tmp_path):
     path = tmp_path / "bad.toml"
     path.write_text('z_max = { value = -1.0, unit = "cm", source = "ruler" }\nthicknes = 3\n')
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         make_plan("periodic", {"material": str(path)})
     text = str(caught.value)
     assert "z_max.value" in text
     assert "z_max.unit" in text
     assert "thicknes" in text
-    with pytest.raises(BadInput, match="twice"):
+    with pytest.raises(InputError, match="twice"):
         kl.Material((RIB, RIB))
-    with pytest.raises(BadInput, match="z_max: is -1"):
+    with pytest.raises(InputError, match="z_max: is -1"):
         kl.Material((RIB,), z_max=-1.0)
-    with pytest.raises(BadInput, match="stripes: are missing"):
+    with pytest.raises(InputError, match="stripes: are missing"):
         kl.Material(())
 
 
 @pytest.mark.parametrize("name", ["", "a\nb", "\x1b[31m", "\u202ea", "a" * 501])
 def test_a_material_with_a_name_that_cannot_be_shown_is_refused(name):
-    with pytest.raises(BadInput, match="name: ") as caught:
+    with pytest.raises(InputError, match="name: ") as caught:
         kl.Material((RIB,), name=name)
     assert len(str(caught.value)) < 700
 
@@ -278,9 +278,9 @@ def test_a_stripe_is_named_by_its_number_of_stitches(tmp_path, n):
     path = tmp_path / "a.toml"
     key = n.replace("\n", "\\n")
     path.write_text(Path(written(path, RIB)).read_text().replace("n.4]", f'n."{key}"]'))
-    with pytest.raises(BadInput, match="named by its number of stitches, from 1 to 9999"):
+    with pytest.raises(InputError, match="named by its number of stitches, from 1 to 9999"):
         kl.Material.read(path)
-    with pytest.raises(BadInput, match="named by its number of stitches, from 1 to 9999"):
+    with pytest.raises(InputError, match="named by its number of stitches, from 1 to 9999"):
         kl.Material((replace(RIB, n=n),))
 
 
@@ -324,7 +324,7 @@ def test_a_wrong_length_of_a_workflow_is_named_and_not_scaled(tmp_path):
     path = written(tmp_path / "a.toml", RIB, GARTER)
     workflow = tmp_path / "mine.toml"
     workflow.write_text('title = "mine"\n[design]\nn_stripe = [4]\n[gauge]\nstitch_width = "x"\n')
-    with pytest.raises(BadInput, match=r"gauge\.stitch_width"):
+    with pytest.raises(InputError, match=r"gauge\.stitch_width"):
         make_plan(str(workflow), {"material": path})
 
 
@@ -335,5 +335,7 @@ def test_the_surface_density_of_a_material_is_that_of_its_dynamics(tmp_path):
     settings = {"n_stripe": 4, "n_subunit": 16, "material": str(tmp_path / "heavy.toml")}
     (case,) = make_plan("relaxation", settings).cases.values()
     assert case.motion.surface_density == 4e-4
-    with pytest.raises(kl.BadInput, match=r"surface_density: is -1; give a number above 0 in g/mm"):
+    with pytest.raises(
+        kl.InputError, match=r"surface_density: is -1; give a number above 0 in g/mm"
+    ):
         replace(heavy, surface_density=-1)

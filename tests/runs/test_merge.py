@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from knitlab.cubes.case_file import StoredCase, case_path, check_case_file, write_case_file
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.runs.batches import Shard
 from knitlab.runs.cube import joined_cubes
 from knitlab.runs.merge import merge_folders
@@ -188,9 +188,11 @@ def test_the_same_case_with_other_numbers_is_refused(made, tmp_path, plan, in_cu
     (other / "cube.nc").unlink()
     if in_cube:
         ran(plan, other)
-    with pytest.raises(BadInput, match=f"case {case_id}: has other numbers in .*shard-1") as error:
+    with pytest.raises(
+        InputError, match=f"case {case_id}: has other numbers in .*shard-1"
+    ) as error:
         merge_folders([made / "whole", made / "shard-1"], tmp_path)
-    assert len(error.value.faults) == 1
+    assert len(error.value.mistakes) == 1
     assert "nu differs by at most 1.0e-01" in str(error.value)
     assert list((tmp_path / "periodic").glob("[!.]*")) == []
 
@@ -208,7 +210,7 @@ def test_the_same_case_with_other_numbers_is_refused(made, tmp_path, plan, in_cu
 )
 def test_what_was_computed_otherwise_is_refused(finished, tmp_path, words, message):
     ran(make_plan("periodic", words), tmp_path / "other" / "periodic")
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         merge_folders([finished / "whole", tmp_path / "other"], tmp_path / "merged")
     assert list((tmp_path / "merged" / "periodic").glob("[!.]*")) == []
 
@@ -218,7 +220,7 @@ def test_other_code_is_refused_unless_it_is_allowed(finished, tmp_path, plan, mo
     monkeypatch.setattr(stand_in, "code_fingerprint", lambda: "0123456789ab")
     ran(plan, tmp_path / "other" / "periodic")
     both = [finished / "whole", tmp_path / "other"]
-    with pytest.raises(BadInput, match=r"of different code \(\w+ in .*whole.*, 0123456789ab in "):
+    with pytest.raises(InputError, match=r"of different code \(\w+ in .*whole.*, 0123456789ab in "):
         merge_folders(both, tmp_path / "merged")
     merged = merge_folders(both, tmp_path / "merged", any_code=True)
     same(merged.cube, xr.load_dataset(finished / "whole" / "periodic" / "cube.nc"))
@@ -226,10 +228,10 @@ def test_other_code_is_refused_unless_it_is_allowed(finished, tmp_path, plan, mo
 
 def test_folders_without_results_or_of_several_workflows_are_refused(finished, tmp_path):
     (tmp_path / "empty").mkdir()
-    with pytest.raises(BadInput, match="empty: holds no results"):
+    with pytest.raises(InputError, match="empty: holds no results"):
         merge_folders([tmp_path / "empty"], tmp_path)
     ran(make_plan("paper", ("n_stripe=2", "n_subunit=16", "strain_max=0.06")), tmp_path / "paper")
-    with pytest.raises(BadInput, match=r"several workflows \(periodic in .*, paper in"):
+    with pytest.raises(InputError, match=r"several workflows \(periodic in .*, paper in"):
         merge_folders([finished / "whole", tmp_path / "paper"], tmp_path)
 
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import PLAN, read_plan
 from knitlab.runs.workflow_file import read_overrides
@@ -46,8 +46,8 @@ def test_a_plan_keeps_the_values_of_its_overrides_by_the_names_of_their_settings
 
 
 def test_a_path_is_converted_to_text():
-    ((override,), faults) = read_overrides({"material": Path("a/b.toml")})
-    assert (override.value, faults) == ("a/b.toml", [])
+    ((override,), mistakes) = read_overrides({"material": Path("a/b.toml")})
+    assert (override.value, mistakes) == ("a/b.toml", [])
 
 
 @pytest.mark.parametrize(
@@ -62,5 +62,5 @@ def test_a_path_is_converted_to_text():
     ],
 )
 def test_an_invalid_python_value_is_named_with_its_key(settings, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         make_plan("periodic", settings)

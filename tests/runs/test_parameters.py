@@ -3,7 +3,7 @@ import shutil
 
 import pytest
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.runs.parameters import read_parameters
 
@@ -68,9 +68,9 @@ def test_the_paper_has_twenty_designs():
 )
 def test_a_fault_is_named_with_its_path(folder, file, pattern, text, message):
     edited(folder, file, pattern, text)
-    with pytest.raises(BadInput, match=message) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_parameters(folder)
-    assert all(str(folder / "") in fault.path for fault in caught.value.faults)
+    assert all(str(folder / "") in fault.path for fault in caught.value.mistakes)
 
 
 def test_all_faults_of_all_files_are_in_one_message(folder):
@@ -78,8 +78,8 @@ def test_all_faults_of_all_files_are_in_one_message(folder):
     edited(folder, "stripes.toml", "k_t = 0.144", "k_t = 0")
     edited(folder, "sheet.toml", "value = 6.0", 'value = "six"')
     (folder / "solver.toml").unlink()
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         read_parameters(folder)
-    places = " ".join(fault.path for fault in caught.value.faults)
+    places = " ".join(fault.path for fault in caught.value.mistakes)
     for place in ("rib.n.2.k_s", "garter.n.4.k_t", "z_max.value", "solver.toml"):
         assert place in places

@@ -11,7 +11,7 @@ from PIL import Image
 from pydantic import ValidationError
 
 import knitlab as kl
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.case import case_of
 
@@ -31,7 +31,7 @@ def own(tmp_path, text, *overrides):
 
 
 def refused(tmp_path, text):
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         own(tmp_path, text)
     return str(caught.value)
 
@@ -52,7 +52,7 @@ def test_several_patterns_are_a_dimension_of_the_cube():
 
 
 def test_an_unknown_name_is_reported_with_the_nearest():
-    with pytest.raises(BadInput, match="there is no pattern 'checkerbord'; did you mean 'checke"):
+    with pytest.raises(InputError, match="there is no pattern 'checkerbord'; did you mean 'checke"):
         case("pattern=checkerbord")
 
 
@@ -152,14 +152,14 @@ def test_transparent_pixels_of_an_image_are_refused_by_their_position(tmp_path, 
     shown = drawn if mode == "RGBA" else drawn.convert(mode)
     shown.save(tmp_path / "map.png")
     pattern = kl.Pattern(image="map.png", colours={"white": "R"})
-    with pytest.raises(BadInput, match=r"pixel 2 of line 3 is transparent.* it has #ffffff"):
+    with pytest.raises(InputError, match=r"pixel 2 of line 3 is transparent.* it has #ffffff"):
         pattern.patches(tmp_path)
 
 
 def test_a_colour_without_a_letter_is_named_with_its_place(tmp_path):
     matplotlib.image.imsave(tmp_path / "map.png", np.array([[[1.0, 0, 0], [0, 1.0, 0]]]))
     pattern = kl.Pattern(image="map.png", colours={"red": "R"})
-    with pytest.raises(BadInput, match="pixel 2 of line 1 is #00ff00, which colours gives no"):
+    with pytest.raises(InputError, match="pixel 2 of line 1 is #00ff00, which colours gives no"):
         pattern.patches(tmp_path)
 
 

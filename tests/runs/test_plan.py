@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.runs.plan import batched, make_plan
 
@@ -102,7 +102,7 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
     ],
 )
 def test_a_bad_override_is_named(overrides, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         make_plan("periodic", overrides)
 
 
@@ -119,9 +119,9 @@ def test_every_fault_of_a_workflow_is_in_one_message(tmp_path):
         'figures = ["maps"]\n[design]\nn_stripe = [0]\n'
         "[model]\nwall = 3\n[protocol]\nstrain_max = -1\n",
     )
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         make_plan(path, ("hinges=none",))
-    text = "\n".join(map(str, caught.value.faults))
+    text = "\n".join(map(str, caught.value.mistakes))
     for part in (
         "title",
         "figures.0",
@@ -138,15 +138,15 @@ def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
     sheet = tmp_path / "params" / "sheet.toml"
     sheet.write_text(sheet.read_text().replace("value = 6.0", "value = -6.0"))
     overrides = ("n_stripe=5", "n_subunit=20", "k_wall=-1", "hinge=all")
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         make_plan("periodic", overrides, tmp_path / "params")
-    assert [fault.path for fault in caught.value.faults][1:] == [
+    assert [fault.path for fault in caught.value.mistakes][1:] == [
         "settings hinge=all",
         "settings k_wall=-1",
     ]
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         make_plan("periodic", overrides)
-    assert [fault.path for fault in caught.value.faults] == [
+    assert [fault.path for fault in caught.value.mistakes] == [
         "settings hinge=all",
         "settings k_wall=-1",
         "settings n_stripe=5, settings n_subunit=20",
@@ -161,7 +161,7 @@ def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
 
 
 def test_a_missing_workflow_is_reported_with_the_nearest():
-    with pytest.raises(BadInput, match="no workflow 'previews'; did you mean 'preview'"):
+    with pytest.raises(InputError, match="no workflow 'previews'; did you mean 'preview'"):
         make_plan("previews")
 
 
@@ -251,11 +251,11 @@ def test_fabrics_that_move_otherwise_are_not_in_one_batch():
 
 
 def test_a_workflow_is_of_checkerboards_or_of_stripes(tmp_path):
-    with pytest.raises(BadInput, match=r"either \[design\] or \[stripes\]"):
+    with pytest.raises(InputError, match=r"either \[design\] or \[stripes\]"):
         make_plan("stripes", ("n_stripe=4",))
-    with pytest.raises(BadInput, match=r"either \[design\] or \[stripes\]"):
+    with pytest.raises(InputError, match=r"either \[design\] or \[stripes\]"):
         make_plan(workflow(tmp_path, 'title = "neither"\n'))
-    with pytest.raises(BadInput, match="no stripe of n"):
+    with pytest.raises(InputError, match="no stripe of n"):
         make_plan("stripes", ("n=5",))
 
 
@@ -278,9 +278,9 @@ def test_a_single_value_may_stand_for_a_list(tmp_path, design, expected):
 
 
 def test_a_nested_list_gives_one_sentence(tmp_path):
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         make_plan(written(tmp_path, "n_stripe = [[4, 6]]\nn_subunit = 24"))
-    (fault,) = caught.value.faults
+    (fault,) = caught.value.mistakes
     assert "is a list within a list, [4, 6]" in str(fault)
 
 
@@ -293,7 +293,7 @@ def test_a_nested_list_gives_one_sentence(tmp_path):
     ],
 )
 def test_a_misspelt_key_is_reported_with_the_likely_one(tmp_path, line, meant):
-    with pytest.raises(BadInput, match=f"did you mean .*{meant}"):
+    with pytest.raises(InputError, match=f"did you mean .*{meant}"):
         make_plan(written(tmp_path, line))
 
 
@@ -309,17 +309,17 @@ def test_a_misspelt_key_is_reported_with_the_likely_one(tmp_path, line, meant):
 def test_a_key_of_another_table_is_reported_with_its_table(tmp_path, lines, place):
     path = tmp_path / "mine.toml"
     path.write_text(f'title = "mine"\n{lines}\n', encoding="utf-8")
-    with pytest.raises(BadInput, match=place) as caught:
+    with pytest.raises(InputError, match=place) as caught:
         make_plan(str(path))
-    assert len(caught.value.faults) == 1
+    assert len(caught.value.mistakes) == 1
 
 
 def test_a_misspelt_figure_is_reported_with_the_likely_one(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('title = "mine"\nfigures = ["auxetc"]\n[design]\n', encoding="utf-8")
-    with pytest.raises(BadInput, match="did you mean 'auxetic'") as caught:
+    with pytest.raises(InputError, match="did you mean 'auxetic'") as caught:
         make_plan(str(path))
-    assert len(caught.value.faults) == 1
+    assert len(caught.value.mistakes) == 1
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from knitlab.cli import main
 from knitlab.cubes.case_file import read_case, write_case_file
 from knitlab.cubes.cube_file import cells_across, open_cube, write_cube
 from knitlab.cubes.recorded_case import recorded_case
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import PACKAGE
 
 REFERENCE = PACKAGE.parent / "results/reference/periodic"
@@ -50,9 +50,9 @@ def test_broken_parameters_of_a_case_are_one_sentence(folder, case_id, text):
     case_file.attrs["parameters"] = text
     if text is None:
         del case_file.attrs["parameters"]
-    with pytest.raises(BadInput, match=rf"{case_id}.*run it.* again$") as said:
+    with pytest.raises(InputError, match=rf"{case_id}.*run it.* again$") as said:
         recorded_case(case_file)
-    assert len(said.value.faults) == 1
+    assert len(said.value.mistakes) == 1
 
 
 @pytest.mark.slow
@@ -73,7 +73,7 @@ def test_commands_refuse_a_case_with_broken_parameters(folder, case_id, words, m
 def test_a_cube_with_broken_parameters_is_refused_by_its_name(folder, text):
     cube = xr.load_dataset(folder / "cube.nc")
     write_cube(cube.assign_attrs(parameters=text), folder / "cube.nc")
-    with pytest.raises(BadInput, match=f"^{folder.name}: parameters: is not a table"):
+    with pytest.raises(InputError, match=f"^{folder.name}: parameters: is not a table"):
         open_cube(folder)
 
 
@@ -81,5 +81,5 @@ def test_an_experiment_without_a_number_of_unit_cells_is_refused(folder):
     cube = open_cube(folder)
     recorded = json.loads(cube.attrs["parameters"])
     assert cells_across(cube) == recorded.pop("unit_cells")[1]
-    with pytest.raises(BadInput, match="has no unit_cells in its parameters"):
+    with pytest.raises(InputError, match="has no unit_cells in its parameters"):
         cells_across(cube.assign_attrs(parameters=json.dumps(recorded)))

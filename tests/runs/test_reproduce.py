@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 from knitlab.cubes.case_file import case_path, write_case_file
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.runs.reproduce import comparison, find_case, reproduce
 from knitlab.runs.run import RunOptions, run_plan
@@ -45,7 +45,7 @@ def test_a_results_folder_itself_may_be_named(kept):
 
 def test_a_beginning_of_several_is_refused_with_their_names(kept):
     results, names = kept
-    with pytest.raises(BadInput, match=r"2 cases begin so \([^…]*\)") as caught:
+    with pytest.raises(InputError, match=r"2 cases begin so \([^…]*\)") as caught:
         find_case(results, "4-")
     assert all(name in str(caught.value) for name in names)
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from knitlab.cubes.case_file import case_path
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import COORDINATES, VARIABLES, Status
 from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
@@ -24,15 +24,15 @@ def sweep(tmp_path_factory):
 
 
 def test_invalid_numbers_are_refused_with_the_name_of_their_argument():
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         RunOptions(workers=-1, retries=-2, case_timeout=0)
-    named = [entry.path for entry in caught.value.faults]
+    named = [entry.path for entry in caught.value.mistakes]
     assert named == ["workers -1", "retries -2", "case_timeout 0"]
 
 
 @pytest.mark.parametrize("seconds", [float("inf"), float("nan"), 1e300])
 def test_a_time_that_no_timer_takes_is_refused(seconds):
-    with pytest.raises(BadInput, match="is not above 0 and at most 1,000,000 s"):
+    with pytest.raises(InputError, match="is not above 0 and at most 1,000,000 s"):
         RunOptions(case_timeout=seconds)
 
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 import knitlab
 from knitlab.cubes.cube_file import open_cube, write_cube
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.fingerprint import provenance
 from knitlab.observables.schema import Status
 from knitlab.runs.plan import make_plan
@@ -107,12 +107,14 @@ def test_a_cube_is_no_larger_than_its_largest_sample(tmp_path):
 @pytest.mark.parametrize("change", ["cell_size=flat", "boundary=periodic"])
 def test_designs_of_other_model_options_are_not_added_whatever_their_sample(tmp_path, change):
     ran(tmp_path, "n_subunit=32")
-    with pytest.raises(BadInput, match=r"holds 1 designs computed otherwise \(options\.\w+ was"):
+    with pytest.raises(InputError, match=r"holds 1 designs computed otherwise \(options\.\w+ was"):
         ran(tmp_path, "n_subunit=16", change)
 
 
 def test_a_cube_of_another_version_is_refused(tmp_path):
     now = ran(tmp_path, "n_subunit=16").cube
     write_cube(now.drop_vars(["unit_cells_y", "unit_cells_x"]), tmp_path / "cube.nc")
-    with pytest.raises(BadInput, match=r"cube\.nc: is of another version of knitlab; name another"):
+    with pytest.raises(
+        InputError, match=r"cube\.nc: is of another version of knitlab; name another"
+    ):
         ran(tmp_path, "n_subunit=24")

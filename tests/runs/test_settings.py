@@ -4,7 +4,7 @@ from dataclasses import asdict
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.model.stripe import OF_OWN_YARN, SPRING_LAWS, STRIPE_QUANTITIES, Stripe
 from knitlab.runs.declared_fields import declared, unit_of
@@ -132,6 +132,6 @@ def test_what_is_swept_is_not_among_the_common_settings():
     ],
 )
 def test_a_bad_value_is_named_once_with_its_override(override, message):
-    with pytest.raises(BadInput, match=message) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         make_plan("periodic", (*DESIGN, override))
-    assert len(caught.value.faults) == 1
+    assert len(caught.value.mistakes) == 1

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.runs.batches import BATCHES_OF_SHARD, Shard, seconds, split
 from knitlab.runs.plan import make_plan
 
@@ -62,11 +62,11 @@ def test_the_split_does_not_depend_on_the_process():
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1/0", "1/100001", "1/999999999"])
 def test_a_shard_that_is_no_part_is_refused(text):
-    with pytest.raises(BadInput, match=f"shard {text}: is not a part of a plan; give a whole"):
+    with pytest.raises(InputError, match=f"shard {text}: is not a part of a plan; give a whole"):
         Shard.of(text)
 
 
 @pytest.mark.parametrize("text", ["3", "3/", "a/b", "-1/4", "1.5/4"])
 def test_a_shard_of_another_form_is_refused(text):
-    with pytest.raises(BadInput, match=f"shard {text}: is not of the form NUMBER/COUNT"):
+    with pytest.raises(InputError, match=f"shard {text}: is not of the form NUMBER/COUNT"):
         Shard.of(text)

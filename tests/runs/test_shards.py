@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.lock import held, running_shards
 from knitlab.observables.schema import Status
 from knitlab.runs.batches import Shard
@@ -127,17 +127,19 @@ def test_more_shards_than_cases_leave_some_without_any(tmp_path):
 
 
 def test_a_shard_refuses_a_folder_in_other_use(tmp_path, plan):
-    with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
+    with held(tmp_path), pytest.raises(InputError, match=f"is held by process {os.getpid()} of "):
         ran(plan, tmp_path, 1)
     with held(tmp_path, (1, COUNT)):
         plan.write(tmp_path / PLAN)
-        with pytest.raises(BadInput, match=rf"is held by process .* \(shard 1 of {COUNT}\); wait"):
+        with pytest.raises(
+            InputError, match=rf"is held by process .* \(shard 1 of {COUNT}\); wait"
+        ):
             ran(plan, tmp_path, 1)
-        with pytest.raises(BadInput, match=rf"\(shard 1 of {COUNT}\); wait"):
+        with pytest.raises(InputError, match=rf"\(shard 1 of {COUNT}\); wait"):
             run_plan(plan, tmp_path, RunOptions(simulate=stand_in.simulate, shard=Shard(1, 2)))
-        with pytest.raises(BadInput, match=rf"\(shard 1 of {COUNT}\); wait"):
+        with pytest.raises(InputError, match=rf"\(shard 1 of {COUNT}\); wait"):
             ran(plan, tmp_path)
-        with pytest.raises(BadInput, match="is that of the shards that run in this folder"):
+        with pytest.raises(InputError, match="is that of the shards that run in this folder"):
             ran(stand_in.plan_of(1), tmp_path, 2)
     assert ran(plan, tmp_path, 1).failures == ()
 

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 import pytest
 
 import knitlab as kl
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stripe import SPRING_LAWS
 from knitlab.runs.plan import make_plan
@@ -95,7 +95,7 @@ def test_cases_of_different_laws_are_no_batch(tmp_path):
 )
 def test_one_message_lists_all_that_is_wrong_with_a_law(tmp_path, law, problems):
     for problem in problems:
-        with pytest.raises(BadInput, match=problem):
+        with pytest.raises(InputError, match=problem):
             cases(stripe_file(tmp_path, law))
 
 
@@ -105,5 +105,5 @@ def test_a_design_takes_a_stripe_of_any_law():
     curved = replace(rib, stiffening_strain=None, spring_curve=SpringCurve((0.0, 1.0), (0.0, 2.0)))
     assert kl.Design(n_stripe=4, n_subunit=16, rib=curved).stripes == (curved,)
     assert asdict(curved)["spring_curve"] == {"strain": (0.0, 1.0), "force": (0.0, 2.0)}
-    with pytest.raises(BadInput, match="greater than 0"):
+    with pytest.raises(InputError, match="greater than 0"):
         kl.Design(n_stripe=4, n_subunit=16, rib=replace(rib, stiffening_strain=-1.0))

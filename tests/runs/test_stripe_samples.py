@@ -10,7 +10,7 @@ from scipy.stats import t as student_t
 
 import knitlab as kl
 from knitlab.cubes.uncertainty import NUMBERS
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.toml import read_toml
 from knitlab.lab.calibration import FITTED
 from knitlab.runs.plan import make_plan
@@ -53,11 +53,11 @@ def test_repeats_and_degrees_of_freedom_travel_with_the_material(tmp_path):
         assert with_period(read, stripe.theta_0).repeats == each.repeats
     text = path.read_text()
     path.write_text(text.replace("degrees_of_freedom = 7.5", "repeats = 1"))
-    with pytest.raises(BadInput, match="repeats"):
+    with pytest.raises(InputError, match="repeats"):
         kl.Material.read(path)
     kl.Material((stripe,), name="yarn").write(path)
     path.write_text(path.read_text().replace("[rib.n.4]", "[rib.n.4]\nrepeats = 5"))
-    with pytest.raises(BadInput, match=r"rib.*covariance; give it"):
+    with pytest.raises(InputError, match=r"rib.*covariance; give it"):
         kl.Material.read(path)
 
 
@@ -87,7 +87,7 @@ def test_samples_are_of_a_new_swatch_by_default_and_not_of_two_repeats(tmp_path)
     assert ratio == pytest.approx(np.sqrt(6), rel=1e-6)
     assert "a new swatch" in swatch["title"]
     assert "the mean stripe" in mean["title"]
-    with pytest.raises(BadInput, match=r"rib 4: .*1 degrees of freedom.*3 repeats"):
+    with pytest.raises(InputError, match=r"rib 4: .*1 degrees of freedom.*3 repeats"):
         sampled(2)
 
 
@@ -135,16 +135,16 @@ def test_samples_for_sobol_indices_leave_out_correlations(yarn, tmp_path):
     assert len(plan.cases) == 64 * (8 + 2)
     changes = changes_of(plan.cases, "rib", 4)[: 2 * 64]
     assert abs(np.corrcoef(changes.T)[0, 2]) < 0.2
-    with pytest.raises(BadInput, match="samples 48: is not a power of 2, for Sobol indices"):
+    with pytest.raises(InputError, match="samples 48: is not a power of 2, for Sobol indices"):
         kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, samples=48, sobol=True)
 
 
 def test_what_cannot_be_sampled_is_refused(yarn, tmp_path):
-    with pytest.raises(BadInput, match="rib 8: is no stripe of this material"):
+    with pytest.raises(InputError, match="rib 8: is no stripe of this material"):
         kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=8)
-    with pytest.raises(BadInput, match="has no suffix"):
+    with pytest.raises(InputError, match="has no suffix"):
         kl.sample_stripes(yarn, tmp_path / "s", n_stripe=4)
-    with pytest.raises(BadInput, match="has no designs"):
+    with pytest.raises(InputError, match="has no designs"):
         kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, workflow="stripes")
 
 
@@ -196,7 +196,7 @@ def test_paired_lists_change_together(tmp_path):
     ],
 )
 def test_lists_that_cannot_be_paired_are_refused(tmp_path, lines, settings, problem):
-    with pytest.raises(BadInput) as refused:
+    with pytest.raises(InputError) as refused:
         paired(tmp_path, lines, **settings)
     assert re.search(problem, str(refused.value))
 

@@ -20,7 +20,7 @@ from distributed import LocalCluster
 
 import knitlab.runs.results_folder as survey_module
 from knitlab.cubes.case_file import StoredCase, case_path, check_case_file
-from knitlab.io.errors import BadInput, CannotWrite
+from knitlab.io.errors import CannotWrite, InputError
 from knitlab.io.lock import held
 from knitlab.observables.schema import Status
 from knitlab.runs.plan import make_plan
@@ -200,7 +200,7 @@ def killed_at_its_start():
 def test_a_worker_killed_at_its_start_is_a_sentence_and_no_case_is_lost(tmp_path, uninterrupted):
     killer = threading.Thread(target=killed_at_its_start, daemon=True)
     killer.start()
-    with pytest.raises(BadInput, match=r"^workers 2: cannot be started \(.*\); run again"):
+    with pytest.raises(InputError, match=r"^workers 2: cannot be started \(.*\); run again"):
         ran(stand_in.plan_of(), tmp_path, workers=WORKERS)
     killer.join(timeout=1)
     assert not killer.is_alive()
@@ -323,7 +323,7 @@ def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
     before = ran(plan, tmp_path, stand_in.simulate_unconverged)
     (tmp_path / "failures.jsonl").write_bytes(garbage)
     (tmp_path / "plan.json").write_bytes(garbage)
-    with pytest.raises(BadInput, match=r"plan\.json: is not a plan"):
+    with pytest.raises(InputError, match=r"plan\.json: is not a plan"):
         read_plan(tmp_path)
     first, second = list(plan.cases)[:2]
     case_path(tmp_path, first).with_suffix(".sha256").write_bytes(garbage)
@@ -341,7 +341,7 @@ def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
 
 
 def test_a_second_run_names_the_holder_of_the_lock(tmp_path):
-    with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
+    with held(tmp_path), pytest.raises(InputError, match=f"is held by process {os.getpid()} of "):
         # A lock belongs to an open file, so that this process can act as another one.
         ran(plan_of(), tmp_path)
     assert ran(plan_of(), tmp_path).failures == ()
@@ -351,7 +351,7 @@ def test_a_second_run_names_the_holder_of_the_lock(tmp_path):
 def test_a_lock_ends_with_its_process(tmp_path):
     process = stand_in_process("run", tmp_path, 0)
     await_cases(process, 1)
-    with pytest.raises(BadInput, match=f"process {process.pid} of"):
+    with pytest.raises(InputError, match=f"process {process.pid} of"):
         ran(plan_of(), tmp_path)
     process.kill()
     process.communicate()
@@ -400,7 +400,7 @@ def test_workers_that_lack_open_files_are_refused_before_any_is_started(tmp_path
     resource = pytest.importorskip("resource")
     monkeypatch.setattr(resource, "getrlimit", lambda which: (24, 24))
     monkeypatch.setitem(sys.modules, "distributed", None)  # importing it would fail
-    with pytest.raises(BadInput, match="need 44 open files, and this process may have 24; raise"):
+    with pytest.raises(InputError, match="need 44 open files, and this process may have 24; raise"):
         ran(few_cases(), tmp_path, workers=2)
     monkeypatch.undo()
     assert len(ran(few_cases(), tmp_path).simulated) == 4

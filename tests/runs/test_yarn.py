@@ -51,5 +51,5 @@ def test_calibrating_another_stripe_keeps_it(tmp_path):
     [("stitch_size", -1), ("plated_stitch_size", "fine"), ("yarn", "two\nlines"), ("machine", "")],
 )
 def test_what_is_out_of_range_is_refused_by_its_name(name, value):
-    with pytest.raises(kl.BadInput, match=name):
+    with pytest.raises(kl.InputError, match=name):
         kl.Material(STRIPES, **{name: value})

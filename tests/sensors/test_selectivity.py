@@ -146,14 +146,16 @@ def test_leads_lower_gauge_factors_alike():
     ],
 )
 def test_bad_input_gets_a_sentence(given, said):
-    with pytest.raises(kl.BadInput, match=said.replace("'", ".")):
+    with pytest.raises(kl.InputError, match=said.replace("'", ".")):
         kl.selectivity(small_test(), **given)
 
 
 @pytest.mark.slow
 def test_states_that_a_sensor_cannot_have_are_refused():
-    with pytest.raises(kl.BadInput, match="does not bend with it; simulate it with ground = none"):
+    with pytest.raises(
+        kl.InputError, match="does not bend with it; simulate it with ground = none"
+    ):
         kl.selectivity(small_test(ground="plane"))
     bare = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0])
-    with pytest.raises(kl.BadInput, match="has no electrodes"):
+    with pytest.raises(kl.InputError, match="has no electrodes"):
         kl.selectivity(bare)

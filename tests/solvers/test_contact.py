@@ -122,7 +122,7 @@ def test_contact_is_a_dimension_of_a_cube_and_its_energy_is_missing_without(tmp_
     ],
 )
 def test_what_contact_is_not_combined_with_is_refused(settings, problem):
-    with pytest.raises(kl.BadInput, match=problem):
+    with pytest.raises(kl.InputError, match=problem):
         only(**settings)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from knitlab.export.knitting.program import Needle, Operation, operations
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.image_file import read_image
 from knitlab.io.text_file import read_text
 
@@ -26,7 +26,7 @@ Stitches = Bool[np.ndarray, "course wale"]  # whether knit, seen from the front,
 def read_stitches(
     path: Path, first: Edge = "bottom", carrier: int | None = None
 ) -> tuple[Stitches, str]:
-    """The stitches of a file, and a remark on what of it they are; BadInput if it has no chart."""
+    """The stitches of a file, and a remark on them; InputError if there is no chart."""
     suffix = path.suffix.lower()
     if suffix in PROGRAMS:
         return _of_program(path, carrier)
@@ -46,27 +46,27 @@ def _of_text(path: Path) -> Stitches:
         symbols = "".join(of_table if is_table else (c for c in line if c not in SEPARATORS))
         for stitch, symbol in enumerate(symbols, start=1):
             if symbol not in KNITS + PURLS:
-                problem = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
+                message = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
                 where = f"{path}: line {number}"
-                raise fault(where, f"{problem} and {' '.join(PURLS)} for a purl, nothing else")
+                raise invalid(where, f"{message} and {' '.join(PURLS)} for a purl, nothing else")
         if rows and len(symbols) != len(rows[0]):
-            problem = f"has {len(symbols)} stitches, and the first row {len(rows[0])}"
-            raise fault(f"{path}: line {number}", f"{problem}; give all rows the same")
+            message = f"has {len(symbols)} stitches, and the first row {len(rows[0])}"
+            raise invalid(f"{path}: line {number}", f"{message}; give all rows the same")
         rows.append([symbol in KNITS for symbol in symbols])
     if not rows or not rows[0]:
-        raise fault(str(path), "has no stitches; write a row of k and p for each course")
+        raise invalid(str(path), "has no stitches; write a row of k and p for each course")
     return np.array(rows)
 
 
 def _of_image(path: Path) -> Stitches:
     pixels = read_image(path).astype(int)
     if pixels[..., 3].min() < 255:
-        raise fault(str(path), "has transparent pixels; save it opaque")
+        raise invalid(str(path), "has transparent pixels; save it opaque")
     pixels = pixels[..., :3]
     colours = np.unique(pixels @ (1 << 16, 1 << 8, 1))
     if len(colours) > 2:
-        problem = f"has {len(colours)} colours; save it with one pixel a stitch in two colours"
-        raise fault(str(path), problem)
+        message = f"has {len(colours)} colours; save it with one pixel a stitch in two colours"
+        raise invalid(str(path), message)
     lightness = pixels.sum(axis=-1)
     return lightness == lightness.max()
 
@@ -83,14 +83,14 @@ def _of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
     stitches, double, joined = _knitted(operations(text), range(start + 1, last + 1))
     counts = Counter(each for _, carriers in stitches for each in carriers)
     if not counts and double:
-        problem = f"knits on both beds of a wale until line {double}, a tube or double cloth"
-        raise fault(str(path), f"{problem}; only single cloth is a chart")
+        message = f"knits on both beds of a wale until line {double}, a tube or double cloth"
+        raise invalid(str(path), f"{message}; only single cloth is a chart")
     if not counts:
-        raise fault(str(path), "knits no stitch through another; give a program that knits")
+        raise invalid(str(path), "knits no stitch through another; give a program that knits")
     body = str(carrier) if carrier else counts.most_common(1)[0][0]
     if body not in counts:
         listed = ", ".join(sorted(counts))
-        raise fault(str(path), f"knits nothing with carrier {body}; name one of {listed}")
+        raise invalid(str(path), f"knits nothing with carrier {body}; name one of {listed}")
     remarks = []
     if double:
         remarks.append(f"from line {double + 1}, before which both beds knit")
@@ -111,12 +111,12 @@ def _of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
             # A bind-off has knitted the first stitch of its course, or none.
             del chain[courses:]
         if len(chain) != courses:
-            problem = f"has {len(chain)} stitches of carrier {body} on needle {number}, and"
-            raise fault(str(path), f"{problem} {courses} on others; only a rectangle is a chart")
+            message = f"has {len(chain)} stitches of carrier {body} on needle {number}, and"
+            raise invalid(str(path), f"{message} {courses} on others; only a rectangle is a chart")
     first, end = min(chains), max(chains)
     if len(chains) != end - first + 1:
         missing = next(n for n in range(first, end) if n not in chains)
-        raise fault(str(path), f"knits nothing on needle {missing} between others; close the gap")
+        raise invalid(str(path), f"knits nothing on needle {missing} between others; close the gap")
     return np.array([chains[number] for number in range(first, end + 1)]).T, ", ".join(remarks)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from knitlab.export.knitting.machine import Machine
 from knitlab.export.knitting.program import OF_CARRIERS, Needle, Operation, operations
-from knitlab.io.errors import Fault
+from knitlab.io.errors import Mistake
 
 MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
 
@@ -22,43 +22,43 @@ class FormedStitch:
     through: tuple[int, ...]  # numbers of the stitches it was pulled through, none of a tuck
 
 
-def check(text: str, machine: Machine) -> tuple[list[Fault], list[FormedStitch]]:
+def check(text: str, machine: Machine) -> tuple[list[Mistake], list[FormedStitch]]:
     """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
     state = _State(machine, _header_faults(text, machine))
     for operation in operations(text):
         if not operation.opcode.startswith("x-"):
             state.follow(operation)
     state.finish()
-    return state.faults, state.graph
+    return state.mistakes, state.graph
 
 
-def _header_faults(text: str, machine: Machine) -> list[Fault]:
+def _header_faults(text: str, machine: Machine) -> list[Mistake]:
     """What the back end refuses, or takes for another machine, in a header."""
     lines = text.split("\n")
-    faults = []
+    mistakes = []
     if not lines[0].startswith(";!knitout-"):
-        faults.append(Fault(f"line 1: {lines[0]}", "is not ;!knitout-2; begin with that"))
+        mistakes.append(Mistake(f"line 1: {lines[0]}", "is not ;!knitout-2; begin with that"))
     width = f";;Width: {machine.needles}"
     why = "Position: Center means the middle of another machine's beds without it"
     listed = f";;Carriers: {' '.join(map(str, range(1, machine.listed_carriers + 1)))}"
-    remedy = "keep to its count of carriers, or choose another machine by model"
+    hint = "keep to its count of carriers, or choose another machine by model"
     needed = {
         width: f"is not {width}; write that, as {why}",
-        listed: f"{machine.back_end} takes {listed} alone; {remedy}",
+        listed: f"{machine.back_end} takes {listed} alone; {hint}",
     }
-    for header, problem in needed.items():
+    for header, message in needed.items():
         name = header.partition(" ")[0]
         stated = {line: number for number, line in enumerate(lines, 1) if line.startswith(name)}
         line, number = next(reversed(stated.items()), ("", 0))
         if line != header:
-            faults.append(Fault(f"line {number}: {line}" if stated else "header", problem))
-    return faults
+            mistakes.append(Mistake(f"line {number}: {line}" if stated else "header", message))
+    return mistakes
 
 
 @dataclass
 class _State:
     machine: Machine
-    faults: list[Fault] = field(default_factory=list)
+    mistakes: list[Mistake] = field(default_factory=list)
     graph: list[FormedStitch] = field(default_factory=list)
     held: dict[Needle, list[int]] = field(default_factory=dict)
     active: set[int] = field(default_factory=set)
@@ -87,14 +87,14 @@ class _State:
         if self.hooked is not None:
             self._report(f"ends while the hook holds carrier {self.hooked}; release it")
         for carrier in sorted(self.active):
-            remedy = f"add {self.machine.bring_out} {carrier}"
-            self._report(f"ends while carrier {carrier} is in action; {remedy}")
+            hint = f"add {self.machine.bring_out} {carrier}"
+            self._report(f"ends while carrier {carrier} is in action; {hint}")
         if left := sorted(str(needle) for needle, loops in self.held.items() if loops):
             more = f" and {len(left) - 1} others" if len(left) > 1 else ""
             self._report(f"ends while {left[0]}{more} hold loops; bind them off or drop them")
 
-    def _report(self, problem: str) -> None:
-        self.faults.append(Fault(f"line {self.now.line}: {self.now}", problem))
+    def _report(self, message: str) -> None:
+        self.mistakes.append(Mistake(f"line {self.now.line}: {self.now}", message))
 
     def _opposite(self, needle: Needle) -> Needle:
         """The needle of the other bed that a needle can transfer to."""
@@ -107,22 +107,22 @@ class _State:
             self._report(f"has {len(carriers)} carriers; take at most {most}")
         for carrier in carriers:
             if carrier not in self.active:
-                remedy = f"bring it in by {self.machine.bring_in} {carrier}"
-                self._report(f"carrier {carrier} is not in action; {remedy}")
+                hint = f"bring it in by {self.machine.bring_in} {carrier}"
+                self._report(f"carrier {carrier} is not in action; {hint}")
         if self.hook_from is not None and needle.number >= self.hook_from:
-            problem = f"the inserting hook with carrier {self.hooked} is in the way"
-            self._report(f"{problem}; put releasehook {self.hooked} before this line")
+            message = f"the inserting hook with carrier {self.hooked} is in the way"
+            self._report(f"{message}; put releasehook {self.hooked} before this line")
             self.hooked = self.hook_from = None
         for carrier in [each for each in carriers if each in self.unused]:
             first = f"the first stitch of carrier {carrier}"
             if carriers != (carrier,):
-                problem = f"{first} has others too, which {self.machine.back_end} refuses"
-                self._report(f"{problem}; tuck with carrier {carrier} alone before")
+                message = f"{first} has others too, which {self.machine.back_end} refuses"
+                self._report(f"{message}; tuck with carrier {carrier} alone before")
             words = "leftwards", "rightwards"
             inwards, outwards = words if self.machine.hooks else words[::-1]
             if self.now.direction != ("-" if self.machine.hooks else "+"):
-                remedy = f"yarn is brought in {inwards}: begin with a stitch {inwards}"
-                self._report(f"{first} goes {outwards}; {remedy}")
+                hint = f"yarn is brought in {inwards}: begin with a stitch {inwards}"
+                self._report(f"{first} goes {outwards}; {hint}")
         self.unused.difference_update(carriers)
         if self.hooked in carriers and self.hook_from is None:
             self.hook_from = needle.number + 1
@@ -133,8 +133,8 @@ class _State:
         across = self._opposite(needle)
         if self.held.get(across):
             state = "too" if through else "and this needle holds none"
-            problem = f"{across} holds a loop of this wale, {state}"
-            self._report(f"{problem}; transfer it before knitting here")
+            message = f"{across} holds a loop of this wale, {state}"
+            self._report(f"{message}; transfer it before knitting here")
         elif not through:
             self._report("knits on a needle without a loop; cast on there, or drop no loop before")
         conductors = [each for each in carriers if each in self.machine.electrode_carriers]
@@ -169,8 +169,8 @@ class _State:
         dropped = self.held.pop(needle, [])
         for carrier in (each for number in dropped for each in self.graph[number].carriers):
             if carrier in self.active:
-                problem = f"drops a loop of carrier {carrier}, which goes on, so that the wale runs"
-                self._report(f"{problem}; drop after outhook {carrier}")
+                message = f"drops a loop of carrier {carrier}, which goes on, so that the wale runs"
+                self._report(f"{message}; drop after outhook {carrier}")
 
     def _check_hook_is_free(self) -> None:
         if (held := self.hooked) is not None:

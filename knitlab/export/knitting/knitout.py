@@ -16,22 +16,22 @@ from jaxtyping import Bool
 from knitlab.export.knitting.chart import StitchChart
 from knitlab.export.knitting.machine import NOT_GIVEN, Machine, stitch_size_in_words
 from knitlab.export.knitting.program import Needle
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 VERSION = 2  # version of the language that version 0.6 of its specification describes
 LEFTWARD, RIGHTWARD = -1, 1  # directions of the carriage, as steps from needle to needle
 
 
 def knitout(chart: StitchChart, machine: Machine) -> str:
-    """The text of a knitout file that knits a chart; BadInput if it is wider than the machine."""
+    """The text of a knitout file that knits a chart; InputError if it is wider than the machine."""
     if chart.wales > machine.needles:
-        problem = f"is wider than the {machine.needles} needles of {machine.model}"
+        message = f"is wider than the {machine.needles} needles of {machine.model}"
         fitting = f"{machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
         path = f"chart of {chart.wales} wales"
-        raise fault(path, f"{problem}; take {fitting}, or another machine")
+        raise invalid(path, f"{message}; take {fitting}, or another machine")
     if chart.electrodes and machine.carriers_of_a_stitch == 1:
-        problem = f"is plated, and {machine.back_end} of {machine.model} takes one carrier a stitch"
-        raise fault(f"chart {chart.size}", f"{problem}; leave out its electrodes")
+        message = f"is plated, and {machine.back_end} of {machine.model} takes one carrier a stitch"
+        raise invalid(f"chart {chart.size}", f"{message}; leave out its electrodes")
     return "\n".join([*_header(chart, machine), *_Program(chart, machine).written()]) + "\n"
 
 

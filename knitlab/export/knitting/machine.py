@@ -14,7 +14,7 @@ from pydantic import (
     ValidationError,
 )
 
-from knitlab.io.errors import Fault, fault, faults_of, raise_any, shown, unknown
+from knitlab.io.errors import Mistake, invalid, mistakes_of, raise_if_any, shown, unknown
 from knitlab.io.names import Line
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
@@ -117,7 +117,7 @@ def read_machine(
     """A machine of ``params/machine.toml``, set up for a yarn, by default that of the paper.
 
     The changes name its model, else the yarn, else the paper. Stitch sizes of a yarn apply only to
-    its own machine. BadInput has everything wrong in the changes.
+    its own machine. InputError has everything wrong in the changes.
     """
     tables, changes = read_toml(shipped("params") / "machine.toml"), dict(changes or {})
     paper = paper_yarn()
@@ -139,22 +139,24 @@ def read_machine(
     }
     for table in (*(_values(tables[name]) for name in SHARED), of_machine, of_back_end):
         values |= table
-    faults = [
-        Fault(f"machine {name}", unknown(name, values, "setting of the machine"))
+    mistakes = [
+        Mistake(f"machine {name}", unknown(name, values, "setting of the machine"))
         for name in changes
         if name not in values
     ]
-    faults += [
-        Fault(f"machine {name}", f"belongs to {back_end}; choose another by back_end or model")
+    mistakes += [
+        Mistake(f"machine {name}", f"belongs to {back_end}; choose another by back_end or model")
         for name in changes
         if name in of_back_end
     ]
     try:
         machine = TypeAdapter(Machine).validate_python(values | changes)
-        faults += _combination_faults(machine)
+        mistakes += _combination_faults(machine)
     except ValidationError as error:
-        faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
-    raise_any(faults)
+        mistakes += [
+            Mistake(f"machine {each.path}", each.message) for each in mistakes_of(error, "")
+        ]
+    raise_if_any(mistakes)
     return machine
 
 
@@ -173,33 +175,33 @@ def _values(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _known(kind: str, name: str, table: Mapping[str, Any]) -> str:
-    """The name as the table spells it, in any case; BadInput with all names if it is missing."""
+    """The name as the table spells it, in any case; InputError with all names if it is missing."""
     for each in table:
         if same_model(each, name):
             return each
-    remedy = "take one of these, and replace the values in which yours differs"
-    raise fault(
-        f"machine {kind}", f"is {shown(name)}, and knitlab knows {', '.join(table)}; {remedy}"
+    hint = "take one of these, and replace the values in which yours differs"
+    raise invalid(
+        f"machine {kind}", f"is {shown(name)}, and knitlab knows {', '.join(table)}; {hint}"
     )
 
 
-def _combination_faults(machine: Machine) -> list[Fault]:
+def _combination_faults(machine: Machine) -> list[Mistake]:
     names, count = ("waste_carrier", "draw_carrier", "body_carrier"), machine.carriers
     used = {name: getattr(machine, name) for name in names}
     used["electrode A"], used["electrode B"] = machine.electrode_carriers
-    faults = [
-        Fault(f"machine {name}", f"is carrier {number}, and there are {count}; name one of these")
+    mistakes = [
+        Mistake(f"machine {name}", f"is carrier {number}, and there are {count}; name one of these")
         for name, number in used.items()
         if number > count
     ]
     if len(set(used.values())) < len(used):
-        problem = f"two of {used} are one carrier; give each its own"
-        faults.append(Fault("machine carriers", problem))
+        message = f"two of {used} are one carrier; give each its own"
+        mistakes.append(Mistake("machine carriers", message))
     limits = {"speed_number": machine.largest_speed_number}
     uses = ("body", "plated", "waste")
     limits |= {f"{use}_stitch_number": machine.largest_stitch_number for use in uses}
     for name, largest in limits.items():
         if (number := getattr(machine, name)) > largest:
-            problem = f"is {number}, and {machine.back_end} takes 0 to {largest}; give one of these"
-            faults.append(Fault(f"machine {name}", problem))
-    return faults
+            message = f"is {number}, and {machine.back_end} takes 0 to {largest}; give one of these"
+            mistakes.append(Mistake(f"machine {name}", message))
+    return mistakes

@@ -21,7 +21,7 @@ from jaxtyping import Bool
 
 from knitlab.export.knitting.bands import Band, bands_of
 from knitlab.export.knitting.chart import StitchChart
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.io.names import check_suffix
 from knitlab.io.toml import TOML, write_toml
 from knitlab.model.pattern import KNIT_OF_LETTER
@@ -53,7 +53,7 @@ class ReadChart:
     odd: Bool[np.ndarray, "course wale"]  # stitches that no patch has
 
     def __repr__(self) -> str:
-        return f"<ReadChart {self.chart.size}, {len(self.problems)} problems>"
+        return f"<ReadChart {self.chart.size}, {len(self.messages)} problems>"
 
     @property
     def n_stripe(self) -> int:
@@ -83,7 +83,7 @@ class ReadChart:
         return next((n for n in known if band.size % (2 * band.per_stitch * n) == 0), None)
 
     @cached_property
-    def problems(self) -> tuple[str, ...]:
+    def messages(self) -> tuple[str, ...]:
         """What the model cannot represent, by course and wale."""
         return (*self._sizes_that_do_not_fit(), *self._odd_stitches())
 
@@ -93,14 +93,14 @@ class ReadChart:
             where, n = _span(band.axis, range(band.start, band.stop)), self._n(band)
             if n is None and band.stripe is None:
                 fitting = ", ".join(str(2 * band.per_stitch * n) for n in self._known)
-                problem = f"{where}: a patch of this size, {band.size}, holds no even number of"
-                yield f"{problem} stripes; take a multiple of one of {fitting}"
+                message = f"{where}: a patch of this size, {band.size}, holds no even number of"
+                yield f"{message} stripes; take a multiple of one of {fitting}"
             elif n is None:
                 yield f"{where}: garter stripes {band.stripe} courses high; take an even number"
             elif n not in self._known:
                 known = ", ".join(map(str, self._known))
-                problem = f"{where}: {stripes[band.axis]} of n_stripe {n}, measured are {known}"
-                yield f"{problem}; give a material that has it"
+                message = f"{where}: {stripes[band.axis]} of n_stripe {n}, measured are {known}"
+                yield f"{message}; give a material that has it"
 
     def _odd_stitches(self) -> Iterator[str]:
         for row, column in np.ndindex(self.letters.shape):
@@ -117,9 +117,9 @@ class ReadChart:
             yield f"{where}: {what} neither rib nor garter, nor plain; taken as {knit}"
 
     def pattern(self) -> Pattern:
-        """The smallest pattern that repeats; BadInput if a size or a stripe does not fit."""
-        if problems := list(self._sizes_that_do_not_fit()):
-            raise fault("pattern", "; ".join(problems))
+        """The smallest pattern that repeats; InputError if a size or a stripe does not fit."""
+        if messages := list(self._sizes_that_do_not_fit()):
+            raise invalid("pattern", "; ".join(messages))
         rows, columns = self.repeat
         letters = tuple("".join(row) for row in self.letters[: len(rows), : len(columns)][::-1])
         lists: dict[str, Any] = {}
@@ -140,7 +140,7 @@ class ReadChart:
     def save_pattern(self, path: str | Path) -> Path:
         """Write the pattern as a ``.toml`` file for ``[design] pattern_files``, named as the file.
 
-        Raises BadInput if a size or a stripe does not fit, or the file cannot be written.
+        Raises InputError if a size or a stripe does not fit, or the file cannot be written.
         """
         path = Path(path)
         check_suffix(path, TOML, "a pattern")
@@ -211,8 +211,8 @@ def patches_of(front: Bool[np.ndarray, "course wale"], title: str) -> ReadChart:
                 _read(front, title, start, shift, tolerance, slender)
                 for start, shift in product(STARTS, shifts)
             ]
-            best = min(tried, key=lambda r: (r.odd.sum(), len(r.problems), r.letters.size))
-            if not best.problems:
+            best = min(tried, key=lambda r: (r.odd.sum(), len(r.messages), r.letters.size))
+            if not best.messages:
                 return best
     return best
 

@@ -29,9 +29,9 @@ class NotAChart(Exception):
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """What the checks of a program found: ``faults``, and ``notes`` of what was checked."""
+    """What the checks of a program found: ``mistakes``, and ``notes`` of what was checked."""
 
-    faults: tuple[str, ...]
+    mistakes: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -40,9 +40,9 @@ def round_trip(
 ) -> RoundTrip:
     """Check a program, and compare what it knits with the chart; see :meth:`.KnitSample.check`."""
     own, graph = check(program, machine)
-    faults = [*map(str, own), *_differences(graph, chart, machine)]
+    mistakes = [*map(str, own), *_differences(graph, chart, machine)]
     count = f"{len(graph)} stitches with waste, cast-on and end"
-    notes = [f"own checks: {count}, {len(faults)} faults"]
+    notes = [f"own checks: {count}, {len(mistakes)} faults"]
     length = sum(1 for _ in operations(program))
     if interpret is False or not find_spec("knitout_interpreter"):
         notes.append("interpreter: not run; install it by pip install knitlab[knitting]")
@@ -54,8 +54,8 @@ def round_trip(
         except NotAChart as error:
             differences = [f"refuses it: {error}"]
         notes.append(f"interpreter: {count}, {len(differences)} faults")
-        faults += [f"the interpreter {each}" for each in differences]
-    return RoundTrip(tuple(faults), tuple(notes))
+        mistakes += [f"the interpreter {each}" for each in differences]
+    return RoundTrip(tuple(mistakes), tuple(notes))
 
 
 def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Machine) -> list[str]:
@@ -111,8 +111,8 @@ def _in_words(stitch: FormedStitch, machine: Machine) -> str:
     carrier, *others = conductors
     if others or carrier not in machine.electrode_carriers:
         names = " and ".join(map(str, stitch.carriers))
-        problem = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
-        raise NotAChart(f"{problem} body and one conductor")
+        message = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
+        raise NotAChart(f"{message} body and one conductor")
     on_loop_face = (stitch.carriers[0] == carrier) == (machine.plating == "face_first")
     face: Face = "front" if on_loop_face == stitch.front else "back"
     return stitch_in_words(stitch.front, machine.electrode_carriers.index(carrier) + 1, face)

@@ -101,7 +101,7 @@ class Specification:
     @property
     def warnings(self) -> list[str]:
         """What makes its sizes doubtful: a gauge that contradicts the machine."""
-        return [problem] if (problem := implausible_size(self.gauge, self.machine)) else []
+        return [message] if (message := implausible_size(self.gauge, self.machine)) else []
 
     @property
     def remarks(self) -> list[str]:
@@ -111,9 +111,9 @@ class Specification:
             if passed > self.machine.longest_float:
                 remarks.append(f"the yarn of carrier {carrier} floats past {passed} needles")
         if inside := [lead.name for lead in self.leads if lead.distance]:
-            remedy = "leave these ends long and lead them to the edge over the back"
-            problem = f"{', '.join(inside)}: the conductive yarn ends inside the fabric"
-            remarks.append(f"{problem}: {remedy}; the model has no leads")
+            hint = "leave these ends long and lead them to the edge over the back"
+            message = f"{', '.join(inside)}: the conductive yarn ends inside the fabric"
+            remarks.append(f"{message}: {hint}; the model has no leads")
         if self.prediction is not None and self.prediction.passes_through_itself:
             remarks.append("the relaxed shape passes through itself: its size is uncertain")
         return remarks
@@ -121,9 +121,9 @@ class Specification:
     @property
     def _missing_sizes(self) -> list[str]:
         uses = {"body": "stitch_size", "plated": "plated_stitch_size"}
-        remedy = "find it by a swatch, and give {} in the material or {}_stitch_size of the machine"
+        hint = "find it by a swatch, and give {} in the material or {}_stitch_size of the machine"
         return [
-            f"no stitch size of the {use} is given: {remedy.format(name, use)}"
+            f"no stitch size of the {use} is given: {hint.format(name, use)}"
             for use, name in uses.items()
             if getattr(self.machine, f"{use}_stitch_size") is None
             and (use == "body" or self.chart.electrodes)

@@ -23,7 +23,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import binary_dilation
 
 from knitlab.export.knitting.chart import Face, StitchChart
-from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.errors import InputError, Mistake, invalid
 from knitlab.model.electrodes import BadLayout, ElectrodeLayout, ridge_lines
 from knitlab.model.pattern import KNIT_OF_LETTER
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
@@ -40,7 +40,7 @@ def stitch_chart(
     needles: int | None = None,
     face: Face | None = None,
 ) -> StitchChart:
-    """The stitches of a case, or BadInput if it cannot be knitted.
+    """The stitches of a case, or InputError if it cannot be knitted.
 
     Its pattern repeats ``repeats`` times along the warp (y) and the weft (x) of the model, by
     default as often as in the case; or it fills some needles with as many whole repeats as fit.
@@ -49,24 +49,24 @@ def stitch_chart(
     a drawing on both faces A on the front and B on the back.
     """
     if case.folds and set(case.sample.knit.ravel()) != {"P"}:
-        problem = f"has {len(case.folds)} single folds beside rib or garter, which folds by itself"
-        raise fault(f"design {case.label}", f"{problem}; take a pattern of plain knit for them")
+        message = f"has {len(case.folds)} single folds beside rib or garter, which folds by itself"
+        raise invalid(f"design {case.label}", f"{message}; take a pattern of plain knit for them")
     turned = is_turned(case)
     unit = _patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].size, unit[1].size
     if needles is not None:
         courses, wales = repeat[::-1] if turned else repeat
         if not (along_x := needles // wales):
-            problem = f"one repeat takes {wales} of them; give at least {wales}"
-            raise fault(f"needles {needles}", problem)
+            message = f"one repeat takes {wales} of them; give at least {wales}"
+            raise invalid(f"needles {needles}", message)
         length = ASPECT * along_x * wales * GARTER_STITCHES_PER_RIB_STITCH
         along_y = max(1, round(length / courses))
         repeats = (along_x, along_y) if turned else (along_y, along_x)
     case = replace(case, unit_cells=repeats or case.unit_cells)
     stitches = math.prod(repeat) * math.prod(case.unit_cells)
     if stitches > MOST_STITCHES:
-        problem = f"take {stitches:,} stitches, above {MOST_STITCHES:,}; repeat the pattern less"
-        raise fault(f"repeats {case.unit_cells}", problem)
+        message = f"take {stitches:,} stitches, above {MOST_STITCHES:,}; repeat the pattern less"
+        raise invalid(f"repeats {case.unit_cells}", message)
     rows, columns = _patch_lines(case)
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
     back_first = case.options.garter_start == "mountain" and not case.pure
@@ -169,7 +169,7 @@ def _plated_stitches(
     try:
         electrodes = case.electrodes
     except BadLayout as error:
-        raise BadInput(Fault("layout", problem) for problem in error.problems) from error
+        raise InputError(Mistake("layout", message) for message in error.messages) from error
     on_ridges = not case.capacitor.layout.mask
     late = on_ridges and case.options.fold_phase == "stripe_border"
     shift = np.zeros(2)
@@ -183,8 +183,8 @@ def _plated_stitches(
     if touching.any():
         course, wale = np.argwhere(touching)[0].tolist()
         where = f"course {course + 1}, wale {wale + 1}, as whole stitches"
-        remedy = "take a smaller width, or ridges farther apart"
-        raise fault("layout", f"electrodes A and B touch at {where}; {remedy}")
+        hint = "take a smaller width, or ridges farther apart"
+        raise invalid("layout", f"electrodes A and B touch at {where}; {hint}")
     return plated
 
 

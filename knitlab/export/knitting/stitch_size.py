@@ -19,12 +19,12 @@ def implausible_size(gauge: Gauge, machine: Machine) -> str | None:
     width, height, pitch = gauge.stitch_width, gauge.stitch_height, machine.pitch
     if not WIDTHS[0] <= width / pitch <= WIDTHS[1]:
         low, high = (factor * pitch for factor in WIDTHS)
-        problem = f"stitch_width is {width:.4g} mm, and the needles of {machine.model} are"
-        problem += f" {pitch:.3g} mm apart, which makes stitches of {low:.2g} to {high:.2g} mm"
-        remedy = "give stitch_width as measured on a swatch of this machine, or the machine of the"
-        return f"{problem}: {remedy} swatch by model or needles_per_inch"
+        message = f"stitch_width is {width:.4g} mm, and the needles of {machine.model} are"
+        message += f" {pitch:.3g} mm apart, which makes stitches of {low:.2g} to {high:.2g} mm"
+        hint = "give stitch_width as measured on a swatch of this machine, or the machine of the"
+        return f"{message}: {hint} swatch by model or needles_per_inch"
     if not HEIGHTS[0] <= height / width <= HEIGHTS[1]:
         low, high = (factor * width for factor in HEIGHTS)
-        problem = f"stitch_height is {height:.4g} mm, and stitches {width:.4g} mm wide are"
-        return f"{problem} {low:.2g} to {high:.2g} mm high: measure both on a swatch"
+        message = f"stitch_height is {height:.4g} mm, and stitches {width:.4g} mm wide are"
+        return f"{message} {low:.2g} to {high:.2g} mm high: measure both on a swatch"
     return None

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from knitlab.cubes.case_file import configurations
 from knitlab.export.meshes.surface import SurfaceMesh, grid_surface
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 if TYPE_CHECKING:  # what they are in imports JAX
     from knitlab.model.pattern import Knit
@@ -37,19 +37,19 @@ def fabric_meshes(
 ) -> list[SurfaceMesh]:
     """The surface of a fabric at reached strains, by their indices, with its fields.
 
-    Periodic fabric is repeated along (y, x). BadInput if the repeats do not fit the fabric.
+    Periodic fabric is repeated along (y, x). InputError if the repeats do not fit the fabric.
     """
     from knitlab.cubes.recorded_case import recorded_case
 
     case = recorded_case(case_file)
     given = f"repeats {' '.join(map(str, repeats))}"
     if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
-        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
+        raise invalid(given, "is not 1 or more along y and along x; give two whole numbers")
     if tuple(repeats) != (1, 1) and not is_periodic(case_file):
-        raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
+        raise invalid(given, "is of periodic fabric, and this sample has edges; give 1 1")
     faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
     if faces > MOST_FACES:
-        raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
+        raise invalid(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
     shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])

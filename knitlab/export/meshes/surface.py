@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 TRIANGLES_OF_QUAD = np.array([[0, 1, 2], [2, 3, 0]])
 """Corners of the two triangles of a quad: those by which self-intersections are counted."""
@@ -108,17 +108,17 @@ def grid_surface(
 def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
     """The solid of a sheet: half of its thickness [mm] lies on either side, along mitred normals.
 
-    A wall along the rim has the fields of the face beside it. BadInput if the thickness is not
+    A wall along the rim has the fields of the face beside it. InputError if the thickness is not
     above 0, or above :func:`largest_thickness`.
     """
     if not thickness > 0:
-        raise fault(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")
+        raise invalid(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")
     most = largest_thickness(sheet)
     if thickness >= most:
         digit = 10.0 ** (math.floor(math.log10(most)) - 1)
         rounded = math.floor(most / digit) * digit
-        problem = f"is too large for folds and cells of this size; give at most {rounded:g} mm"
-        raise fault(f"thickness {thickness:g}", problem)
+        message = f"is too large for folds and cells of this size; give at most {rounded:g} mm"
+        raise invalid(f"thickness {thickness:g}", message)
     offset = thickness / 2 * mitred_normals(sheet)
     count = len(sheet.nodes)
     edges, beside = sheet.rim()

@@ -11,7 +11,7 @@ from knitlab.cubes.chosen_case import has_shape, of_chosen_cases, plies_touch
 from knitlab.cubes.cube_file import cube_name, is_case, is_measured, model_options
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import chosen_indices
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import STRAIN
 from knitlab.solvers.plate_condensation import Plate, PlateSolver, PlateStatus
 
@@ -44,14 +44,14 @@ SIDES = ("length_x", "length_y", "length_shear")
 def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
     """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
 
-    Where its plies touch the plate is unknown. BadInput if it is a clamped sample, or was not
+    Where its plies touch the plate is unknown. InputError if it is a clamped sample, or was not
     tested at a strain.
     """
     case = recorded_case(case_file)
     if case.options.boundary != "periodic":
-        raise fault(case.label, OF_PERIODIC)
+        raise invalid(case.label, OF_PERIODIC)
     if case.friction.acts:
-        raise fault(case.label, "has friction, which plates leave out; take fold_friction = 0")
+        raise invalid(case.label, "has friction, which plates leave out; take fold_friction = 0")
     along = {STRAIN: case_file[STRAIN].values}
     strains = chosen_indices(along, selections).get(STRAIN, range(len(along[STRAIN])))
     _, fabric = case.assemble()
@@ -98,11 +98,11 @@ def plates_of(
 ) -> xr.Dataset:
     """The plates of a test, or of the designs of a cube that have a periodic shape in its folder.
 
-    BadInput if no design has, or a selection or condition is at fault.
+    InputError if no design has, or a selection or condition is at fault.
     """
     simulated = not (is_case(cube) or is_measured(cube))
     if simulated and model_options(cube).get("boundary") == "clamped":
-        raise fault(cube_name(cube), OF_PERIODIC)
+        raise invalid(cube_name(cube), OF_PERIODIC)
     plates = of_chosen_cases(plates_of_case, cube, selections, where)
     plates[STATUS] = plates[STATUS].fillna(PlateStatus.no_shape).astype(np.int8)
     return plates

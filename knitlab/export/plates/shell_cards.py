@@ -15,7 +15,7 @@ import xarray as xr
 
 from knitlab.export.plates.plate_stiffness import STATUS, VARIABLES, known_states, stiffness_of
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.solvers.plate_condensation import PlateStatus
 
 LETTERS = "ABD"
@@ -107,8 +107,8 @@ def write_abaqus(plates: xr.Dataset, output: Path) -> None:
     """Write the one state that is left as ``*SHELL GENERAL SECTION``, in N and mm."""
     states = _usable(plates)
     if len(states) != 1:
-        problem = f"is a card of one state, and {len(states)} are selected"
-        raise fault(f"output {output}", f"{problem}; select one design and one applied strain")
+        message = f"is a card of one state, and {len(states)} are selected"
+        raise invalid(f"output {output}", f"{message}; select one design and one applied strain")
     (state,) = states
     stiffness, unit = stiffness_of(state), plates.attrs["length_unit"]
     labels = ", ".join(f"{name} = {value}" for name, value in _labels(state).items())
@@ -141,14 +141,14 @@ def _without_noise(values: np.ndarray) -> np.ndarray:
 
 
 def _usable(plates: xr.Dataset) -> list[xr.Dataset]:
-    """The states of a card; BadInput if one is no positive definite plate."""
+    """The states of a card; InputError if one is no positive definite plate."""
     states = list(known_states(plates))
     for state in states:
         status = PlateStatus(int(state[STATUS]))
         if status is not PlateStatus.ok:
             name = ", ".join(f"{label} = {value}" for label, value in _labels(state).items())
-            problem = f"is {status.name.replace('_', ' ')}, which no shell element can have"
-            raise fault(name, f"{problem}; select other states, or write a .csv")
+            message = f"is {status.name.replace('_', ' ')}, which no shell element can have"
+            raise invalid(name, f"{message}; select other states, or write a .csv")
     return states
 
 

@@ -20,7 +20,7 @@ from knitlab.cubes.case_file import StoredCase, check_case_file, in_cloth, read_
 from knitlab.cubes.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
 from knitlab.cubes.model_line import model_line
 from knitlab.figures.explorer.shapes import shape_of
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
 from knitlab.observables.schema import FLAGS, INTEGERS, STRAIN, Status
 from knitlab.runs.results_folder import earlier_failures, read_plan
@@ -162,7 +162,7 @@ def run_of(
             time += f"; known for {len(known)} of {len(designs)} designs"
     overridden: dict[str, Any] = {}
     if folder:
-        with suppress(BadInput):
+        with suppress(InputError):
             overridden = read_plan(folder)["overrides"]
     overrides = ", ".join(f"{name}={value}" for name, value in overridden.items())
     counted = ", ".join(f"{count} {name}" for name, count in counts.items())

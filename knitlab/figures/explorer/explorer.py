@@ -23,7 +23,7 @@ from matplotlib.colors import LinearSegmentedColormap, to_hex
 from knitlab.figures.explorer.cube_content import cube_content
 from knitlab.figures.style import SEQUENCE_COLOURS
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import Status
 
 SUFFIX = ".html"
@@ -43,9 +43,9 @@ SHADES = 33
 def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
     """Write the explorer of cubes, an ``.html`` file that opens in a browser without a network."""
     if output.suffix.lower() != SUFFIX:
-        raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
+        raise invalid(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
     if not cubes:
-        raise fault("cubes", "are missing; give one or several")
+        raise invalid("cubes", "are missing; give one or several")
     described = [cube_content(cube) for cube in cubes]
     names = ", ".join(dict.fromkeys(cube["name"] for cube in described))
     # Links name a cube: those of the same name are numbered.

@@ -16,7 +16,7 @@ from knitlab.cubes.strain_window import with_columns
 from knitlab.figures import cells, style
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
-from knitlab.io.errors import fault, unknown
+from knitlab.io.errors import invalid, unknown
 from knitlab.observables.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 
 PERIODS = "periods"
@@ -34,13 +34,13 @@ def value_grid(
     """
     cube, is_number = _with_variable(cube, of)
     if not is_number:
-        raise fault("of", f"{of} is not a number; choose a variable with a unit")
+        raise invalid("of", f"{of} is not a number; choose a variable with a unit")
     has_periods = base_dims(cube) == DESIGN_DIMS
     # Along n_subunit most cells would be missing where both numbers of a design vary.
     both = has_periods and all(cube.sizes[n] > 1 and n in cube[of].dims for n in DESIGN_DIMS)
     if PERIODS in (x, y) or (x is y is None and both):
         if not has_periods:
-            raise fault("x" if x == PERIODS else "y", "pure stripes have no P; choose n")
+            raise invalid("x" if x == PERIODS else "y", "pure stripes have no P; choose n")
         attributes, given = cube[of].attrs, of
         of = "P" if of == PERIODS else of
         cube = by_periods(cube.rename({given: of}))
@@ -49,7 +49,7 @@ def value_grid(
     values, status, fixed = _plane(cube, x, y, of)
     used = status != Status.excluded
     if not used.any():
-        raise fault("grid", "no design of this selection was planned; choose others")
+        raise invalid("grid", "no design of this selection was planned; choose others")
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
     height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
@@ -106,7 +106,7 @@ def _with_variable(cube: xr.Dataset, of: str) -> tuple[xr.Dataset, bool]:
     """The cube with a variable or a reduction, and whether that is a number."""
     (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
-        raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
+        raise invalid("of", unknown(of, map(str, cube.data_vars), "variable"))
     return cube, of not in FLAGS and cube[of].dtype.kind in "iuf"
 
 
@@ -115,7 +115,7 @@ def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, st
     dims = [str(dim) for dim in variable.dims]
     for option, dim in (("x", x), ("y", y)):
         if dim is not None and dim not in dims:
-            raise fault(option, unknown(dim, dims, f"dimension of {variable.name}"))
+            raise invalid(option, unknown(dim, dims, f"dimension of {variable.name}"))
     free = [dim for dim in dims if variable.sizes[dim] > 1 and dim not in (x, y)]
     if len(free) == (x is None) + (y is None):
         # n_stripe, the first, goes up.
@@ -123,10 +123,10 @@ def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, st
         x = free.pop(0) if x is None else x
     if x is None or y is None:
         among = ", ".join(free or dims)
-        problem = f"{variable.name} varies along {among}; give x and y, and select one value of"
-        raise fault("grid", f"{problem} every other")
+        message = f"{variable.name} varies along {among}; give x and y, and select one value of"
+        raise invalid("grid", f"{message} every other")
     if x == y:
-        raise fault("y", f"is {y} as x is; choose another dimension")
+        raise invalid("y", f"is {y} as x is; choose another dimension")
     return x, y
 
 
@@ -137,8 +137,10 @@ def _plane(
     others = [str(dim) for dim in cube[of].dims if dim not in (x, y)]
     if several := [dim for dim in others if cube.sizes[dim] > 1]:
         if unlabelled := [dim for dim in several if dim not in cube.coords]:
-            raise fault(of, f"has several values along {', '.join(unlabelled)}; make these x and y")
-        raise fault("grid", f"shows two dimensions; select {choices(cube, several)}")
+            raise invalid(
+                of, f"has several values along {', '.join(unlabelled)}; make these x and y"
+            )
+        raise invalid("grid", f"shows two dimensions; select {choices(cube, several)}")
     plane = cube[of].isel(dict.fromkeys(others, 0)).transpose(y, x)
     # A grid that shows no dimension of the designs shows one of them.
     flat = [dim for dim in design_dims(cube) if dim not in (x, y)]
@@ -187,15 +189,17 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
     designs = base_dims(cube)
     if not is_number or {*cube[of].dims} - {*swept, *designs}:
-        raise fault("of", f"{of} is not a single number of a design; choose another, or reduce it")
+        raise invalid(
+            "of", f"{of} is not a single number of a design; choose another, or reduce it"
+        )
     if len(swept) != 1:
-        problem = f"sweeps {', '.join(swept)}; select one value of all but one"
+        message = f"sweeps {', '.join(swept)}; select one value of all but one"
         none = "has no swept setting; give several values of one to a workflow"
-        raise fault("swept", f"the cube {problem if swept else none}")
+        raise invalid("swept", f"the cube {message if swept else none}")
     (setting,) = swept
     if cube.sizes[setting] > len(MARKERS):
         # More could not be distinguished.
-        raise fault("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
+        raise invalid("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
     rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
     names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]

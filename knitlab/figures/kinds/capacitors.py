@@ -12,7 +12,7 @@ from knitlab.cubes.cube_file import base_dims, is_measured, source_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.curves import break_note, broken, snapped_before
 from knitlab.figures.style import CATEGORY_COLOURS, Look, subplots
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.capacitance.sensor import CENTRAL_PART, CapacitorStatus
 from knitlab.observables.schema import RUN
 
@@ -33,8 +33,8 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     samples = [sample for cube in cubes for sample in _samples(cube)]
     if not samples:
         shown = "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes"
-        remedy = "give cubes of the workflows sensor and sensor_stripes"
-        raise fault("capacitors", f"{shown}, and no cube has one; {remedy}")
+        hint = "give cubes of the workflows sensor and sensor_stripes"
+        raise invalid("capacitors", f"{shown}, and no cube has one; {hint}")
     figure, (ratios, absolute, slopes) = subplots(3.1, 1, 3, width_ratios=(1.3, 1.3, 0.9))
     names, cells = zip(*samples, strict=True)
     any_measured = any(map(is_measured, cells))

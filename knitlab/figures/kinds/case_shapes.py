@@ -24,7 +24,7 @@ from knitlab.figures.cells import design_name
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.tension import PAPER_DESIGNS, SHOWN_STRAIN
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS, Look
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import DESIGN_DIMS
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
 
     case = recorded_case(case_file)
     if case.capacitor is None:
-        raise fault("electrodes", "this case has no electrodes; run a workflow with [electrodes]")
+        raise invalid("electrodes", "this case has no electrodes; run a workflow with [electrodes]")
     figure = Figure(figsize=(TWO_COLUMNS, 3.6))
     chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
     _draw_chart(chart, case)
@@ -214,7 +214,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     from knitlab.cubes.recorded_case import recorded_case
 
     if any("length_x" in case for case in cases):
-        raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
+        raise invalid("samples", "shows samples between clamps, not periodic fabric; draw shape")
     strains = cases[0]["applied_strain"]
     if len(strains) > 2:
         strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")

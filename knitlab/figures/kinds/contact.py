@@ -9,7 +9,7 @@ from matplotlib.ticker import PercentFormatter
 
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import DESIGN_DIMS, Status
 
 CONTACT = ("none", "barrier")
@@ -26,14 +26,16 @@ SIZES: dict[str, Look] = {
 def contact_effect(cube: xr.Dataset) -> Figure:
     """What contact changes in Poisson's ratio, reaction force and relaxed size of every design."""
     if "contact" not in cube.dims or {*CONTACT} - {*map(str, cube["contact"].values)}:
-        remedy = "run a workflow with both, contact = none,barrier"
-        raise fault("contact", f"compares designs without contact and with it; {remedy}")
+        hint = "run a workflow with both, contact = none,barrier"
+        raise invalid("contact", f"compares designs without contact and with it; {hint}")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ...)
     without, touching = (stacked.sel(contact=label) for label in CONTACT)
     planned = (without["status"] != Status.excluded) & (touching["status"] != Status.excluded)
     usable = (without["status"] == Status.ok) & (touching["status"] == Status.ok)
     if not usable.any():
-        raise fault("contact", "no design of the selection is ok both without contact and with it")
+        raise invalid(
+            "contact", "no design of the selection is ok both without contact and with it"
+        )
     left_out = ", ".join(map(str, stacked["design"].values[(planned & ~usable).values]))
     without, touching = without.isel(design=usable.values), touching.isel(design=usable.values)
     designs = without["design"].values

@@ -19,7 +19,7 @@ from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.cells import designs_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import Look, shades, subplots
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import RUN, STRIPE_DIMS, Status
 
 BAND = 0.25  # opacity of a band
@@ -50,7 +50,7 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     Colour encodes P, the periods in a patch, in every column of n_stripe.
     """
     if not any(name in cube for cube in cubes for name in ROWS):
-        raise fault("curves", "shows strains, and no cube has any; import markers")
+        raise invalid("curves", "shows strains, and no cube has any; import markers")
     return _curves(cubes, ROWS)
 
 
@@ -61,7 +61,7 @@ def force_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     area.
     """
     if not any("force_per_width" in cube for cube in cubes):
-        raise fault("force", "shows force over width, and no cube has any; simulate patches")
+        raise invalid("force", "shows force over width, and no cube has any; simulate patches")
     return _curves(cubes, FORCE_ROWS)
 
 
@@ -69,7 +69,7 @@ def _curves(cubes: Sequence[xr.Dataset], rows: Mapping[str, str]) -> Figure:
     """A row of curves for each variable, with its label."""
     designs = [one for cube in cubes for one in designs_of(cube) if int(one["status"]) in RUN]
     if not designs:
-        raise fault("designs", "none of this selection has been simulated; run it first")
+        raise invalid("designs", "none of this selection has been simulated; run it first")
     stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})
     periods = np.unique([float(design["periods"]) for design in designs])
     colours = dict(zip(periods, shades(len(periods)), strict=True))

@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, shades
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import CYCLE, STRAIN
 
 BACK = "reaction_force_unloading"
@@ -27,8 +27,8 @@ def cycles(cube: xr.Dataset) -> Figure:
     a cube that has several. With electrodes their capacitance at zero strain is shown too.
     """
     if BACK not in cube:
-        remedy = "run it with unloading = true, cycle = 1,2,3 and fold_friction"
-        raise fault("cycles", f"needs the force of unloading; {remedy}")
+        hint = "run it with unloading = true, cycle = 1,2,3 and fold_friction"
+        raise invalid("cycles", f"needs the force of unloading; {hint}")
     if CYCLE not in cube.dims:
         cube = cube.expand_dims(CYCLE if CYCLE in cube.coords else {CYCLE: [1]})
     others = [dim for dim in cube[BACK].dims if dim not in (CYCLE, STRAIN)]
@@ -36,7 +36,7 @@ def cycles(cube: xr.Dataset) -> Figure:
     stacked = stacked.isel(design=stacked[BACK].notnull().any([CYCLE, STRAIN]).values)
     if stacked.sizes["design"] != 1:
         count = stacked.sizes["design"]
-        raise fault("cycles", f"shows one design that was unloaded, not {count}; select one")
+        raise invalid("cycles", f"shows one design that was unloaded, not {count}; select one")
     one = stacked.isel(design=0).transpose(CYCLE, STRAIN, ...)
     names = [name for name in OVER_CYCLES if name in one and one[name].notnull().any()]
     figure = Figure(figsize=(TWO_COLUMNS, 2.6), layout="constrained")

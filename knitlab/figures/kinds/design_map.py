@@ -22,7 +22,7 @@ from knitlab.figures.cells import cell, design_name, designs_of, marks_legend
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.nearest_designs import non_dominated
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import Status
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over the siblings of a design: the map states it
@@ -39,7 +39,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     design differs by more than 0.05 at any strain, the map states the difference.
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
-        raise fault("auxetic", "shows Poisson's ratio, and there is none; import markers")
+        raise invalid("auxetic", "shows Poisson's ratio, and there is none; import markers")
     strains = np.unique(np.concatenate([cube["applied_strain"].values for cube in cubes]))
     lowest = len(strains) > 1 or strains[0] == 0
     if not lowest:
@@ -87,7 +87,7 @@ def draw_map(
         n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
         by_cell[n_stripe, n_subunit / (2 * n_stripe)].append(design)
     if any(sum(map(is_measured, designs)) > 1 for designs in by_cell.values()):
-        raise fault("experiments", "there are several on one design; show one of them")
+        raise invalid("experiments", "there are several on one design; show one of them")
     stripes, periods = (sorted({each[k] for each in by_cell}) for k in (0, 1))
     marked = {Status.excluded} if len(by_cell) < len(stripes) * len(periods) else set[Status]()
     for (n_stripe, p), designs in by_cell.items():
@@ -192,7 +192,7 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     capacitance within it take their place.
     """
     if any("capacitance" not in cube for cube in cubes):
-        raise fault("sensor", NEEDED)
+        raise invalid("sensor", NEEDED)
     merits: Merits = PAPER
     if window is not None:
         slope, straight = (f"{name}(capacitance, {window})" for name in ("slope", "linearity"))

@@ -8,7 +8,7 @@ from matplotlib.projections.polar import PolarAxes
 from knitlab.cubes.cube_file import parameters_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, frame_polar, subplots
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
 
 ANGLE = "load_angle"
@@ -23,18 +23,18 @@ def directions(cube: xr.Dataset) -> Figure:
     same. The strain is the one selected, or the largest at which all pulls have a Poisson's ratio.
     """
     if cube.sizes.get(ANGLE, 0) < FEWEST:
-        remedy = "run one with load = off_axis and load_angle = 0,15,…,90"
-        problem = f"compares {FEWEST} or more angles of pull, which this cube has not"
-        raise fault("directions", f"{problem}; {remedy}")
+        hint = "run one with load = off_axis and load_angle = 0,15,…,90"
+        message = f"compares {FEWEST} or more angles of pull, which this cube has not"
+        raise invalid("directions", f"{message}; {hint}")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ANGLE, STRAIN, ...)
     done = (stacked["status"] == Status.ok).any(ANGLE).values
     stacked = stacked.isel(design=done)
     if not 0 < stacked.sizes["design"] <= MOST:
         count = stacked.sizes["design"]
-        raise fault("directions", f"shows 1 to {MOST} designs, not {count}; select some")
+        raise invalid("directions", f"shows 1 to {MOST} designs, not {count}; select some")
     complete = stacked["poisson_ratio"].notnull().all(["design", ANGLE]).values
     if not complete.any():
-        raise fault("directions", "there is no strain at which all pulls have a Poisson's ratio")
+        raise invalid("directions", "there is no strain at which all pulls have a Poisson's ratio")
     at = stacked.isel({STRAIN: int(np.flatnonzero(complete)[-1])})
     figure, (ratio, force) = subplots(4.2, 1, 2, subplot_kw={"projection": "polar"})
     # A checkerboard is its own mirror image: a quarter of the directions tells the others.

@@ -12,7 +12,7 @@ from knitlab.claims.option_ranking import RankedOptions, differing, ranked_optio
 from knitlab.figures.cells import cell, remove_frame
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import MINUS, TWO_COLUMNS, Look, name_rows, subplots
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 MOST = 16  # largest number of sets of options that the figure shows
 COLOURS = {
@@ -36,7 +36,7 @@ def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
         if any(options.results[claim.name].margin is not None for options in shown)
     ]
     if not names:
-        raise fault("options", "no claim can be judged by these cubes; run more of their designs")
+        raise invalid("options", "no claim can be judged by these cubes; run more of their designs")
     varied = differing(ranked)
     width = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown))
     height = 1.6 + 0.18 * len(names) + 0.13 * len(varied)

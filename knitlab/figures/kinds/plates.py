@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from knitlab.figures import sheets
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import frame_polar, shades, subplots
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 
 MOST_STATES = 4
 ANGLES = np.linspace(0, 2 * np.pi, 361)
@@ -27,7 +27,7 @@ def polar_moduli(case: xr.Dataset) -> Figure:
     plates = plates.isel(applied_strain=np.flatnonzero(known))
     count = plates.sizes["applied_strain"]
     if not count:
-        raise fault("polar", "shows stiffness, and no state that is left has any; select others")
+        raise invalid("polar", "shows stiffness, and no state that is left has any; select others")
     if count > MOST_STATES:
         shown = np.unique(np.linspace(0, count - 1, MOST_STATES).round().astype(int))
         plates = plates.isel(applied_strain=shown)

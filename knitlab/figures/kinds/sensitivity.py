@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from knitlab.figures import cells
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import Look, colour_bar, number, subplots, value_colours
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import Status
 
 QUANTITY = "poisson_ratio_sensitivity"
@@ -28,11 +28,11 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     ν is lowest; the largest magnitude of a row is framed.
     """
     if QUANTITY not in cube:
-        raise fault("sensitivity", "needs sensitivities; run with sensitivities = true")
+        raise invalid("sensitivity", "needs sensitivities; run with sensitivities = true")
     designs = cells.designs_of(cube)
     if len(designs) > MOST_DESIGNS:
-        problem = f"shows {MOST_DESIGNS} designs at most, not {len(designs)}; select some"
-        raise fault("sensitivity", problem)
+        message = f"shows {MOST_DESIGNS} designs at most, not {len(designs)}; select some"
+        raise invalid("sensitivity", message)
     parameters = [str(name) for name in cube["stripe_parameter"].values]
     columns = [k + 0.25 * name.startswith("garter_") for k, name in enumerate(parameters)]
     values = np.array([_at_lowest(design) for design in designs]).reshape(-1, len(parameters))

@@ -13,7 +13,7 @@ from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.cells import design_name, designs_of
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import Look, colour_bar, subplots, value_colours
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.observables.schema import Status
 
 SHOWN_STRAIN = 0.23
@@ -35,7 +35,7 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     shown = _samples(cubes)
     if not shown:
         names = ", ".join(map(str, PAPER_DESIGNS))
-        raise fault("tension", f"no cube has one of {names} with more than one unit cell")
+        raise invalid("tension", f"no cube has one of {names} with more than one unit cell")
     figure, grid = subplots(5.2, len(COMPONENTS), len(shown), squeeze=False)
     for row, (name, label) in zip(grid, COMPONENTS.items(), strict=True):
         values = np.concatenate([sample[name].values.ravel() for sample in shown])

@@ -15,7 +15,7 @@ from knitlab.figures.kinds import FigureKind
 from knitlab.figures.kinds.design_map import draw_map, row_count
 from knitlab.figures.kinds.sensitivity import SYMBOLS
 from knitlab.figures.style import number, subplots
-from knitlab.io.errors import fault, unknown
+from knitlab.io.errors import invalid, unknown
 from knitlab.observables.schema import STRAIN, VARIABLES
 
 if TYPE_CHECKING:  # which imports JAX
@@ -45,12 +45,12 @@ def uncertainty_map(
     from knitlab.runs.stripe_covariance import uncertain_stripes
 
     if material is None:
-        raise fault("material", "is not given; give the file with the covariances of its stripes")
+        raise invalid("material", "is not given; give the file with the covariances of its stripes")
     if of not in QUANTITIES:
-        raise fault(f"of {of}", unknown(of, QUANTITIES, "quantity"))
+        raise invalid(f"of {of}", unknown(of, QUANTITIES, "quantity"))
     single = cube.sizes[STRAIN] == 1
     if of != "poisson_ratio" and not single:
-        raise fault(f"of {of}", "varies with the strain; select one applied_strain")
+        raise invalid(f"of {of}", "varies with the strain; select one applied_strain")
     name = of if single else LOWEST
     known = first_order(cube, uncertain_stripes(material, uncertainty_of))
     shown = known.isel({STRAIN: 0}) if single else known

@@ -9,7 +9,7 @@ from knitlab.cubes.cube_file import RELIABLE_WAVES
 from knitlab.figures.cells import design_name
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
-from knitlab.io.errors import fault
+from knitlab.io.errors import invalid
 from knitlab.lab.fit_statistics import linear_fit
 from knitlab.observables.schema import DESIGN_DIMS, Status
 
@@ -26,8 +26,8 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
     3 waves, which can be wrong by more than 5 %, are hollow; the slopes include them.
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
-        problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"
-        raise fault("wavelength", f"{problem} more, or periodic fabric, with this version")
+        message = "no design of this selection has a wavelength; run samples of 2 unit cells or"
+        raise invalid("wavelength", f"{message} more, or periodic fabric, with this version")
     figure = Figure(figsize=(TWO_COLUMNS, 4.2), layout="constrained")
     for row, direction in zip(figure.subplots(2, 3), DIRECTIONS, strict=True):
         wavelengths = cube[f"wavelength_{direction}"].transpose(*DESIGN_DIMS)

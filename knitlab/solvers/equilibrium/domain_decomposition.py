@@ -77,29 +77,29 @@ class SubdomainSolver:
         while a few are far from equilibrium. Returns the state of the sample, and the number of
         iterations, each weighted by the subdomain's share of the unknowns.
         """
-        problems, coupled = self._decomposition(free)
+        messages, coupled = self._decomposition(free)
         unknowns, cost = at.unknowns.copy(), 0.0
         gradient = np.asarray(system.evaluate(at).gradient)
-        forces = np.array([problem.subdomain.force(gradient) for problem in problems])
+        forces = np.array([message.subdomain.force(gradient) for message in messages])
         # Forces above 1e-6 N would cost more iterations of the whole.
         accepted = max(settings.tolerance, 1e-6, force_fraction * float(forces.max()))
         settings = replace(settings, tolerance=accepted, max_iterations=300)
 
         def solved(number: int) -> State:
-            problem = problems[number]
-            start = Point(unknowns[problem.subdomain.dofs], at.stage)
-            free, state, process = problem.subdomain.free, None, self._processes.get()
+            message = messages[number]
+            start = Point(unknowns[message.subdomain.dofs], at.stage)
+            free, state, process = message.subdomain.free, None, self._processes.get()
             try:
                 if process is not None:
-                    sent = free.shape, free.dofs, problem.fabric
-                    state = process.solve(problem.number, sent, start, settings)
-                return state or solve_subdomain(problem.system, free, start, settings)
+                    sent = free.shape, free.dofs, message.fabric
+                    state = process.solve(message.number, sent, start, settings)
+                return state or solve_subdomain(message.system, free, start, settings)
             finally:
                 self._processes.put(process)
 
         for group in independent_groups(forces, coupled):
             for number, state in zip(group, self._threads.each(solved, group), strict=True):
-                subdomain = problems[number].subdomain
+                subdomain = messages[number].subdomain
                 # A subdomain that stalls, or ends with a larger residual than any had before, may
                 # have collapsed a cell, where fold angles are undefined.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
@@ -111,12 +111,12 @@ class SubdomainSolver:
     def _decomposition(self, free: FreeStiffness) -> tuple[Sequence[_LocalProblem], Coupled]:
         if free not in self._decompositions:
             subdomains = list(subdomains_of(free))
-            problems = []
+            messages = []
             for number, subdomain in zip(self._numbers, subdomains, strict=False):
                 fabric = subdomain.fabric(self._fabric)
                 system = System(subdomain.free.shape, fabric, kept=self._kept)
-                problems.append(_LocalProblem(number, subdomain, fabric, system))
-            self._decompositions[free] = problems, couplings(subdomains, free.shape.unknowns)
+                messages.append(_LocalProblem(number, subdomain, fabric, system))
+            self._decompositions[free] = messages, couplings(subdomains, free.shape.unknowns)
         return self._decompositions[free]
 
     @cached_property

@@ -79,26 +79,26 @@ def test_tables_and_programs_of_a_plated_sample_are_read(tmp_path):
     ],
 )
 def test_what_is_no_chart_is_refused(tmp_path, name, text, message):
-    with pytest.raises(kl.BadInput) as caught:
+    with pytest.raises(kl.InputError) as caught:
         read_stitches(written(tmp_path / name, text))
     assert message in str(caught.value)
 
 
 def test_a_carrier_that_knits_nothing_is_refused(tmp_path):
     path = SAMPLE.save(tmp_path / "sample.k")
-    with pytest.raises(kl.BadInput, match="knits nothing with carrier 9; name one of 3, 4, 5"):
+    with pytest.raises(kl.InputError, match="knits nothing with carrier 9; name one of 3, 4, 5"):
         kl.read_chart(path, carrier=9)
 
 
 def test_a_transparent_image_is_refused(tmp_path):
     path = tmp_path / "chart.png"
     Image.fromarray(np.zeros((4, 4, 4), "u1")).save(path)
-    with pytest.raises(kl.BadInput, match="has transparent pixels; save it opaque"):
+    with pytest.raises(kl.InputError, match="has transparent pixels; save it opaque"):
         kl.read_chart(path)
 
 
 def test_an_image_of_many_colours_is_refused(tmp_path):
     path = tmp_path / "chart.png"
     SAMPLE.save(path)
-    with pytest.raises(kl.BadInput, match=r"has \d+ colours; save it with one pixel a stitch in"):
+    with pytest.raises(kl.InputError, match=r"has \d+ colours; save it with one pixel a stitch in"):
         kl.read_chart(path)

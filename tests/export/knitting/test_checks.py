@@ -144,16 +144,18 @@ def test_of_a_machine_without_hooks_the_first_stitch_goes_rightwards_and_has_one
     machine = read_machine({"model": "Kniterate", "waste_courses": 0})
     header = ";!knitout-2\n;;Width: 252\n;;Carriers: 1 2 3 4 5 6\n"
     tucks = "in 3\ntuck - f1 3\nknit + f1 3 4\nout 3\ndrop f1\n"
-    faults = list(map(str, check(header + tucks, machine)[0]))
-    assert faults[0].startswith("line 5: tuck - f1 3: the first stitch of carrier 3 goes leftwards")
-    assert "line 6: knit + f1 3 4: has 2 carriers; take at most 1" in faults
+    mistakes = list(map(str, check(header + tucks, machine)[0]))
+    assert mistakes[0].startswith(
+        "line 5: tuck - f1 3: the first stitch of carrier 3 goes leftwards"
+    )
+    assert "line 6: knit + f1 3 4: has 2 carriers; take at most 1" in mistakes
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_seeded_fault_is_found(name):
     (program, _), message = FAULTS[name]
-    faults = [str(fault) for fault in check(program, MACHINE)[0]]
-    assert any(re.search(message, text) for text in faults), faults
+    mistakes = [str(fault) for fault in check(program, MACHINE)[0]]
+    assert any(re.search(message, text) for text in mistakes), mistakes
 
 
 @pytest.mark.parametrize(
@@ -182,5 +184,5 @@ def test_a_finding_names_the_line_of_its_fault(name):
     ids=["stitch left out", "face of the conductor", "not plated", "wrong bed"],
 )
 def test_a_program_that_only_knits_another_chart_is_reported(fault, message):
-    faults = round_trip(fault[0], CHART, MACHINE, interpret=False).faults
-    assert any(re.search(message, text) for text in faults), faults
+    mistakes = round_trip(fault[0], CHART, MACHINE, interpret=False).mistakes
+    assert any(re.search(message, text) for text in mistakes), mistakes

@@ -9,7 +9,7 @@ from knitlab.export.knitting.knitout import knitout
 from knitlab.export.knitting.machine import read_machine
 from knitlab.export.knitting.program import operations
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from tests.export.knitting.charts import case_of, chart_of_arrays
 
 CHART = stitch_chart(case_of("sensor", n_stripe=2, n_subunit=16))
@@ -102,7 +102,7 @@ def test_without_hooks_all_begins_rightwards_and_in_and_out_bring_yarn():
         "tuck - f2 3",
     ]
     assert ";;Carriers: 1 2 3 4 5 6" in lines
-    with pytest.raises(BadInput, match="takes one carrier a stitch; leave out its electrodes"):
+    with pytest.raises(InputError, match="takes one carrier a stitch; leave out its electrodes"):
         knitout(CHART, machine)
 
 
@@ -122,5 +122,7 @@ def test_a_dropped_sample_ends_in_waste():
 
 
 def test_a_chart_wider_than_the_machine_is_refused():
-    with pytest.raises(BadInput, match="is wider than the 20 needles of SWG061N2; take 0 repeats"):
+    with pytest.raises(
+        InputError, match="is wider than the 20 needles of SWG061N2; take 0 repeats"
+    ):
         knitout(CHART, read_machine({"needles": 20}))

@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from knitlab.export.knitting.machine import Machine, read_machine
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.runs.declared_fields import declared, unit_of
 from knitlab.runs.yarn import YarnOnMachine
@@ -69,7 +69,7 @@ def test_the_sizes_of_a_yarn_count_on_its_own_machine_only():
 
 @pytest.mark.parametrize("yarn", [None, YarnOnMachine(machine="Stoll")])
 def test_an_unknown_model_is_refused_with_all_that_are_known(yarn):
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         read_machine(None if yarn else {"model": "Stoll"}, yarn)
     assert all(word in str(caught.value) for word in ("model", "Stoll", *FILE["machines"]))
 
@@ -94,6 +94,6 @@ def test_an_unknown_model_is_refused_with_all_that_are_known(yarn):
     ],
 )
 def test_bad_values_are_refused(changes, message):
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         read_machine(changes)
     assert message in str(caught.value)

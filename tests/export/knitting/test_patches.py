@@ -145,5 +145,5 @@ def test_sizes_that_no_stripe_has_are_named(front, problem):
     read = patches_of(np.array(front, bool), "any")
     assert any(problem in each for each in read.problems), read.problems
     if "material" not in "".join(read.problems):
-        with pytest.raises(kl.BadInput, match="pattern: "):
+        with pytest.raises(kl.InputError, match="pattern: "):
             read.pattern()

@@ -76,8 +76,8 @@ kniterates = st.fixed_dictionaries(
 
 
 def own_reading(program, chart, machine):
-    faults, graph = check(program, machine)
-    assert faults == []
+    mistakes, graph = check(program, machine)
+    assert mistakes == []
     return graph, stitches_of(graph, chart.front.shape, machine)
 
 
@@ -113,7 +113,7 @@ def test_the_interpreter_knits_a_small_plated_chart(end, fast_protocols):  # noq
     chart, machine = stitch_chart(case), read_machine({"end": end, "waste_courses": 2})
     chart = chart_of_arrays(chart.front[:10, :16], chart.plated[:10, :16], chart.plated_face)
     checked = round_trip(knitout(chart, machine), chart, machine, interpret=True)
-    assert checked.faults == ()
+    assert checked.mistakes == ()
     assert [note.partition(":")[0] for note in checked.notes] == ["own checks", "interpreter"]
 
 
@@ -125,7 +125,7 @@ def test_the_interpreter_knits_a_small_plated_chart(end, fast_protocols):  # noq
 def test_small_designs_and_the_largest_of_the_paper_are_knitted_as_charted(design):
     chart = stitch_chart(case_of(n_stripe=design[0], n_subunit=design[1]))
     machine = read_machine()
-    assert round_trip(knitout(chart, machine), chart, machine, interpret=False).faults == ()
+    assert round_trip(knitout(chart, machine), chart, machine, interpret=False).mistakes == ()
 
 
 BACK_ENDS = os.environ.get("KNITOUT_BACK_ENDS")  # folder with the back ends' scripts
@@ -143,7 +143,7 @@ def test_programs_keep_the_rules_and_their_back_ends_convert_them_to_the_same_ch
         machine = read_machine({"model": model})
         program, converted = tmp_path / "sample.k", tmp_path / "sample.out"
         program.write_text(knitout(chart, machine), encoding="utf-8")
-        assert round_trip(program.read_text(), chart, machine, interpret=False).faults == ()
+        assert round_trip(program.read_text(), chart, machine, interpret=False).mistakes == ()
         if BACK_ENDS is None:
             continue
         call = ["node", Path(BACK_ENDS, machine.back_end), program, converted]
@@ -165,7 +165,7 @@ def test_programs_keep_the_rules_and_their_back_ends_convert_them_to_the_same_ch
 def test_the_interpreter_knits_designs_of_every_stripe(design, fast_protocols):  # noqa: F811
     chart = stitch_chart(case_of(n_stripe=design[0], n_subunit=design[1]))
     machine = read_machine({"waste_courses": 2, "end": "drop"})
-    assert round_trip(knitout(chart, machine), chart, machine, interpret=True).faults == ()
+    assert round_trip(knitout(chart, machine), chart, machine, interpret=True).mistakes == ()
 
 
 @interpreter
@@ -183,7 +183,7 @@ def test_the_interpreter_knits_graded_plain_and_plated_fabric(case, fast_protoco
     graded = case.get("pattern") is GRADED
     chart = kl.knit(kl.Design(**case)).chart if graded else stitch_chart(case_of(**case))
     machine = read_machine()
-    assert round_trip(knitout(chart, machine), chart, machine, interpret=True).faults == ()
+    assert round_trip(knitout(chart, machine), chart, machine, interpret=True).mistakes == ()
 
 
 def test_the_copy_for_the_interpreter_keeps_the_number_of_every_line():

@@ -7,7 +7,7 @@ import pytest
 
 import knitlab as kl
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.model.fold_lines import patch_senses
 from tests.export.knitting.charts import case_of
 
@@ -164,7 +164,7 @@ def test_conductors_lie_on_the_chosen_face():
 
 def test_electrodes_that_touch_as_whole_stitches_are_refused():
     case = case_of("sensor", n_stripe=2, n_subunit=16, width=3.8)
-    with pytest.raises(BadInput, match=r"A and B touch at course 1, wale \d+, as whole stitches"):
+    with pytest.raises(InputError, match=r"A and B touch at course 1, wale \d+, as whole stitches"):
         stitch_chart(case)
 
 
@@ -194,17 +194,19 @@ def test_folds_of_a_pattern_of_one_line():
     rib = "".join("kp"[k % 2] for k in range(16))
     letters = ["".join("pk"[int(on)] for on in line) for line in sample.chart.front]
     assert letters == [rib] * 8 + [rib[:7] + "pp" + rib[9:]] * 8
-    assert sample.check(interpret=False).faults == ()
+    assert sample.check(interpret=False).mistakes == ()
     assert "here 1.5 rad" in sample.remarks[0]
 
 
 def test_single_folds_beside_stripes_are_refused():
     fold = {"along": "course", "at": 1, "theta_0": 1.5}
     pattern = kl.Pattern(rows=("PR", "PP"), folds=[fold])
-    with pytest.raises(BadInput, match="has 1 single folds beside rib or garter, which folds by"):
+    with pytest.raises(InputError, match="has 1 single folds beside rib or garter, which folds by"):
         kl.knit(kl.Design(2, 8, boundary="periodic", pattern=pattern))
 
 
 def test_less_needles_than_a_repeat_are_refused():
-    with pytest.raises(BadInput, match="needles 20: one repeat takes 32 of them; give at least 32"):
+    with pytest.raises(
+        InputError, match="needles 20: one repeat takes 32 of them; give at least 32"
+    ):
         stitch_chart(case_of(**DESIGN), needles=20)

@@ -16,7 +16,7 @@ from knitlab.export.meshes.fabric import (
     closed_nodes,
     fabric_meshes,
 )
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.model.electrodes import ElectrodeLayout
 from tests.export.meshes.made_up import flat_test, kept_case, kept_file, sample
 from tests.fabrics import PARAMETERS
@@ -186,5 +186,5 @@ def test_a_sample_between_clamps_keeps_its_own_nodes():
 )
 def test_repeats_that_do_not_fit_are_refused(periodic, repeats, message):
     case = kept_case() if periodic else sample(kept_case())
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         fabric_meshes(flat_test(case), [0], repeats)

@@ -14,7 +14,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.cubes.case_file import LENGTH_FACTOR, in_cloth
 from knitlab.export.plates.plate_stiffness import in_plane, plates_of_case, stiffness_of
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.solvers.plate_condensation import PlateStatus
 from tests.export.meshes.made_up import PREVIEW, kept_case, kept_file, sample
 
@@ -147,7 +147,7 @@ def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
 )
 def test_what_is_at_fault_is_a_sentence(change, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(BadInput, match=re.escape(message)):
+    with pytest.raises(InputError, match=re.escape(message)):
         kl.plate_stiffness(PREVIEW, **(ONE | change))
     assert not list(tmp_path.iterdir())
 
@@ -170,14 +170,14 @@ def test_clamped_samples_are_refused(tmp_path):
         " simulate it with boundary = periodic\n"
     )
     record = json.dumps(sample(kept_case()).record)
-    with pytest.raises(BadInput, match="is of clamped samples"):
+    with pytest.raises(InputError, match="is of clamped samples"):
         plates_of_case(kept_file().assign_attrs(parameters=record))
 
 
 def test_a_test_without_shapes_or_with_a_condition_is_refused():
-    with pytest.raises(BadInput, match="has no node positions"):
+    with pytest.raises(InputError, match="has no node positions"):
         kl.plate_stiffness(kept_file().drop_vars("position"))
-    with pytest.raises(BadInput, match="is a condition on designs, and a test is one"):
+    with pytest.raises(InputError, match="is a condition on designs, and a test is one"):
         kl.plate_stiffness(kept_file(), where="n_stripe == 4")
 
 
@@ -200,7 +200,7 @@ def test_where_plies_touch_a_plate_is_unknown_and_elsewhere_it_balances_the_test
 
 def test_designs_without_any_shape_are_one_sentence(tmp_path):
     shutil.copy(PREVIEW / "cube.nc", tmp_path)
-    with pytest.raises(BadInput, match="none of these 10 designs has a shape; run one"):
+    with pytest.raises(InputError, match="none of these 10 designs has a shape; run one"):
         kl.plate_stiffness(tmp_path)
 
 

@@ -20,7 +20,7 @@ from knitlab.figures.explorer.cube_content import (
     variables_of,
 )
 from knitlab.figures.explorer.shapes import MOST_NODES, shape_of
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.figures.explorer.conftest import HOSTILE, PREVIEW, REFERENCE
 from tests.figures.explorer.test_positions import unpacked
@@ -185,11 +185,11 @@ def test_a_damaged_figure_is_a_sentence(tmp_path):
     contents = path.read_bytes()
     for damaged in (b"", contents[:50], contents.replace(b"IDAT", b"IDAU")):
         path.write_bytes(damaged)
-        with pytest.raises(BadInput, match=r"shape\.png: cannot be read as an image"):
+        with pytest.raises(InputError, match=r"shape\.png: cannot be read as an image"):
             figures_of(tmp_path)
     path.unlink()
     os.mkfifo(path)
-    with pytest.raises(BadInput, match=r"shape\.png: cannot be read as an image"):
+    with pytest.raises(InputError, match=r"shape\.png: cannot be read as an image"):
         figures_of(tmp_path)
 
 

@@ -115,6 +115,6 @@ def test_the_command_writes_what_the_function_writes(tmp_path, page):
     ],
 )
 def test_bad_input_is_refused(cubes, name, problem, tmp_path):
-    with pytest.raises(kl.BadInput, match=re.escape(problem)):
+    with pytest.raises(kl.InputError, match=re.escape(problem)):
         kl.explore(*cubes, output=tmp_path / name)
     assert not any(tmp_path.iterdir())

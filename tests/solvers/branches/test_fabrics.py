@@ -8,7 +8,7 @@ import pytest
 import knitlab as kl
 from knitlab.api.single_design import single_design
 from knitlab.api.stability import _is_known
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import InputError
 from knitlab.solvers.branches import shapes as atlas
 from knitlab.solvers.branches.continuation import Kind, equilibrium, follow, switched
 from knitlab.solvers.branches.equations import FabricEquations
@@ -113,7 +113,7 @@ def test_a_flat_sheet_and_a_rough_one_relax_to_one_shape_of_a_small_design():
     ],
 )
 def test_bad_input_is_refused(call, message):
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         call()
 
 
