@@ -24,7 +24,7 @@ import xarray as xr
 from benchmarks.command_line import results_in
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.cubes.cube_file import CUBE
-from knitlab.io.fingerprint import provenance
+from knitlab.io.provenance import provenance
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.threads import ONE_THREAD
 from knitlab.runs.plan import make_plan

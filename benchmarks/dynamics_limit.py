@@ -26,7 +26,7 @@ from benchmarks.clamped_grid import LEAST_BYTES, grid_of, rows_of
 from benchmarks.command_line import results_in
 from benchmarks.dynamics import STEP, cases
 from benchmarks.solver.cube import machine, write_cube
-from knitlab.io.fingerprint import provenance
+from knitlab.io.provenance import provenance
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.threads import ONE_THREAD
 from knitlab.runs.simulate import moving_fabrics

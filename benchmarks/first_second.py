@@ -24,7 +24,7 @@ import xarray as xr
 from benchmarks.command_line import results_in
 from benchmarks.solver.cube import machine, read_cube, write_cube
 from benchmarks.stage_clock import STAGES
-from knitlab.io.fingerprint import provenance
+from knitlab.io.provenance import provenance
 
 RUNS = {
     "one design": ("periodic", "--set", "n_stripe=4", "--set", "n_subunit=16"),

@@ -21,7 +21,7 @@ import xarray as xr
 from benchmarks.command_line import COMMAND, processor_seconds, results_in
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.cubes.cube_file import CUBE
-from knitlab.io.fingerprint import provenance
+from knitlab.io.provenance import provenance
 from knitlab.model.threads import ONE_THREAD
 
 FILE = "runs.nc"

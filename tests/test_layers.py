@@ -66,12 +66,12 @@ def messages(file: Path) -> list[str]:
 
 
 def test_only_the_command_line_names_its_options():
-    # Messages are also shown to users of Python; ``fingerprint`` passes options to git.
+    # Messages are also shown to users of Python; ``provenance`` passes options to git.
     files = [path for path in PACKAGE.rglob("*.py") if path.parent.name != "cli"]
     found = {
         f"{file.parent.name}/{file.name}": text
         for file in files
         for text in messages(file)
-        if re.search(r"(^|[ (])--[a-z]", text) and file.name != "fingerprint.py"
+        if re.search(r"(^|[ (])--[a-z]", text) and file.name != "provenance.py"
     }
     assert not found

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.solver import limit, many, methods
 from benchmarks.solver.cube import blas_kernels, cpu_model
 from benchmarks.solver.measurement import Measurement
-from knitlab.io.fingerprint import git_commit
+from knitlab.io.provenance import git_commit
 
 MEASURES = {
     "tuning": methods.measure,

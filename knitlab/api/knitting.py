@@ -21,8 +21,8 @@ from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
-from knitlab.io.fingerprint import provenance
 from knitlab.io.names import check_suffix
+from knitlab.io.provenance import provenance
 from knitlab.model.capacitor import Capacitor
 from knitlab.model.settings import ModelOptions
 from knitlab.model.stitches import Gauge

@@ -115,7 +115,7 @@ def merge(
     Args:
         folders: results folders of a workflow, or folders that hold them.
         results: folder that holds a folder of results for each workflow; what is there is kept.
-        any_code: whether results of different code may be joined.
+        any_code: whether results of different versions of the model may be joined.
 
     Returns:
         The cube, with every design of all folders.

@@ -179,7 +179,7 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     FOLDER,
     default=Path("results"),
 )
-@flag("--any-code", "Join results of different code.")
+@flag("--any-code", "Join results of different versions of the model.")
 def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     """Join the results in FOLDERS, as of shards that ran on several machines.
 

@@ -16,6 +16,7 @@ import xarray as xr
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
 from knitlab.io.names import inside
+from knitlab.io.provenance import model_of
 from knitlab.io.text_file import plain_file
 from knitlab.observables.schema import INTEGERS, MISSING, VARIABLES, encoding
 
@@ -91,9 +92,9 @@ def check_case_file(results: Path, case_id: str) -> StoredCase:
 
 
 def read_code(results: Path, case_id: str) -> str | None:
-    """Fingerprint of the code that computed a case; None if the file is not a case file."""
+    """The model that computed a case; None if the file is not a case file."""
     try:
-        return str(read_values(case_path(results, case_id), ["code"])["code"])
+        return model_of(str(read_values(case_path(results, case_id), ["code"])["code"]))
     except UNREADABLE:
         return None
 

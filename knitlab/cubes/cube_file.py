@@ -340,7 +340,7 @@ class SettingDifference(NamedTuple):
 def common_settings(
     records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
 ) -> dict[str, Any]:
-    """Settings that all records share, but for swept ones, with the fingerprint of the stripes.
+    """Settings that all records share, but for swept ones, with the digest of the stripes.
 
     Of the sheet, those that some records leave out are kept: without contact they mean nothing.
     """

@@ -18,7 +18,7 @@ from knitlab.design.request import DesignRequest
 from knitlab.design.search import TRIALS, SearchResult
 from knitlab.design.search_space import SearchSpace
 from knitlab.design.trial import ShapeFunctions, run_trial
-from knitlab.io.fingerprint import text_fingerprint
+from knitlab.io.provenance import text_digest
 from knitlab.io.toml import read_toml, write_toml
 from knitlab.model.stitches import Gauge
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y
@@ -62,7 +62,7 @@ def candidates_plan(
         coordinates={},
         overrides={},
         inputs={},
-        stripes=text_fingerprint(request.text),
+        stripes=text_digest(request.text),
         gauge=space.case(space.designs[0])[1],
     )
 

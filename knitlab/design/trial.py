@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from knitlab.cubes import case_file
 from knitlab.cubes.cube_file import with_derived
 from knitlab.design.request import PARAMETERS
-from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.provenance import MODEL
 from knitlab.model.cell_grid import CellGrid
 from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.network import MeshShape
@@ -167,6 +167,6 @@ def run_trial(folder: Path, case: Case, gauge: Gauge, own: ShapeFunctions = ()) 
     """Simulate a case, or read its file in a folder if the same code has simulated it before."""
     name = case.case_id
     sound = case_file.check_case_file(folder, name) is case_file.StoredCase.sound
-    if not sound or case_file.read_code(folder, name) != code_fingerprint():
+    if not sound or case_file.read_code(folder, name) != MODEL:
         case_file.write_case_file(folder, name, simulated(case, lambda name, states: None))
     return Trial(case, gauge, case_file.read_case(folder, name), own)

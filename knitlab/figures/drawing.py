@@ -28,7 +28,7 @@ from knitlab.figures import figure_files, kinds
 from knitlab.figures.kinds import FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import InputError, Mistake, invalid, unknown
-from knitlab.io.fingerprint import file_digest
+from knitlab.io.provenance import file_digest
 from knitlab.observables.schema import VARIABLES
 from knitlab.runs.figure_names import COMPARING, check_figure_suffix
 

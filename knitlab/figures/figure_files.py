@@ -20,8 +20,8 @@ from knitlab.cubes.cube_file import cube_path, swept_dims
 from knitlab.cubes.selection import as_given
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import CannotWrite, InputError, Mistake
-from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.io.names import inside
+from knitlab.io.provenance import DIGITS, file_digest, package_digest
 from knitlab.runs.figure_names import COMPARING
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def fingerprint_of_figure(
 ) -> str:
     """Fingerprint of all that a figure depends on: cubes, their slice, code and matplotlib's."""
     chosen = [f"{name}:{value}" for name, value in options.items()]
-    parts = [kind, *as_given(selections), *chosen, package_fingerprint(), version("matplotlib")]
+    parts = [kind, *as_given(selections), *chosen, package_digest(), version("matplotlib")]
     files = [Path(value) for name, value in options.items() if name == "material"]
     parts += [*(file_digest(file) for file in files if file.is_file()), *cube_digests]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[: 2 * DIGITS]

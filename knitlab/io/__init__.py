@@ -4,6 +4,6 @@ In: TOML, tables of numbers, text from users. Out: checked values, or ``InputErr
 mistake, each with its path, its value and a remedy.
 
 Read ``errors.py``, then ``toml.py`` and ``table_file.py``. ``atomic_write.py`` and ``lock.py`` keep
-a results folder whole; ``fingerprint.py`` says which code made a result.
+a results folder whole; ``provenance.py`` says which model and libraries made a result.
 Imports no JAX.
 """

@@ -20,9 +20,9 @@ from knitlab.cubes.cube_file import (
     write_cube,
 )
 from knitlab.io.errors import invalid
-from knitlab.io.fingerprint import code_fingerprint, file_digest, provenance, text_fingerprint
 from knitlab.io.json_file import json_table
 from knitlab.io.names import named_folder
+from knitlab.io.provenance import MODEL, file_digest, provenance, text_digest
 from knitlab.lab.description import Description, RecordKind, read_description
 from knitlab.lab.machine import Values, read_capacitance, read_tensile
 from knitlab.lab.markers import read_markers
@@ -113,11 +113,11 @@ def import_records(
 def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
     """Cube of one design, with a dimension for cycles if there are several."""
     sample, source = description.sample, description.source
-    identifier = text_fingerprint(description.model_dump_json())
+    identifier = text_digest(description.model_dump_json())
     common: Values = {
         "status": np.int8(Status.ok),
         "case_id": f"{source}-{sample.n_stripe}-{sample.n_subunit}-{identifier}",
-        "code": code_fingerprint(),
+        "code": MODEL,
         "periods": periods_per_patch(sample.n_stripe, sample.n_subunit),
     }
     of_cycles = [

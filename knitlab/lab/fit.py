@@ -24,7 +24,7 @@ from scipy.stats import norm, qmc
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
-from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.provenance import MODEL_VERSION
 from knitlab.io.seal import has_seal, seal
 from knitlab.lab.calibration import ENTRY_UNITS
 from knitlab.lab.curves import (
@@ -165,7 +165,7 @@ class _Search:
         self.tests += 1
         if self.kept is None:
             return simulated_test(case, near)
-        path = self.kept / f"{self.tests:03d}-{case.case_id}-{code_fingerprint()}.npy"
+        path = self.kept / f"{self.tests:03d}-{case.case_id}-{MODEL_VERSION}.npy"
         with suppress(OSError, ValueError):  # it is not there, or damaged
             if has_seal(path):
                 states = np.load(path)

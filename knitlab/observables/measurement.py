@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.provenance import MODEL
 from knitlab.model.fabric import Configuration
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.surfaces import self_intersections
@@ -90,7 +90,7 @@ def measured(
     values: dict[str, Any] = {
         "status": np.int8(Status.ok if complete else Status.not_converged),
         "case_id": case.case_id,
-        "code": code_fingerprint(),
+        "code": MODEL,
         "periods": case.periods,
         **dict(zip(("flat_cell_x", "flat_cell_y"), case.flat_cell, strict=True)),
         "residual_force": [state.residual for state in test.states],

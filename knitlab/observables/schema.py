@@ -157,7 +157,7 @@ def _in_table(name: str, text: str) -> Variable:
 _TABLE = {
     "status": "number: status of the design",
     "case_id": "number: identifier of the case; names its file under cases/",
-    "code": "number: fingerprint of the code that computed the design",
+    "code": "number: version of the model that computed the design",
     "periods": "number: stripe periods along a patch",
     "unit_cells_y": f"number, design: unit cells along the warp; {_SAMPLE}",
     "unit_cells_x": f"number, design: unit cells along the weft; {_SAMPLE}",

@@ -25,7 +25,7 @@ from knitlab.cubes.cube_file import (
     shared,
 )
 from knitlab.io.errors import invalid
-from knitlab.io.fingerprint import provenance
+from knitlab.io.provenance import provenance
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y, at_gauge, knit_sizes

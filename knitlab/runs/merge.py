@@ -168,7 +168,7 @@ def _joined(
 
 
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
-    """Refuse folders that differ in dimensions, settings, gauges, codes or results."""
+    """Refuse folders that differ in dimensions, settings, gauges, models or results."""
     first, *others = folders
     mistakes: list[Mistake] = []
     for other in others:
@@ -188,8 +188,8 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
             codes.setdefault(code, folder.path)
     if len(codes) > 1:
         listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
-        message = f"hold cases of different code ({listed}); run the older ones again,"
-        mistakes.append(Mistake("folders", f"{message} or allow any code"))
+        message = f"hold cases of different models ({listed}); run the older ones again,"
+        mistakes.append(Mistake("folders", f"{message} or allow any model (any_code)"))
     if not mistakes:
         mistakes = _contradictions(folders)
     raise_if_any(mistakes)

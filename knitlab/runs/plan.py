@@ -13,8 +13,8 @@ from knitlab.cubes.cube_file import common_settings
 from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import ErrorCollector, InputError, Mistake, invalid
-from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint, text_fingerprint
 from knitlab.io.json_file import with_checksum
+from knitlab.io.provenance import MODEL, file_digests, package_digest, text_digest
 from knitlab.io.shipped import shipped
 from knitlab.model.stitches import Gauge
 from knitlab.observables.schema import SAMPLE, Variable
@@ -57,7 +57,7 @@ class Plan:
     coordinates: dict[str, Variable]  # of the settings that are given as lists
     overrides: dict[str, Any]  # values that replace the workflow's, by the name of their setting
     inputs: dict[str, str]  # SHA-256 of every file that the plan was made from, by path
-    stripes: str  # fingerprint of the stripe tables, with the changes that all cases share
+    stripes: str  # digest of the stripe tables, with the changes that all cases share
     gauge: Gauge  # size of a stitch, for the cube's sizes in cloth; no case depends on it
     material: str | None = None  # name of a material in place of the paper's yarn
     yarn: YarnOnMachine | None = None  # what that says of its yarn and machine
@@ -99,8 +99,8 @@ class Plan:
     def write(self, path: Path) -> None:
         """Write the plan into a JSON file, one line for each case."""
         record = {name: getattr(self, name) for name in RECORDED} | {
-            "code": code_fingerprint(),
-            "package": package_fingerprint(),
+            "code": MODEL,
+            "package": package_digest(),
             "gauge": asdict(self.gauge),
             "yarn": self.yarn and self.yarn.given,
             "parameters": self.common,
@@ -169,8 +169,8 @@ def make_plan(
         excluded={design: reason for design, reason in designs.items() if reason},
         coordinates={dim: workflow_text.coordinate(dim) for dim in dims},
         overrides=text.overrides,
-        inputs=digests(sorted(inputs)),
-        stripes=_stripes_fingerprint(parameters, read, set(axes)),
+        inputs=file_digests(sorted(inputs)),
+        stripes=_stripes_digest(parameters, read, set(axes)),
         gauge=overridden(parameters.gauge, read.gauge),
         material=parameters.material,
         yarn=parameters.yarn,
@@ -192,13 +192,13 @@ def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Mis
     ]
 
 
-def _stripes_fingerprint(parameters: Parameters, read: Workflow, swept: set[str]) -> str:
+def _stripes_digest(parameters: Parameters, read: Workflow, swept: set[str]) -> str:
     changes = read.model.model_dump(include=set(CHANGES) - swept)
-    # For linear springs the fingerprint is that of a version without other laws.
+    # For linear springs the digest is that of a version without other laws.
     for name in [name for name in SPRING_LAW_CHANGES if changes.get(name) is None]:
         changes.pop(name, None)
     tables = parameters.stripes.model_dump(exclude_none=True)
-    return text_fingerprint(json.dumps([tables, changes]))
+    return text_digest(json.dumps([tables, changes]))
 
 
 def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:

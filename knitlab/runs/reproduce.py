@@ -15,7 +15,7 @@ from knitlab.cubes.case_file import case_path, read_case, stored_cases
 from knitlab.cubes.cube_file import parameters_of
 from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.errors import InputError, invalid
-from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.provenance import MODEL
 from knitlab.observables.measurement import measured
 from knitlab.runs.results_folder import FAILURES, PLAN, earlier_failures, read_plan
 from knitlab.runs.simulate import failure_reason, tensile_tests
@@ -88,7 +88,7 @@ def reproduce(
     report(f"{recorded.case_id}: {case.label}")
     if case.case_id != recorded.case_id:
         report(f"recorded by another version; its identifier is now {case.case_id}")
-    report(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
+    report(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, {MODEL}")
     report(json.dumps(case.record))
     began = time.perf_counter()
 

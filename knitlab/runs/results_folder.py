@@ -20,9 +20,9 @@ from knitlab.cubes.case_file import StoredCase, check_case_file, read_code, stor
 from knitlab.cubes.cube_file import CUBE, design_dims, read_cube
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import InputError, invalid
-from knitlab.io.fingerprint import code_fingerprint, digests, package_fingerprint
 from knitlab.io.json_file import json_table, read_json
 from knitlab.io.names import Name, named_folder
+from knitlab.io.provenance import MODEL, file_digests, model_of, package_digest
 from knitlab.io.text_file import plain_file
 from knitlab.observables.schema import RUN, Status
 from knitlab.runs.workflow_file import Overrides, read_overrides, workflow_file
@@ -81,13 +81,13 @@ class CaseState(Enum):
 
     done = "done"
     pending = "pending"
-    stale_code = "stale: other code"
+    stale_code = "stale: other model"
     stale_parameters = "stale: other parameters"
     damaged = "damaged"
 
 
 class Cell(NamedTuple):
-    """A design of a cube: its indices, its case, and the fingerprint of the code behind it."""
+    """A design of a cube: its indices, its case, and the model that computed it."""
 
     indices: tuple[int, ...]
     case_id: str
@@ -109,7 +109,9 @@ def cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
     designs = {}
     for at in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
         design = tuple(along[k] for along, k in zip(labels, at, strict=True))
-        designs[design] = Cell(at, str(case_id[at]), str(code[at]), Status(int(status[at])))
+        designs[design] = Cell(
+            at, str(case_id[at]), model_of(str(code[at])), Status(int(status[at]))
+        )
     return designs
 
 
@@ -132,7 +134,7 @@ def survey(
         code = (cell.code if cell and in_cube else "") or (sound and read_code(folder, case_id))
         if not (sound and code):
             return CaseState.damaged
-        return CaseState.done if code == code_fingerprint() else CaseState.stale_code
+        return CaseState.done if code == MODEL else CaseState.stale_code
 
     return {case_id: state(case_id, known.get(design)) for case_id, design in designs.items()}
 
@@ -157,7 +159,7 @@ def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
 
 def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
     """Input files of a recorded plan that have changed since it was made."""
-    now = digests(map(Path, record["inputs"]))
+    now = file_digests(map(Path, record["inputs"]))
     return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
 
 
@@ -280,7 +282,7 @@ def finished_plan(
         record = read_plan(folder)
         if (
             record["overrides"] == {each.name: each.value for each in read_overrides(overrides)[0]}
-            and record.get("package") == package_fingerprint()
+            and record.get("package") == package_digest()
             and str(path.resolve()) in record["inputs"]
             and not changed_inputs(record)
         ):

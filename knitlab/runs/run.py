@@ -14,8 +14,8 @@ from knitlab.cubes.case_file import case_path, read_case
 from knitlab.cubes.cube_file import CUBE, differences, parameters_of, write_cube
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.fingerprint import code_fingerprint
 from knitlab.io.lock import gate, held, running_shards
+from knitlab.io.provenance import MODEL, model_of
 from knitlab.observables.schema import Status
 from knitlab.runs import results_folder, workers
 from knitlab.runs.batches import Shard, workers_that_fit
@@ -116,7 +116,9 @@ class Run:
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
-            kept = f"stale: {stale} cases were computed by other code and are kept"
+            kept = (
+                f"stale: {stale} cases were computed by another version of the model and are kept"
+            )
             lines.append(f"{kept}; a refresh recomputes them")
         if stale := len(self.left_in(CaseState.stale_parameters)):
             listed = "; ".join(self.changed) or "of single designs"
@@ -148,10 +150,12 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             # Another shard that has its lock may still wait at the gate, without a plan written.
             if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
                 recorded = results_folder.read_plan(results)
-                other_code = recorded.get("code") != code_fingerprint()
-                if other_code or recorded["cases"].keys() != plan.cases.keys():
+                other_model = model_of(recorded.get("code", "")) != MODEL
+                if other_model or recorded["cases"].keys() != plan.cases.keys():
                     message = "is that of the shards that run in this folder, and has other cases"
-                    message += " or was made by other code; wait for them, or name another results"
+                    message += (
+                        " or another version of the model; wait for them, or name another results"
+                    )
                     raise invalid(str(results / PLAN), f"{message} folder")
             else:
                 clear_unfinished(results)

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cubes.case_file import write_case_file
-from knitlab.io.fingerprint import provenance
+from knitlab.io.provenance import provenance
 from knitlab.model.fabric import Configuration
 from knitlab.model.zigzag import zigzag
 from knitlab.observables.measurement import measured

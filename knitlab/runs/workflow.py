@@ -213,7 +213,7 @@ for _quantities in (
     CHANGES |= _quantities | factors(_quantities)
 CHANGES |= dict.fromkeys(SPRING_LAW_CHANGES, PositiveFloat)
 """Parameters of stripes and sheet that may be replaced or multiplied, in the order of the
-fingerprint of stripes in a cube."""
+digest of stripes in a cube."""
 
 
 @with_fields(optional(CHANGES | PLAIN_NUMBERS | declared(ModelOptions)))

@@ -107,7 +107,7 @@ def test_lost_or_damaged_files_are_recreated(results, change):
 def test_results_of_other_settings_or_code_are_not_reused(results, monkeypatch):
     assert finished_plan("periodic", SETTINGS[:2], results) is None
     assert finished_plan("sensor", SETTINGS, results) is None
-    monkeypatch.setattr("knitlab.runs.results_folder.package_fingerprint", lambda: "other code")
+    monkeypatch.setattr("knitlab.runs.results_folder.package_digest", lambda: "other code")
     assert finished_plan("periodic", SETTINGS, results) is None
 
 

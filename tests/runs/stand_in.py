@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cubes.case_file import StoredCase, check_case_file, write_case_file
-from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.provenance import MODEL
 from knitlab.model.threads import allowed_threads
 from knitlab.observables.measurement import variables_of
 from knitlab.observables.schema import Status, described
@@ -54,7 +54,7 @@ def contents(case, status=Status.ok):
     values["status"] = ((), np.int8(status))
     values["periods"] = ((), case.periods)
     values["case_id"] = ((), case.case_id)
-    values["code"] = ((), code_fingerprint())
+    values["code"] = ((), MODEL)
     values["iterations"] = (("applied_strain",), np.ones(sizes["applied_strain"]))
     coordinates = {**case.design, "applied_strain": list(case.applied_strain)}
     dataset = described(xr.Dataset(values, coordinates))

@@ -215,7 +215,7 @@ def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):
 def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, monkeypatch):
     plan = planned(*PAIRS)
     ran(plan, tmp_path)
-    monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")
+    monkeypatch.setattr(survey_module, "MODEL", "model 0")
     kept = ran(plan, tmp_path)
     assert kept.simulated == ()
     assert sorted(kept.left_in(CaseState.stale_code)) == sorted(plan.cases)

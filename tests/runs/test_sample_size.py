@@ -11,7 +11,7 @@ import xarray as xr
 import knitlab
 from knitlab.cubes.cube_file import open_cube, write_cube
 from knitlab.io.errors import InputError
-from knitlab.io.fingerprint import provenance
+from knitlab.io.provenance import provenance
 from knitlab.observables.schema import Status
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState

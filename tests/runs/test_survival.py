@@ -308,7 +308,7 @@ def test_a_refresh_that_fails_is_reported_and_loses_nothing(tmp_path, monkeypatc
     before = ran(plan_of(), tmp_path)
     plan = make_plan("periodic", ("strain_max=0.06", "k_t_factor=1", other or "z_max=1.9"))
     if not other:
-        monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")
+        monkeypatch.setattr(survey_module, "MODEL", "model 0")
     run = ran(plan, tmp_path, stand_in.simulate_poisoned, refresh=True)
     assert [failure["n_stripe"] for failure in run.failures] == [stand_in.POISONED] * 3
     assert all("poisoned on purpose" in failure["reason"] for failure in run.failures)
