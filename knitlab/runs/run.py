@@ -116,9 +116,7 @@ class Run:
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
-            kept = (
-                f"stale: {stale} cases were computed by another version of the model and are kept"
-            )
+            kept = f"stale: {stale} cases were computed by another model and are kept"
             lines.append(f"{kept}; a refresh recomputes them")
         if stale := len(self.left_in(CaseState.stale_parameters)):
             listed = "; ".join(self.changed) or "of single designs"
@@ -153,9 +151,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 other_model = model_of(recorded.get("code", "")) != MODEL
                 if other_model or recorded["cases"].keys() != plan.cases.keys():
                     message = "is that of the shards that run in this folder, and has other cases"
-                    message += (
-                        " or another version of the model; wait for them, or name another results"
-                    )
+                    message += " or another model; wait for them, or name another results"
                     raise invalid(str(results / PLAN), f"{message} folder")
             else:
                 clear_unfinished(results)
