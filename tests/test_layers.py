@@ -1,7 +1,6 @@
 """The layers of the package: each imports only from those before it, without circles."""
 
 import ast
-import re
 from pathlib import Path
 
 import pytest
@@ -50,28 +49,3 @@ def test_a_layer_imports_only_from_those_before_it(layer):
         if layers_imported(file) - allowed
     }
     assert not later
-
-
-def messages(file: Path) -> list[str]:
-    """Texts of a module that are not docstrings, including those within f-strings."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    explaining = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    return [
-        node.value
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant)
-        and isinstance(node.value, str)
-        and id(node) not in explaining
-    ]
-
-
-def test_only_the_command_line_names_its_options():
-    # Messages are also shown to users of Python; ``provenance`` passes options to git.
-    files = [path for path in PACKAGE.rglob("*.py") if path.parent.name != "cli"]
-    found = {
-        f"{file.parent.name}/{file.name}": text
-        for file in files
-        for text in messages(file)
-        if re.search(r"(^|[ (])--[a-z]", text) and file.name != "provenance.py"
-    }
-    assert not found

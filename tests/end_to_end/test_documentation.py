@@ -16,11 +16,7 @@ import knitlab as kl
 from knitlab.claims.claims import read_claims
 from knitlab.claims.judgement import judged
 from knitlab.cli import main
-from knitlab.figures import drawing
 from knitlab.figures.claims_page import write_page
-from knitlab.runs import run
-from knitlab.runs.workers import Task
-from tests.runs import stand_in
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"
@@ -129,12 +125,6 @@ def start_of(part, lines, first):
     raise AssertionError("not printed:\n" + "\n".join(part) + "\n\nbut:\n" + "\n".join(lines))
 
 
-def test_tables_of_the_readme_and_of_every_kind_of_page_are_compared():
-    compared = {str(Path(example.page).parent) for example in EXAMPLES}
-    assert compared >= {".", "docs/tutorials", "docs/how-to"}
-    assert len(EXAMPLES) >= 8
-
-
 @pytest.mark.slow
 def test_the_first_row_of_the_readme_is_computed_again(tmp_path):
     query = next(example for example in examples("README.md") if example.words[0] == "query")
@@ -200,19 +190,6 @@ def run_python_of(page):
         names = session.globs
 
 
-def test_the_tutorials_have_python_that_runs():
-    assert python_of("docs/tutorials/python.md")
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_links_to_files_lead_to_existing_files(page):
-    # Paths of included pages are relative to those pages.
-    text = re.sub(r"```{include}.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.S)
-    targets = re.findall(r"\]\((?!https?://)([^)#\s]+)", text)
-    missing = [each for each in targets if not (ROOT / page).parent.joinpath(each).exists()]
-    assert not missing
-
-
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_own_yarn_goes_from_records_to_a_map_as_printed(tmp_path, monkeypatch):
@@ -232,24 +209,6 @@ def test_own_yarn_goes_from_records_to_a_map_as_printed(tmp_path, monkeypatch):
     }
 
 
-STANDS_FOR = {
-    "WORKFLOW": "periodic",
-    "DESCRIPTION.toml": "workflows/laboratory/synthetic_4_16.toml",
-}
-"""What the placeholders of the pages stand for."""
-FURTHER = {"run": ("--workers", "0"), "design": ("--budget", "2")}
-TESTED_ELSEWHERE = {
-    "fit": "lab/test_fit.py",
-    "fitted.toml": "lab/test_fit.py",
-    "branches": "solvers/branches/test_fabrics.py",
-    "shapes": "solvers/branches/test_fabrics.py",
-    "electrodes": "figures/test_sensor.py",
-    "n_stripe == 2": "sensors/test_selectivity.py",
-    "--scheduler": "runs/test_cluster.py",
-}
-"""What needs minutes, shapes or a cluster, and its tests in Python."""
-
-
 @pytest.mark.parametrize("page", [page for page in PAGES if examples(page)])
 def test_the_commands_of_a_page_have_the_options_that_it_shows(page):
     for example in examples(page):
@@ -257,35 +216,6 @@ def test_the_commands_of_a_page_have_the_options_that_it_shows(page):
         known = {name for option in command.params for name in option.opts + option.secondary_opts}
         shown = {word.split("=")[0] for word in example.words if re.match("-[a-z-]", word)}
         assert shown <= known, example
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-@pytest.mark.parametrize("page", [page for page in PAGES if "how-to" in page and examples(page)])
-def test_the_commands_of_a_page_run_with_a_stand_in_for_the_simulation(page, tmp_path, monkeypatch):
-    for name in ("docs", "params", "workflows", "results/reference"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).symlink_to(ROOT / name)
-    monkeypatch.chdir(tmp_path)
-    if table := re.search(r"^```toml\n(.*?)^```$", (ROOT / page).read_text("utf-8"), re.M | re.S):
-        Path("mine.toml").write_text(table[1], "utf-8")
-    for example in examples(page):
-        words = [STANDS_FOR.get(word, word) for word in example.words]
-        compared = example in EXAMPLES and "-o" not in words
-        if compared or not TESTED_ELSEWHERE.keys().isdisjoint(words):
-            continue
-        commands = [["run", words[1]], words] if words[0] == "status" else [words]
-        for kind, *rest in commands:
-            with monkeypatch.context() as patched:
-                if kind == "run":
-                    patched.setattr(run, "Task", lambda _, *each: Task(stand_in.simulate, *each))
-                    # The figures of runs are drawn by the tests of figures.
-                    patched.setattr(drawing, "draw_figures", lambda *_: ([], []))
-                called = [kind, *map(kept, rest), *FURTHER.get(kind, ())]
-                done = CliRunner(catch_exceptions=False).invoke(main, called)
-        shown = " ".join(example.printed)
-        expected = 2 if shown.startswith("knitlab: ") else int("not met:" in shown)
-        assert done.exit_code == expected, done.output
 
 
 @pytest.mark.slow

@@ -25,22 +25,12 @@ def test_a_reader_that_takes_one_line_ends_no_command_with_an_error():
     assert b"Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("words", "code"), [("--help", 0), ("run --help", 0), ("--version", 0), ("unknown", 2)]
-)
-def test_what_no_command_prints_may_be_lost_too(words, code):
-    done = shell(f"{sys.executable} -m knitlab {words} >/dev/full 2>/dev/full")
-    assert done.returncode == code
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "output",
     [
         pytest.param("2>&1 | head -1", id="closed pipe"),
         pytest.param("2>/dev/full >/dev/full", id="full disk", marks=pytest.mark.nightly),
-        pytest.param("2>&- >&-", id="closed streams", marks=pytest.mark.nightly),
-        pytest.param("2>&-", id="closed error stream", marks=pytest.mark.nightly),
     ],
 )
 def test_a_run_writes_its_cube_and_figures_whatever_becomes_of_its_output(tmp_path, output):
