@@ -43,4 +43,4 @@ def small_subdomains(monkeypatch):
 
     monkeypatch.setattr(subdomains, "CELLS", 8)
     monkeypatch.setattr(subdomains, "OVERLAP", 2)
-    monkeypatch.setattr(subdomains, "FEWEST", 2)
+    monkeypatch.setattr(subdomains, "MIN_SUBDOMAINS", 2)

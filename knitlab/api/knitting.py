@@ -23,7 +23,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
 from knitlab.io.names import check_suffix
 from knitlab.io.provenance import provenance
-from knitlab.model.capacitor import Capacitor
+from knitlab.model.electrodes import Capacitor
 from knitlab.model.settings import ModelOptions
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES

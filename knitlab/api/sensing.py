@@ -17,7 +17,7 @@ from knitlab.cubes.selection import selections_along
 from knitlab.figures.figure_files import drawn
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import invalid
-from knitlab.model.capacitor import Capacitor
+from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.observables.schema import STRAIN, described
 from knitlab.runs.figure_names import check_figure_suffix

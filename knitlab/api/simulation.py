@@ -17,7 +17,7 @@ from knitlab.cubes.cube_file import with_derived
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.design.trial import ShapeFunction, measure_of, state_slopes
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any
-from knitlab.model.capacitor import Capacitor
+from knitlab.model.electrodes import Capacitor
 from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.model.stitches import Gauge

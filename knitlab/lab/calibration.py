@@ -32,7 +32,7 @@ from knitlab.model.pure_stripe import PureStripe, tension_across
 from knitlab.model.settings import CellSize
 from knitlab.model.spring_law import CurveLaw, SpringCurve
 from knitlab.model.stripe import Knit, Stripe
-from knitlab.model.stripe_covariance import LEAST_REPEATS, StripeCovariance
+from knitlab.model.stripe_covariance import MIN_REPEATS, StripeCovariance
 from knitlab.model.zigzag import law_of_one
 
 Law = Literal["linear", "stiffening"] | SpringCurve
@@ -180,7 +180,7 @@ class Calibration:
             name: dict(zip(self.values, row, strict=True))
             for name, row in zip(self.values, rows.tolist(), strict=True)
         }
-        repeats = self.repeats if self.repeats >= LEAST_REPEATS else None
+        repeats = self.repeats if self.repeats >= MIN_REPEATS else None
         return StripeCovariance(table, self.degrees_of_freedom, repeats)
 
     @property
@@ -281,7 +281,7 @@ def _across(
     starts = _unknowns(starts)
     fits = [fit_to(mean, start) for start in starts]
     best = min(fits, key=lambda fit: fit.cost)
-    if len(repeats) >= LEAST_REPEATS:
+    if len(repeats) >= MIN_REPEATS:
         # The fit to the mean curve is biased: folds of the repeats open at different strains.
         own = np.array([fit_to(each, best.x).x for each in repeats])
         fitted_at, errors = own.mean(axis=0), errors_by_scatter(own)
@@ -366,7 +366,7 @@ def _report_along(calibration: Calibration) -> Iterator[str]:
 
 def _source_of_errors(calibration: Calibration) -> str:
     freedom = f"Student's t with {calibration.degrees_of_freedom:.3g} degrees of freedom"
-    if calibration.repeats >= LEAST_REPEATS:
+    if calibration.repeats >= MIN_REPEATS:
         count = calibration.repeats
         return (
             f"of the mean of {count} repeats, by their scatter, as of {count} swatches; {freedom}"

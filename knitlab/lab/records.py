@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 FEWEST_POINTS = {2: 8, 1: 4, 0: 3}  # points needed by a polynomial of this degree
-LEAST_CURVATURE = 1e-6  # of normal equations, smallest over largest, if points are not too close
+MIN_CURVATURE = 1e-6  # of normal equations, smallest over largest, if points are not too close
 AT_REST = 1e-9  # range of the strains of records at rest, over the width of a window
 WITHIN_NOISE = 8.0  # range of the records of a hold, over the standard deviation of their noise
 AT_SPEED = 20.0  # motion at the usual speed during the shortest hold, over that range
@@ -175,7 +175,7 @@ def _at_zero(
         normal = np.einsum("np,nq,ns->spq", powers, powers, known)
         curvatures, vectors = np.linalg.eigh(normal)
         fitted = covered & np.isnan(fits[0]) & (known.sum(axis=0) >= fewest)
-        fitted &= curvatures[:, 0] > LEAST_CURVATURE * curvatures[:, -1]
+        fitted &= curvatures[:, 0] > MIN_CURVATURE * curvatures[:, -1]
         # A mean is only for records at rest, all at one strain.
         fitted &= degree > 0 or np.ptp(offset) <= AT_REST
         vectors, curvatures = vectors[fitted], curvatures[fitted]

@@ -53,7 +53,8 @@ def nodes_at(
     turns_x, columns = np.divmod(columns, shape.nodes_x)
     # Of the lengths L_x in x and L_y in y, and of a shear that shifts images along y in x.
     turns = np.zeros((len(rows), len(columns), 3, configuration.lengths.shape[-1]))
-    turns[..., 0, 0], turns[..., 1, 1] = turns_x[None, :], turns_y[:, None]
+    turns[..., 0, 0] = turns_x[None, :]
+    turns[..., 1, 1] = turns_y[:, None]
     turns[..., 0, 2:] = turns_y[:, None, None]
     images = (turns * configuration.lengths[..., None, None, None, :]).sum(-1)
     return configuration.positions[..., rows[:, None], columns[None, :], :] + images

@@ -14,7 +14,7 @@ from knitlab.io.atomic_write import can_write_into
 from knitlab.io.compilation_cache import problem_of_cache
 from knitlab.model.threads import allowed_threads
 
-LARGEST = 512 * 2**20
+MAX_CACHE_SIZE = 512 * 2**20
 """Size of all programs that are kept; those not used for longest are removed [bytes]. With a limit,
 JAX holds a lock while it reads or writes, which several workers need."""
 
@@ -47,7 +47,7 @@ def keep_compiled_programs() -> None:
     except OSError:  # without locks, JAX would warn of every program
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_compilation_cache_max_size", LARGEST)
+    jax.config.update("jax_compilation_cache_max_size", MAX_CACHE_SIZE)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 

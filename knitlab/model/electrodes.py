@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from pydantic import (
     AfterValidator,
+    Field,
+    NonNegativeFloat,
     PositiveFloat,
     PositiveInt,
     ValidationError,
@@ -25,7 +27,7 @@ from scipy.sparse.csgraph import connected_components
 from knitlab.model.fold_lines import Ridge, fold_senses
 from knitlab.model.network import MeshShape, mesh_shape
 from knitlab.model.pattern import Along, PatchGrid
-from knitlab.model.settings import ModelOptions, Position
+from knitlab.model.settings import Fraction, ModelOptions, Position, Unit
 
 NAMES = ("A", "B")
 BARE = "."  # letter of a mask where no electrode is plated
@@ -97,7 +99,8 @@ class Electrodes:
 
     def mistakes(self, shape: MeshShape) -> list[str]:
         """All faults of the electrodes on a mesh, each with its position."""
-        mistakes, size = [], (shape.cells_x, shape.cells_y)
+        mistakes = []
+        size = (shape.cells_x, shape.cells_y)
         period = size[self.axis] if shape.periodic else 0
         x, y = (period, 0) if self.axis == 0 else (0, period)
 
@@ -207,7 +210,8 @@ def ridge_lines(layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptio
     if layout.within == "patch":
         borders = pattern.column_borders if layout.along == "wale" else pattern.row_borders
         middle = (len(borders) - 2) // 2
-        folded[: borders[middle]], folded[borders[middle + 1] :] = False, False
+        folded[: borders[middle]] = False
+        folded[borders[middle + 1] :] = False
     return np.flatnonzero(folded).tolist()
 
 
@@ -225,13 +229,15 @@ def _along_ridges(
             ]
         )
     wale = layout.along == "wale"
-    across, length = stitches[wale], pattern.grid[not wale]
+    across = stitches[wale]
+    length = pattern.grid[not wale]
     start, end = (fraction * length for fraction in layout.span)
 
     def strip(line: int) -> Strip:
         stripe = pattern.cells_per_period / 2
         width = stripe if layout.width == "stripe" else layout.width / across[line]
-        low, high = line - width / 2, line + width / 2
+        low = line - width / 2
+        high = line + width / 2
         return Strip(low, high, start, end) if wale else Strip(start, end, low, high)
 
     return [(strip(lines[number - 1]),) for number in layout.ridges]
@@ -262,7 +268,8 @@ def _broken(
     pieces, count = label(plated)
     if shape.periodic:
         axis = 0 if along == "wale" else 1
-        first, last = pieces.take(0, axis), pieces.take(-1, axis)
+        first = pieces.take(0, axis)
+        last = pieces.take(-1, axis)
         meet = (first > 0) & (last > 0)
         if not meet.any():
             return [f"electrode {name} does not continue across the boundary of periodic fabric"]
@@ -270,9 +277,42 @@ def _broken(
         graph = coo_array((np.ones(meet.sum()), ends), shape=(count + 1, count + 1))
         # What is bare remains a component of its own.
         with_bare, joined = connected_components(graph, directed=False)
-        pieces, count = joined[pieces], with_bare - 1
+        pieces = joined[pieces]
+        count = with_bare - 1
     if count == 1:
         return []
     piece = pieces[plated]
     row, column = np.argwhere(plated)[np.argmin(np.bincount(piece)[piece])]
     return [f"electrode {name} is in {count} pieces, one of them at column {column}, row {row}"]
+
+
+@dataclass(frozen=True)
+class Capacitor:
+    """Parameters of electrodes on a fabric.
+
+    Attributes:
+        layout: layout of the electrodes.
+        electrode_length: relaxed length of the electrodes on periodic fabric [mm].
+        permittivity: relative permittivity of the surroundings [1].
+        clearance: distance below which electrodes count as touching [mm].
+        accuracy: largest estimated relative error of a capacitance [1].
+        linearity: R² that the working range must have [1].
+        unfolded: fold angle over the relaxed one at which unfolding is complete [1].
+        dielectric_thickness: of what insulates the electrodes from each other: a distance r between
+            them counts as √(r² + dielectric_thickness²) [mm]. Insulated electrodes may touch.
+        lead_capacitance: of the leads to the meter, parallel to the fabric [pF].
+        ground: what lies below the fabric: nothing, or a grounded plane such as skin.
+        ground_distance: distance of that plane from the lowest point of the fabric [mm].
+    """
+
+    layout: ElectrodeLayout
+    electrode_length: Annotated[PositiveFloat, Unit("mm")]
+    permittivity: Annotated[float, Field(ge=1)]
+    clearance: Annotated[PositiveFloat, Unit("mm")]
+    accuracy: Fraction
+    linearity: Fraction
+    unfolded: Fraction
+    dielectric_thickness: Annotated[NonNegativeFloat, Unit("mm")] = 0.0
+    lead_capacitance: Annotated[NonNegativeFloat, Unit("pF")] = 0.0
+    ground: Literal["none", "plane"] = "none"
+    ground_distance: Annotated[PositiveFloat, Unit("mm")] = 2.0

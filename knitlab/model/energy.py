@@ -82,7 +82,8 @@ def element_vectors(
     columns = configuration.positions.reshape(-1, 3).T
     corners = [columns[:, nodes] for nodes in elements.nodes.T]
     vectors = [corners[end] - corners[start] for start, end in elements.ends]
-    xp, periods = array_library(configuration), elements.periods
+    xp = array_library(configuration)
+    periods = elements.periods
     across_seam = periods * configuration.lengths[:2, None]
     if configuration.lengths.shape[0] > 2:
         shear = configuration.lengths[2] * periods[:, 1:]
@@ -94,8 +95,27 @@ def folds_from_rest(
     net: Network, fabric: Fabric, configuration: Configuration
 ) -> Float[np.ndarray, " hinge"]:
     """Fold angles of all hinges minus their rest values, between ±π, in NumPy [rad]."""
-    vectors, rest = element_vectors(net.hinges, configuration), np.asarray(fabric.rest_fold)
+    vectors = element_vectors(net.hinges, configuration)
+    rest = np.asarray(fabric.rest_fold)
     return np.asarray(fold_and_slope(vectors, rest, fabric.fold_angle)[0])
+
+
+def fold_angles(
+    net: Network, fabric: Fabric, configuration: Configuration
+) -> Float[np.ndarray, "*state hinge"]:
+    """Signed fold angle of every hinge in every state, on the branch nearest its rest angle [rad].
+
+    Flat is 0, a mountain fold positive. Beyond ±π, where cells have passed through each other, the
+    angle, like the energy, continues smoothly.
+    """
+    positions = np.asarray(configuration.positions)
+    lengths = np.asarray(configuration.lengths)
+    rest = np.asarray(fabric.rest_fold)
+    angles = np.empty((*lengths.shape[:-1], len(rest)))
+    for state in np.ndindex(*lengths.shape[:-1]):
+        one = Configuration(positions[state], lengths[state])
+        angles[state] = rest + folds_from_rest(net, fabric, one)
+    return angles
 
 
 def spring_energy(
@@ -130,7 +150,8 @@ def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy
     """Elastic energy of a configuration, split into its parts [N mm]."""
     springs, hinges = (element_vectors(each, configuration) for each in (net.springs, net.hinges))
     heights = jnp.asarray(configuration.positions[..., 2]).ravel()
-    stretch, fold = fabric.stretch_stiffness, fabric.fold_stiffness
+    stretch = fabric.stretch_stiffness
+    fold = fabric.fold_stiffness
     return Energy(
         spring_energy(springs, fabric.rest_length, stretch, fabric.spring_law).sum(),
         hinge_energy(hinges, fabric.rest_fold, fold, fabric.fold_angle, fabric.friction).sum(),

@@ -65,10 +65,12 @@ def by_hinge_vectors(
 def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> AngleAndSlopes:
     """φ = atan2(S, C), S = (n1 × n2)·ê, C = n1·n2; φ_S = C/r², φ_C = −S/r², r² = S² + C²."""
     xp = array_library(edge)
-    cross, length = partial(xp.cross, axis=0), xp.linalg.norm(edge, axis=0)
+    cross = partial(xp.cross, axis=0)
+    length = xp.linalg.norm(edge, axis=0)
     along = edge / length
     turned = cross(before, after)
-    sine, cosine = (turned * along).sum(0), (before * after).sum(0)
+    sine = (turned * along).sum(0)
+    cosine = (before * after).sum(0)
     by_sine, by_cosine = xp.stack([cosine, -sine]) / (sine**2 + cosine**2)
     return xp.arctan2(sine, cosine), (
         by_sine * (turned - sine * along) / length,
@@ -84,11 +86,15 @@ def _across_edge(edge: Vector, before: Vector, after: Vector) -> AngleAndSlopes:
     −(p/ℓ) t for each unit that the edge ℓ ê itself turns.
     """
     xp = array_library(edge)
-    cross, length = partial(xp.cross, axis=0), xp.linalg.norm(edge, axis=0)
+    cross = partial(xp.cross, axis=0)
+    length = xp.linalg.norm(edge, axis=0)
     along = edge / length
-    component_before, component_after = (before * along).sum(0), (after * along).sum(0)
-    before, after = before - component_before * along, after - component_after * along
-    sine, cosine = (cross(before, after) * along).sum(0), (before * after).sum(0)
+    component_before = (before * along).sum(0)
+    component_after = (after * along).sum(0)
+    before = before - component_before * along
+    after = after - component_after * along
+    sine = (cross(before, after) * along).sum(0)
+    cosine = (before * after).sum(0)
     by_before = cross(before, along) / (before**2).sum(0)
     by_after = cross(along, after) / (after**2).sum(0)
     by_edge = -(component_before * by_before + component_after * by_after) / length

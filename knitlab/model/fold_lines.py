@@ -90,7 +90,8 @@ def _shares(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
     half = fraction * refinement
     if refinement == 1 or half <= 0.5:
         return np.where(offsets == 0, 1.0, 0.0)
-    low, high = np.maximum(offsets - 0.5, -half), np.minimum(offsets + 0.5, half)
+    low = np.maximum(offsets - 0.5, -half)
+    high = np.minimum(offsets + 0.5, half)
     return np.maximum(high - low, 0.0) / (2 * half)
 
 
@@ -145,7 +146,8 @@ def fold_senses(
 
 def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
     """Shares of the folds of rib, left of grid cells, and of garter, below; > 0 in mountains."""
-    periodic, ridge = options.boundary == "periodic", ridge_of(options)
+    periodic = options.boundary == "periodic"
+    ridge = ridge_of(options)
     rib, garter = (
         fold_senses(like, options.fold_phase, periodic, ridge)
         for like in (pattern.cells_of("rib"), pattern.cells_of("garter").T)

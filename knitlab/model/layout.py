@@ -42,7 +42,9 @@ class FabricLayout:
 
     def fabric(self, stripes: StripePair) -> Fabric:
         """The fabric of given stripes; differentiable, except by k_s where both are equal."""
-        xp, net, options = array_library(stripes), self.net, self.options
+        xp = array_library(stripes)
+        net = self.net
+        options = self.options
         sides = stripes.weft, stripes.warp
 
         in_cells = self._in_cells
@@ -58,7 +60,8 @@ class FabricLayout:
         k_s, k_t = self._of_rows(stripes, (width, height), k_s, k_t)
         k_s = self._with_along(stripes, height[:, None] / width, k_s)
         if self.plain is not None:
-            plain, shape = self.plain, height[:, None] / width
+            plain = self.plain
+            shape = height[:, None] / width
             k_s[0] = xp.where(self.plain_cells, plain.plain_stretch_weft * shape, k_s[0])
             k_s[1] = xp.where(self.plain_cells, plain.plain_stretch_warp / shape, k_s[1])
             k_t[0] = xp.where(self.plain_cells, plain.plain_bend_weft * shape, k_t[0])
@@ -102,7 +105,8 @@ class FabricLayout:
     def _in_cells(self, weft: Any, warp: Any) -> list[Any]:
         """A parameter along the weft, and along the warp, in every grid cell."""
         columns, rows = self._on_grid(weft, warp)
-        xp, cells = array_library(columns, rows), (len(rows), len(columns))
+        xp = array_library(columns, rows)
+        cells = (len(rows), len(columns))
         return [xp.broadcast_to(columns, cells), xp.broadcast_to(rows[:, None], cells)]
 
     def _of_rows(
@@ -113,7 +117,9 @@ class FabricLayout:
         A row of rib springs is as wide as its cells are high, one of garter springs as its cells
         are wide.
         """
-        both, xp, (width, height) = (stripes.weft, stripes.warp), array_library(stripes), sides
+        both = (stripes.weft, stripes.warp)
+        xp = array_library(stripes)
+        (width, height) = sides
         if not any(given for each in both for given in each.row_widths):
             return k_s, k_t
         refinement = self.options.cells_per_period // CELLS_PER_PERIOD
@@ -123,7 +129,8 @@ class FabricLayout:
             # Safe to differentiate where no width is given.
             own = np.where(known, given[axis], 1.0)
             factor = xp.where(known, row * refinement / own, 1.0)
-            k_s[axis], k_t[axis] = k_s[axis] * factor, k_t[axis] * factor
+            k_s[axis] = k_s[axis] * factor
+            k_t[axis] = k_t[axis] * factor
         return k_s, k_t
 
     def _with_along(self, stripes: StripePair, shape: Any, k_s: list[Any]) -> list[Any]:
@@ -131,7 +138,8 @@ class FabricLayout:
 
         ``shape`` is the height of grid cells over their width.
         """
-        both, xp = (stripes.weft, stripes.warp), array_library(stripes)
+        both = (stripes.weft, stripes.warp)
+        xp = array_library(stripes)
         if not any(stretch for each in both for stretch in each.stretches_along):
             return k_s
         of_rib, of_garter = self._in_cells(*(_or_nan(each.stretches_along) for each in both))
@@ -141,10 +149,12 @@ class FabricLayout:
 
     def _spring_law(self, stripes: StripePair, k_s: list[Any], xp: Any) -> SpringLaw:
         """The law of every spring: that of its stripe, linear within plain knit."""
-        net, sides = self.net, (stripes.weft, stripes.warp)
+        net = self.net
+        sides = (stripes.weft, stripes.warp)
         strains = [strain for side in sides for strain in _stiffening_strains(side)]
         curves = [curve for side in sides for curve in side.spring_curves]
-        of_weft, count = len(stripes.weft.spring_curves), len(strains)
+        of_weft = len(stripes.weft.spring_curves)
+        count = len(strains)
         # Laws across the ridges, then along them, then linear.
         strains += [None] * (count + 1)
         laws = spring_law(
@@ -156,7 +166,8 @@ class FabricLayout:
 
         def number_of(row: np.ndarray, column: np.ndarray) -> Any:
             """Numbers of the laws of springs in cells."""
-            rib, garter = self.column_stripe[column], of_weft + self.row_stripe[row]
+            rib = self.column_stripe[column]
+            garter = of_weft + self.row_stripe[row]
             along_rib = self.rib_cells[row, column] & own_rib[rib]
             along_garter = self.garter_cells[row, column] & own_garter[garter - of_weft]
             weft = np.where(along_garter, count + garter, rib)
@@ -248,7 +259,8 @@ def fabric_layout(
 
 def _single_folds(pattern: PatchGrid, net: Network) -> Float[np.ndarray, " hinge"]:
     rest = np.full(len(net.wale), np.nan)
-    (row, column), (rows, columns) = net.hinge_cells.T, pattern.grid
+    (row, column) = net.hinge_cells.T
+    (rows, columns) = pattern.grid
     for fold, line, start, end in pattern.grid_folds():
         wale = fold.along == "wale"
         across, along, count = (column, row, columns) if wale else (row, column, rows)

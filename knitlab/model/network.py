@@ -16,7 +16,8 @@ from knitlab.model.pattern import PatchGrid
 from knitlab.model.settings import Boundary
 
 LARGE = 2048  # number of nodes above which a mesh shape is large; no subdomain is
-LARGE_KEPT, SMALL_KEPT = 2, 32  # results kept; a large sample needs two, relaxed and under tension
+LARGE_KEPT = 2  # results that are kept: a large sample needs two, relaxed and under tension
+SMALL_KEPT = 32
 
 Frame = tuple[tuple[float, float], tuple[float, float]]
 UPRIGHT: Frame = ((1.0, 0.0), (0.0, 1.0))
@@ -143,7 +144,8 @@ class Network:
 def network(shape: MeshShape) -> Network:
     """Build the network of a mesh shape."""
     cells = cells_y, cells_x = np.arange(shape.cells_y), np.arange(shape.cells_x)
-    rows, columns = np.arange(shape.nodes_y), np.arange(shape.nodes_x)
+    rows = np.arange(shape.nodes_y)
+    columns = np.arange(shape.nodes_x)
     first = 0 if shape.periodic else 1
     # Rows and columns with such an element, its nodes, and the cells beside it.
     springs = (

@@ -127,11 +127,11 @@ class PatchGrid:
 
     def grid_folds(self) -> list[tuple[SingleFold, int, int, int]]:
         """Single folds with their grid line, start and end; :class:`BadPattern` has all faults."""
-        messages, on_grid = list[str](), []
+        messages = list[str]()
+        on_grid = []
         for number, fold in enumerate(self.folds, 1):
-            across, length = self.column_borders, self.row_borders
-            if fold.along == "course":
-                across, length = length, across
+            across = self.column_borders if fold.along == "wale" else self.row_borders
+            length = self.row_borders if fold.along == "wale" else self.column_borders
             end = len(length) - 1 if fold.end is None else fold.end
             lines = []
             for name, at in (("at", fold.at), ("start", fold.start), ("end", end)):

@@ -58,7 +58,8 @@ class PureStripe(eqx.Module):
 
     def forces(self, length: Value, height: Value) -> tuple[Value, Value]:
         """Forces with which a cell resists its length across and height along the ridges [N]."""
-        cell, diagonal = self.cell, jnp.hypot(length, height)
+        cell = self.cell
+        diagonal = jnp.hypot(length, height)
         across = self.k_s * self.law.pull(length, cell)
         if self.stretch_along is None:
             along = self.k_s * self.law.pull(height, cell)

@@ -60,7 +60,7 @@ class ModelOptions:
         ridge_fraction: part of a stripe that its rounded ridge covers; without effect on the
             paper's grid [1].
         contact: ``"none"`` lets a fabric pass through itself; with ``"barrier"`` its parts keep a
-            distance of its thickness (:mod:`knitlab.model.barrier`).
+            distance of its thickness (:mod:`knitlab.solvers.equilibrium.contact_barrier`).
         boundary: ``"clamped"`` sample or ``"periodic"`` fabric without edges.
     """
 

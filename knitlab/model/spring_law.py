@@ -59,13 +59,15 @@ class SpringCurve:
         The monotone cubic of Fritsch and Butland, with end slopes of the last chords, is smooth
         enough for second derivatives of the energy. Beyond the table the force is linear.
         """
-        strain, force = np.array(self.strain), np.array(self.force)
+        strain = np.array(self.strain)
+        force = np.array(self.force)
         if strain[0] == 0:
             strain = np.concatenate([-strain[:0:-1], strain])
             force = np.concatenate([-force[:0:-1], force])
         chords = np.diff(force) / np.diff(strain)
         slopes = PchipInterpolator(strain, force).derivative()(strain)
-        slopes[0], slopes[-1] = chords[0], chords[-1]
+        slopes[0] = chords[0]
+        slopes[-1] = chords[-1]
         at_rest = slopes[strain == 0]
         # Two added points with the end slope continue the curve as a line.
         beyond = force[[0, -1]] + np.array([-1.0, 1.0]) * slopes[[0, -1]]

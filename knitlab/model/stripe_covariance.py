@@ -11,7 +11,7 @@ Covariance = Mapping[str, Mapping[str, float]]
 Subject = Literal["swatch", "mean"]
 """What is uncertain: a newly knitted swatch, or the mean stripe of all swatches."""
 SUBJECTS: tuple[Subject, ...] = ("swatch", "mean")
-LEAST_REPEATS = 2
+MIN_REPEATS = 2
 """Smallest number of repeats whose scatter is known."""
 
 
@@ -49,8 +49,8 @@ class StripeCovariance(Covariance):
         if not self.degrees_of_freedom > 0:
             message = f"is {self.degrees_of_freedom!r}; give a number above 0"
             raise invalid("degrees_of_freedom", message)
-        if self.repeats is not None and self.repeats < LEAST_REPEATS:
-            message = f"is {self.repeats!r}; give {LEAST_REPEATS} at least, or leave it out"
+        if self.repeats is not None and self.repeats < MIN_REPEATS:
+            message = f"is {self.repeats!r}; give {MIN_REPEATS} at least, or leave it out"
             raise invalid("repeats", message)
 
     @classmethod

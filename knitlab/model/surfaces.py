@@ -26,7 +26,8 @@ Periods = tuple[float, float]  # along x and y, 0 along an axis without images [
 
 def self_intersections(shape: MeshShape, configurations: Configuration) -> list[int]:
     """Number of pairs of grid cells that pass through each other, per period, in each state [1]."""
-    rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
+    rows = np.arange(shape.cells_y + 1)
+    columns = np.arange(shape.cells_x + 1)
     nodes = np.asarray(nodes_at(shape, configurations, rows, columns))
     corners = nodes[:, :-1, :-1], nodes[:, :-1, 1:], nodes[:, 1:, 1:], nodes[:, 1:, :-1]
     cells = np.stack([each.reshape(len(nodes), -1, 3) for each in corners], axis=2)
@@ -42,8 +43,10 @@ def crossings(quads: Quads, periods: Periods = (0.0, 0.0), shear: float = 0.0) -
     than 1e-9 times the size of a quadrilateral; neighbours that touch do not count. Images along y
     are shifted along x by ``shear`` [mm].
     """
-    low, high = quads.min(axis=1), quads.max(axis=1)
-    centre, reach = (low + high) / 2, float(np.linalg.norm(high - low, axis=-1).max())
+    low = quads.min(axis=1)
+    high = quads.max(axis=1)
+    centre = (low + high) / 2
+    reach = float(np.linalg.norm(high - low, axis=-1).max())
     tree = cKDTree(centre)
     one, other = tree.query_pairs(reach, output_type="ndarray").T
     pairs = [(one, other, np.zeros((len(one), 3)))]
@@ -76,7 +79,8 @@ def gap_between(one: Quads, other: Quads, reach: float, periods: Periods = (0.0,
         for quads, centre in zip((one, other), centres, strict=True)
     ]
     first, second = _near(cKDTree(centres[0]), centres[1], reach + sum(radii))
-    one, other = one[first], other[second]
+    one = one[first]
+    other = other[second]
     if _cross(one, other).any():
         return 0.0
     return min(
@@ -112,9 +116,12 @@ def _pierced(
         both = (height.min(axis=0) < -tolerance) & (height.max(axis=0) > tolerance)
         pairs = np.flatnonzero(both & ~pierced)
         for start, end in SEGMENTS:
-            above, below = height[start, pairs], height[end, pairs]
+            above = height[start, pairs]
+            below = height[end, pairs]
             crossing = (above * below < 0) & (np.minimum(abs(above), abs(below)) > tolerance)
-            pair, above, below = pairs[crossing], above[crossing], below[crossing]
+            pair = pairs[crossing]
+            above = above[crossing]
+            below = below[crossing]
             fraction = above / (above - below)
             point = quads[start][:, pair] * (1 - fraction) + quads[end][:, pair] * fraction
             inside = np.ones(len(pair), bool)
@@ -146,9 +153,14 @@ def segment_distance(
     one: Points, one_end: Points, other: Points, other_end: Points
 ) -> Float[np.ndarray, "..."]:
     """Shortest distance between segments (Ericson, Real-Time Collision Detection, 5.1.9) [mm]."""
-    along, beside, between = one_end - one, other_end - other, one - other
-    a, b, c = _dot(along, along), _dot(along, beside), _dot(beside, beside)
-    d, e = _dot(along, between), _dot(beside, between)
+    along = one_end - one
+    beside = other_end - other
+    between = one - other
+    a = _dot(along, along)
+    b = _dot(along, beside)
+    c = _dot(beside, beside)
+    d = _dot(along, between)
+    e = _dot(beside, between)
     tiny = np.finfo(float).tiny
     crossing = a * c - b * b
     s = np.where(crossing > FLAT * a * c, (b * e - c * d) / np.maximum(crossing, tiny), 0.0)

@@ -21,7 +21,7 @@ from knitlab.model.spring_law import LINEAR, SpringCurve, SpringLaw, spring_law
 from knitlab.model.stripe import Stripe, cell_length
 
 AS_CALIBRATED = ModelOptions(cell_size="relaxed")  # with which a measured curve is fitted
-LARGEST_LOG_TILT = 40.0  # largest −log(tilt / relaxed tilt) in the search for the root
+MAX_LOG_TILT = 40.0  # largest −log(tilt / relaxed tilt) in the search for the root
 
 
 Length = Float[Array, ""]
@@ -95,7 +95,8 @@ def chain_energy(chain: Zigzag, nodes: Float[Array, "node 2"]) -> Float[Array, "
     """E_tot of a zigzag [N mm] (paper, Eq. 1); folds are at odd nodes, alternately up and down."""
     segments = jnp.diff(nodes, axis=0)
     lengths = jnp.linalg.norm(segments, axis=1)
-    before, after = segments[:-1], segments[1:]
+    before = segments[:-1]
+    after = segments[1:]
     turn = jnp.arctan2(
         before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], jnp.sum(before * after, axis=1)
     )
@@ -147,7 +148,7 @@ def fold_tension(
             optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
             jnp.asarray(1.0),
             args=(folds, strain),
-            options={"lower": -1e-9, "upper": LARGEST_LOG_TILT},
+            options={"lower": -1e-9, "upper": MAX_LOG_TILT},
             max_steps=200,
             throw=False,
         )

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Int
 
 from knitlab.model.cell_grid import CellGrid, nodes_at
+from knitlab.model.energy import fold_angles
 from knitlab.model.fabric import Configuration, Fabric
-from knitlab.model.fold_angles import fold_angles
 from knitlab.model.network import MeshShape, Network
 from knitlab.model.pattern import KNIT_OF_LETTER, PatchGrid
 

@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any, unknown
 from knitlab.io.toml import StrictModel, read_checked
-from knitlab.model.capacitor import Capacitor
-from knitlab.model.electrodes import BadLayout
+from knitlab.model.electrodes import BadLayout, Capacitor
 from knitlab.model.fold_friction import Friction
 from knitlab.model.pattern import CELLS_PER_PERIOD, BadPattern, SingleFold
 from knitlab.model.settings import ModelOptions, PlainKnit, largest_thickness

@@ -13,8 +13,7 @@ from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any, sh
 from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
-from knitlab.model.capacitor import Capacitor
-from knitlab.model.electrodes import ElectrodeLayout
+from knitlab.model.electrodes import Capacitor, ElectrodeLayout
 from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import CellSize, Contact, GarterStart, ModelOptions, PlainKnit, Sheet
 from knitlab.model.spring_law import SpringCurve
@@ -27,7 +26,7 @@ from knitlab.model.stripe import (
     Stripe,
     periods_per_patch,
 )
-from knitlab.model.stripe_covariance import LEAST_REPEATS, StripeCovariance
+from knitlab.model.stripe_covariance import MIN_REPEATS, StripeCovariance
 from knitlab.runs.declared_fields import (
     ParameterValue,
     checked,
@@ -94,7 +93,7 @@ class StripeRow(StrictModel):
     source: str | None = Field(default=None, exclude=True)
     covariance: dict[str, dict[str, float]] | None = Field(default=None, exclude=True)
     degrees_of_freedom: PositiveFloat | None = Field(default=None, exclude=True)
-    repeats: int | None = Field(default=None, ge=LEAST_REPEATS, exclude=True)
+    repeats: int | None = Field(default=None, ge=MIN_REPEATS, exclude=True)
 
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeRow":

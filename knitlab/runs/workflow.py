@@ -19,8 +19,7 @@ from pydantic import (
 from knitlab.io.errors import naming, unknown
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel
-from knitlab.model.capacitor import Capacitor
-from knitlab.model.electrodes import ElectrodeLayout
+from knitlab.model.electrodes import Capacitor, ElectrodeLayout
 from knitlab.model.fold_friction import Friction
 from knitlab.model.pattern import letters_of
 from knitlab.model.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit

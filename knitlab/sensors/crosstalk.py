@@ -11,8 +11,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from knitlab.model.capacitor import Capacitor
-from knitlab.model.electrodes import Strip
+from knitlab.model.electrodes import Capacitor, Strip
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.sensors.electrode_set import ElectrodeSet

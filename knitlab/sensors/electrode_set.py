@@ -11,8 +11,7 @@ import xarray as xr
 
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.io.errors import InputError, Mistake, invalid, shown
-from knitlab.model.capacitor import Capacitor
-from knitlab.model.electrodes import ElectrodeLayout, Electrodes, Strip, ridge_lines
+from knitlab.model.electrodes import Capacitor, ElectrodeLayout, Electrodes, Strip, ridge_lines
 from knitlab.model.network import MeshShape
 from knitlab.model.pattern import Along
 from knitlab.observables.capacitance.panels import PanelChart, panel_chart

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from knitlab.model.capacitor import Capacitor
+from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.model.surfaces import gap_between
 from knitlab.observables.capacitance import boundary_elements as bem

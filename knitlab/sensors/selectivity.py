@@ -20,7 +20,7 @@ from knitlab.cubes.case_file import LENGTH_FACTOR, length_unit, network_configur
 from knitlab.cubes.chosen_case import has_shape, plies_touch
 from knitlab.cubes.selection import chosen_indices
 from knitlab.io.errors import invalid
-from knitlab.model.capacitor import Capacitor
+from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.observables.capacitance.panels import panels_on
 from knitlab.observables.capacitance.sensor import CapacitorStatus

@@ -10,10 +10,9 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 
-from knitlab.model.capacitor import Capacitor
 from knitlab.model.cell_grid import CellGrid, central
 from knitlab.model.contact_layers import ContactLayers, contact_layers
-from knitlab.model.electrodes import Electrodes, StitchCounts, place_electrodes
+from knitlab.model.electrodes import Capacitor, Electrodes, StitchCounts, place_electrodes
 from knitlab.model.fabric import Fabric
 from knitlab.model.fold_friction import NO_FRICTION, Friction
 from knitlab.model.inertia import Inertia, inertia

@@ -7,14 +7,14 @@ import numpy as np
 from knitlab.solvers.case import Case
 
 if TYPE_CHECKING:
-    from knitlab.model.barrier import Barrier
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 
 def contact_of(case: Case) -> "Barrier | None":
     """The contact of the fabric of a case; ``None`` if it may pass through itself."""
     if case.options.contact == "none":
         return None
-    from knitlab.model.barrier import Barrier
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
     _, fabric = case.assemble()
     cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))

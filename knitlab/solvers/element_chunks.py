@@ -31,7 +31,8 @@ from knitlab.model.threads import ALONE, Threads
 HEIGHTS = 512
 """Nodes in a chunk. It also holds the springs and hinges of that many nodes of periodic fabric,
 which has the most of them."""
-SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
+SPRINGS = 4 * HEIGHTS
+HINGES = 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS  # parameters of the energy of a chunk
 WORTH_SHARING = 8  # number of chunks from which a second thread pays off
 
@@ -64,7 +65,8 @@ class ThreadChunks:
 @cached_by_shape
 def chunks_of(shape: MeshShape) -> tuple[ThreadChunks, ...]:
     """The network of a mesh shape in chunks: for one thread or, if there are many, for two."""
-    net, count = network(shape), -(-shape.nodes // HEIGHTS)
+    net = network(shape)
+    count = -(-shape.nodes // HEIGHTS)
     nodes = np.arange(shape.nodes)
     chunk, lane = np.divmod(nodes, HEIGHTS)
     height = chunk * VECTORS + VECTORS - HEIGHTS + lane
@@ -93,13 +95,15 @@ def _terms(
     # Padding may repeat any element, as it has no stiffness.
     element = np.minimum(slot, len(elements.nodes) - 1)
     chunk, lane = np.divmod(slot, per_chunk)
-    first, ones = chunk * VECTORS + offset + lane, np.ones(len(slot))
+    first = chunk * VECTORS + offset + lane
+    ones = np.ones(len(slot))
     for vector, (start, end) in enumerate(elements.ends):
         for component in range(3):
             row = first + (3 * vector + component) * per_chunk
             yield row, 3 * elements.nodes[element, end] + component, ones
             yield row, 3 * elements.nodes[element, start] + component, -ones
-            shape, of_lengths = elements.shape, elements.periods[vector, :, element]
+            shape = elements.shape
+            of_lengths = elements.periods[vector, :, element]
             for number, moved, along in LENGTHS[: shape.lengths]:
                 if component == moved:
                     of_length = np.full(len(slot), 3 * shape.nodes + number)
@@ -110,7 +114,9 @@ class ChunkedFabric:
     """A fabric in chunks, for repeated evaluation in NumPy arrays; threads share the work."""
 
     def __init__(self, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> None:
-        self.shape, self._by_thread, self._threads = shape, chunks_of(shape), threads
+        self.shape = shape
+        self._by_thread = chunks_of(shape)
+        self._threads = threads
         self._fold_angle = fabric.fold_angle
         self._walls = float(fabric.z_max), float(fabric.k_wall)
         count = self._by_thread[-1].chunks.stop
@@ -130,7 +136,8 @@ class ChunkedFabric:
         def of_thread(own_chunks: ThreadChunks) -> tuple[Float[np.ndarray, "3"], Unknowns]:
             """Energies of the chunks of one thread, and the gradient of their sum."""
             vectors = own_chunks.vectors(unknowns)
-            energies, gradient = np.zeros(3), np.empty_like(vectors)
+            energies = np.zeros(3)
+            gradient = np.empty_like(vectors)
             for chunk, values, slopes in zip(own_chunks.chunks, vectors, gradient, strict=True):
                 of_chunk = self._parameters[chunk]
                 own, by_vectors = _evaluate(self._fold_angle, acting, of_chunk, _split(values))
@@ -146,7 +153,9 @@ class ChunkedFabric:
 
     def element_hessians(self, stage: energy.Stage, unknowns: Unknowns) -> energy.ElementHessians:
         """Element Hessians of a configuration at a stage."""
-        count, net, acting = len(self._parameters), network(self.shape), self._acting(stage)
+        count = len(self._parameters)
+        net = network(self.shape)
+        acting = self._acting(stage)
         filled = energy.ElementHessians(
             np.empty((len(energy.SPRING_ENTRIES[0]), count * SPRINGS)),
             np.empty((count * HINGES // energy.LANES, len(energy.HINGE_ENTRIES[0]), energy.LANES)),
@@ -197,7 +206,8 @@ def _split(
     Float[np.ndarray, "1 3 spring"], Float[np.ndarray, "5 3 hinge"], Float[np.ndarray, " node"]
 ]:
     """Views of the vectors of a chunk's springs and hinges, and of its heights."""
-    springs, hinges = numbers[: 3 * SPRINGS], numbers[3 * SPRINGS : -HEIGHTS]
+    springs = numbers[: 3 * SPRINGS]
+    hinges = numbers[3 * SPRINGS : -HEIGHTS]
     return springs.reshape(1, 3, SPRINGS), hinges.reshape(5, 3, HINGES), numbers[-HEIGHTS:]
 
 

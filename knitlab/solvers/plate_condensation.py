@@ -101,7 +101,8 @@ class PlateSolver:
 
 def judged(stiffness: Float[np.ndarray, "6 6"]) -> PlateStatus:
     """Whether a stiffness is positive definite, with lengths in a unit that makes A like D."""
-    membrane, bending = np.diag(stiffness)[:3].max(), np.diag(stiffness)[3:].max()
+    membrane = np.diag(stiffness)[:3].max()
+    bending = np.diag(stiffness)[3:].max()
     thickness = np.sqrt(bending / membrane) if min(bending, membrane) > 0 else 1.0
     scale = np.repeat([1, 1 / thickness], 3)
     lowest = np.linalg.eigvalsh(scale[:, None] * stiffness * scale)[0]
@@ -117,8 +118,11 @@ def _derivatives(
 
     Also the largest force on a node, over the largest of an element.
     """
-    net, gradient, hessian = network(shape), np.zeros(6), np.zeros((6, 6))
-    by_nodes, on_nodes = np.zeros((3 * shape.nodes, 6)), np.zeros(3 * shape.nodes)
+    net = network(shape)
+    gradient = np.zeros(6)
+    hessian = np.zeros((6, 6))
+    by_nodes = np.zeros((3 * shape.nodes, 6))
+    on_nodes = np.zeros(3 * shape.nodes)
     scale = float(np.max(fabric.stretch_stiffness * fabric.rest_length))
     largest = 1e-6 * scale  # that of a small strain, where elements carry no force
     springs = (fabric.rest_length, fabric.stretch_stiffness, fabric.spring_law)
@@ -177,7 +181,8 @@ def deformed(
         jnp.stack([jnp.stack([xx, xy / 2]), jnp.stack([xy / 2, yy])])
         for xx, yy, xy in deformation.reshape(2, 3)
     )
-    plane, z = at[:, :2], at[:, 2]
+    plane = at[:, :2]
+    z = at[:, 2]
     times = partial(jnp.einsum, "ij,njl->nil")
     slope = times(curvature, plane)  # the sheet falls by this per length
     drop = (slope * plane).sum(1)

@@ -56,7 +56,8 @@ def pull_chain(
         polished = root(gradient, rough.x, system, jac=hessian, tol=1e-14)
         nodes = np.asarray(_whole(polished.x, stretched))
         force = float(on_nodes(chain, nodes)[-1, 0])
-        residual, iterations = float(np.abs(polished.fun).max()), int(rough.nit + polished.nfev)
+        residual = float(np.abs(polished.fun).max())
+        iterations = int(rough.nit + polished.nfev)
         states.append(ChainState(nodes, force, residual, iterations, residual <= tolerance))
     return states
 

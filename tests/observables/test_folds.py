@@ -6,9 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.model.energy import energy
+from knitlab.model.energy import energy, fold_angles
 from knitlab.model.fabric import Configuration, flat_sheet
-from knitlab.model.fold_angles import fold_angles
 from knitlab.observables.folds import hinges_past_pi
 from tests.fabrics import CLAMPED, pure, stripe
 

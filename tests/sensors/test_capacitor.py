@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.model.capacitor import Capacitor
-from knitlab.model.electrodes import ElectrodeLayout, place_electrodes
+from knitlab.model.electrodes import Capacitor, ElectrodeLayout, place_electrodes
 from knitlab.model.fabric import Configuration
 from knitlab.observables.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.observables.capacitance.capacitor import capacitances

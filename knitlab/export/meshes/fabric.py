@@ -138,7 +138,7 @@ def _fold_angles(
     The mean over the edges of fold lines that meet at a node, 0 where none does; on a fabric that
     is repeated and closed to this number of nodes.
     """
-    from knitlab.model.fold_angles import fold_angles
+    from knitlab.model.energy import fold_angles
 
     layout, states = case.layout, configurations(case_file)
     net, shape = layout.net, layout.net.shape

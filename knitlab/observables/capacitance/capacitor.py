@@ -6,10 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from knitlab.model.capacitor import Capacitor
-from knitlab.model.electrodes import Electrodes
+from knitlab.model.electrodes import Capacitor, Electrodes
+from knitlab.model.energy import fold_angles
 from knitlab.model.fabric import Configuration, Fabric
-from knitlab.model.fold_angles import fold_angles
 from knitlab.model.network import MeshShape, Network
 from knitlab.model.surfaces import crossings, gap_between
 from knitlab.observables.capacitance import boundary_elements as bem

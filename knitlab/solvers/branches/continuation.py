@@ -21,13 +21,15 @@ from scipy.sparse.linalg import LinearOperator, eigsh, splu
 from knitlab.solvers.branches.equations import Equations, Vector
 
 # Steps along a branch, in strain and in u over its size.
-FIRST, LONGEST, SMALLEST = 0.005, 0.02, 1e-5
-MOST_POINTS = 400  # of a branch
+FIRST_STEP = 0.005
+MAX_STEP = 0.02
+MIN_STEP = 1e-5
+MAX_POINTS = 400  # of a branch
 TOLERANCE = 1e-9  # largest force in equilibrium [N]
-MOST_ITERATIONS = 12  # of Newton's method at a point
+MAX_ITERATIONS = 12  # of Newton's method at a point
 EASY = 4  # iterations up to which the next step is longer
-STRAIGHT = 0.8  # cosine between the tangents at both ends of a step, at least
-FARTHEST = 1.2  # distance between them over the step, at most
+MIN_COSINE = 0.8  # cosine between the tangents at both ends of a step, at least
+MAX_ELONGATION = 1.2  # distance between them over the step, at most
 NUMBER = 6  # of lowest eigenvalues that are computed
 DENSE = 300  # number of unknowns up to which all are
 SOFT = 1e-9  # eigenvalue over the largest stiffness below which a motion is neutral
@@ -77,28 +79,29 @@ def equilibrium(equations: Equations, u: Vector, t: float) -> PathPoint:
 def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -> list[PathPoint]:
     """Points of a branch from one of it, in the direction of its tangent, and its critical points.
 
-    It ends where the parameter leaves a range, where the branch closes, after :data:`MOST_POINTS`,
+    It ends where the parameter leaves a range, where the branch closes, after :data:`MAX_POINTS`,
     or where no smaller step succeeds. NotFollowed is never raised: what was reached is returned.
     """
-    points, length = [start], FIRST
-    while len(points) < MOST_POINTS and until[0] <= points[-1].parameter <= until[1]:
+    points = [start]
+    length = FIRST_STEP
+    while len(points) < MAX_POINTS and until[0] <= points[-1].parameter <= until[1]:
         last = points[-1]
         try:
             point, iterations = _stepped(equations, last, length, last.tangent)
         except NotFollowed:
             length /= 2
-            if length < SMALLEST:
+            if length < MIN_STEP:
                 break
             continue
-        turned = point.tangent @ last.tangent < STRAIGHT
+        turned = point.tangent @ last.tangent < MIN_COSINE
         moved = _distance(equations, last, point)
-        if (turned or moved > FARTHEST * length) and length > 16 * SMALLEST:
+        if (turned or moved > MAX_ELONGATION * length) and length > 16 * MIN_STEP:
             length /= 4  # it may have jumped to another branch
             continue
         points += [*_critical_points(equations, last, point, length), point]
         if last is not start and _distance(equations, start, point) < length:
             break
-        length = min(1.5 * length, LONGEST) if iterations <= EASY else length / 1.5
+        length = min(1.5 * length, MAX_STEP) if iterations <= EASY else length / 1.5
     return points
 
 
@@ -132,8 +135,8 @@ def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[Path
     mode = at.modes[:, np.argmin(np.abs(at.eigenvalues))]
     directions = [np.append(mode, 0.0), _across_mode(equations, at, mode)]
     # Both branches lie in the plane of these directions, and mostly at right angles.
-    apart = [each - at.tangent * (each @ at.tangent) for each in directions]
-    other = max(apart, key=np.linalg.norm)
+    crossing_directions = [each - at.tangent * (each @ at.tangent) for each in directions]
+    other = max(crossing_directions, key=np.linalg.norm)
     other /= np.linalg.norm(other)
     negative = int((np.delete(at.eigenvalues, np.argmin(np.abs(at.eigenvalues))) < 0).sum())
     points = []
@@ -180,7 +183,7 @@ def _corrected(
     equations: Equations, u: Vector, t: float, normal: Float[np.ndarray, " free+1"]
 ) -> tuple[Vector, float, int]:
     """Newton's method in the plane through (u, t) across a direction; NotFollowed if it fails."""
-    for iteration in range(1, MOST_ITERATIONS + 1):
+    for iteration in range(1, MAX_ITERATIONS + 1):
         force = equations.force(u, t)
         if not np.isfinite(force).all():
             raise NotFollowed("the energy is not defined there")
@@ -190,7 +193,8 @@ def _corrected(
         moved = _bordered(
             equations, equations.stiffness(u, t), by_parameter, normal, np.append(-force, 0.0)
         )
-        u, t = u + equations.size * moved[:-1], t + moved[-1]
+        u = u + equations.size * moved[:-1]
+        t = t + moved[-1]
     raise NotFollowed(f"{np.abs(equations.force(u, t)).max():.1e} N are left")
 
 
@@ -221,7 +225,8 @@ def _bordered(
 def _point(
     equations: Equations, u: Vector, t: float, before: Float[np.ndarray, " free+1"]
 ) -> PathPoint:
-    stiffness, by_parameter = equations.stiffness(u, t), equations.force_by_parameter(u, t)
+    stiffness = equations.stiffness(u, t)
+    by_parameter = equations.force_by_parameter(u, t)
     try:
         ahead = np.append(np.zeros(len(u)), 1.0)
         tangent = _bordered(equations, stiffness, by_parameter, before, ahead)
@@ -236,7 +241,8 @@ def lowest_eigenvalues(
     equations: Equations, stiffness: sp.csc_array
 ) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
     """The lowest eigenvalues of a stiffness, ascending, and their modes, but neutral motions."""
-    rigid, size = _free_motions(equations, stiffness), stiffness.shape[0]
+    rigid = _free_motions(equations, stiffness)
+    size = stiffness.shape[0]
     largest = float(abs(stiffness.diagonal()).max())
     if size <= DENSE:
         values, modes = np.linalg.eigh(stiffness.toarray() + 10 * largest * rigid @ rigid.T)
@@ -300,7 +306,7 @@ def _critical_points(
                 lambda distance: value(at(distance) if distance else before),
                 0.0,
                 length,
-                xtol=min(1e-6, SMALLEST),
+                xtol=min(1e-6, MIN_STEP),
             )
             return float(distance), at(float(distance))
         except (NotFollowed, ValueError):

@@ -45,13 +45,15 @@ class FabricEquations:
     """A fabric whose held unknowns follow the applied strain of a loading, by its free unknowns."""
 
     def __init__(self, system: System, loading: Loading) -> None:
-        self.loading, self._system = loading, system.on(loading.shape)
+        self.loading = loading
+        self._system = system.on(loading.shape)
         self._free = free_stiffness(loading.shape, loading.free)
         self._elements = ChunkedFabric(loading.shape, system.fabric)
         sides = np.asarray(system.fabric.cell_sides)
         self.size = float(sides.min()) * np.sqrt(len(loading.free))
         translations = _translations(loading)
-        self.neutral, self.lift = translations[:, :2], translations[:, 2:]
+        self.neutral = translations[:, :2]
+        self.lift = translations[:, 2:]
 
     @property
     def start(self) -> Vector:
@@ -82,7 +84,8 @@ class FabricEquations:
 
     def force_by_parameter(self, u: Vector, t: float) -> Vector:
         """∂²V/∂u∂ε by a central difference [N]."""
-        ahead, behind = self.force(u, t + DIFFERENCE), self.force(u, t - DIFFERENCE)
+        ahead = self.force(u, t + DIFFERENCE)
+        behind = self.force(u, t - DIFFERENCE)
         return (ahead - behind) / (2 * DIFFERENCE)
 
 

@@ -17,9 +17,8 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import fourier_gaussian
 from scipy.sparse.linalg import splu
 
-from knitlab.model.energy import Point
+from knitlab.model.energy import Point, fold_angles
 from knitlab.model.fabric import Configuration, Fabric, flat_sheet
-from knitlab.model.fold_angles import fold_angles
 from knitlab.model.network import Network
 from knitlab.solvers.branches.equations import stiffness_of
 from knitlab.solvers.element_chunks import ChunkedFabric
@@ -33,8 +32,10 @@ from knitlab.solvers.equilibrium.tensile_test import relax, relax_near
 
 SAME_ENERGY = 1e-6  # difference of two energies of one shape, over the energy
 SAME_ANGLE = 1e-3  # root mean square difference of the sorted fold angles of one shape [rad]
-IMAGES, SWEEPS = 15, 300  # of a path between two shapes
-STIFFER, DAMPING = 0.02, 0.05  # stiffness added, over the median, and share of a step taken
+IMAGES = 15  # of a path between two shapes
+SWEEPS = 300
+STIFFER = 0.02  # stiffness that is added for a step of a path, over the median
+DAMPING = 0.05  # share of that step that is taken
 
 Unknowns = Float[np.ndarray, " unknown"]
 
@@ -66,16 +67,17 @@ def relaxed_shapes(
     states = run_each(net.shape, [fabric] * starts, searches)
     stiffness = np.asarray(fabric.fold_stiffness)
     scale = float(0.5 * stiffness @ np.asarray(fabric.rest_fold) ** 2)
-    stiff, shapes = stiffness > 0, list[RelaxedShape]()
+    stiff = stiffness > 0
+    shapes = list[RelaxedShape]()
     for state in states:
         if not state.converged:
             continue
         angles = np.sort(np.abs(fold_angles(net, fabric, state.configuration)[stiff]))
         found = RelaxedShape(state, angles, 1)
         for k, known in enumerate(shapes):
-            apart = np.sqrt(np.mean((angles - known.angles) ** 2))
+            difference = np.sqrt(np.mean((angles - known.angles) ** 2))
             margin = SAME_ENERGY * (abs(known.energy) + 1e-3 * scale)
-            if abs(found.energy - known.energy) <= margin and apart <= SAME_ANGLE:
+            if abs(found.energy - known.energy) <= margin and difference <= SAME_ANGLE:
                 shapes[k] = replace(known, starts=known.starts + 1)
                 break
         else:
@@ -87,12 +89,13 @@ def relaxed_shapes(
 def _relaxed_from(system: System, settings: Solver, start: Configuration | None) -> State:
     state = relax(system, settings, start)
     # Without stages of the walls: a shape between them may be a rest point only of those.
-    again = relax_near(system, settings, state.configuration) if state.converged else state
-    return again if again.converged else state
+    settled = relax_near(system, settings, state.configuration) if state.converged else state
+    return settled if settled.converged else state
 
 
 def _rough_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
-    flat, random = flat_sheet(net, fabric), np.random.default_rng(seed)
+    flat = flat_sheet(net, fabric)
+    random = np.random.default_rng(seed)
     side = float(np.asarray(fabric.cell_sides).min())
     positions = np.asarray(flat.positions)
     noise = random.normal(size=positions.shape)
@@ -109,21 +112,24 @@ def barriers(system: System, shapes: Sequence[RelaxedShape]) -> Float[np.ndarray
     for i, one in enumerate(shapes):
         for j in range(i):
             top = highest_between(system, one.state.unknowns, shapes[j].state.unknowns)
-            energies[i, j], energies[j, i] = top - one.energy, top - shapes[j].energy
+            energies[i, j] = top - one.energy
+            energies[j, i] = top - shapes[j].energy
     return energies
 
 
 def highest_between(system: System, one: Unknowns, other: Unknowns) -> float:
     """The highest energy on a path of least energy that a string relaxes to [N mm]."""
     shape = system.shape
-    moved, top = other.copy(), float(system.evaluate(Point(other)).energy.total)
+    moved = other.copy()
+    top = float(system.evaluate(Point(other)).energy.total)
     nodes, own = (each[: 3 * shape.nodes].reshape(-1, 3) for each in (moved, one))
     drift = (own - nodes).mean(axis=0)
     nodes += drift
     if float(system.evaluate(Point(moved)).energy.total) > top * (1 + 1e-9):
         nodes[:, 2] -= drift[2]  # between walls that it touches
     string = np.linspace(0, 1, IMAGES)[:, None] * (moved - one) + one
-    descent, energies = _descent(system, one), np.zeros(IMAGES)
+    descent = _descent(system, one)
+    energies = np.zeros(IMAGES)
     for _ in range(SWEEPS):
         for k, image in enumerate(string):
             evaluation = system.evaluate(Point(image))

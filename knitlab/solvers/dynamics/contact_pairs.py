@@ -6,7 +6,7 @@ with itself, and with its images above and to the right: all other pairs are ima
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 
 from knitlab.model.contact_layers import TRIANGLES, ContactLayers
 from knitlab.model.network import MeshShape
-from knitlab.solvers.dynamics.closest_points import Kind, distance
-from knitlab.solvers.dynamics.contact import Contact, PairList, chunk_size
+from knitlab.solvers.dynamics.contact_forces import Contact, Kind, PairList, chunk_size, distance
+from knitlab.solvers.dynamics.grid import Shape
 
 NODE = np.array([[[0, 0]]])
 EDGES = np.array([[[0, 0], [0, 1]], [[0, 0], [1, 0]], [[0, 0], [1, 1]]])
@@ -34,7 +34,7 @@ PLACES = 4  # of a list at least, for each node
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
 CLOSE = 0.5  # distance beyond that of listed pairs up to which cells are close, over a cell side
-MOST_BLOCKS = 256  # into which a grid is divided, about
+MAX_BLOCKS = 256  # into which a grid is divided, about
 FRESH = 0.4  # part of their margin up to which close cells serve for a new list
 PARALLEL = 1e-3  # squared sine between edges of unit length, below which they count as parallel
 
@@ -84,15 +84,15 @@ class CloseCells:
         (one, turns), (other, others) = (
             _nodes_and_turns(shape, each) for each in (self.one, self.other)
         )
-        apart = np.zeros(len(one))
+        squared = np.zeros(len(one))
         for axis in range(3):
             shift = 0.0
             if shape.periodic and axis < 2:
                 shift = (others - turns)[:, 1 - axis] * lengths[axis]
             ahead = low[axis][other] + shift - high[axis][one]
             behind = low[axis][one] - high[axis][other] - shift
-            apart += np.maximum(np.maximum(ahead, behind), 0.0) ** 2
-        return np.sqrt(apart)
+            squared += np.maximum(np.maximum(ahead, behind), 0.0) ** 2
+        return np.sqrt(squared)
 
 
 class Watched(NamedTuple):
@@ -221,19 +221,21 @@ class PairFinder:
                 against = np.where(swap[:, None], cell[number], cell_other[number])
                 step = steps[which % 2]
             else:
-                own, against, step = cell[number], cell_other[number], steps[which]
+                own = cell[number]
+                against = cell_other[number]
+                step = steps[which]
             corners = np.concatenate(
                 [own[:, None] + step[:, :split], against[:, None] + step[:, split:]], axis=1
             )
             distance = distances[kind][which, number]
-            apart = _apart_on_grid(corners, split)
-            exist = (apart > 0).all(axis=(1, 2))
+            steps_between = _steps_between(corners, split)
+            exist = (steps_between > 0).all(axis=(1, 2))
             if not self.shape.periodic:
                 inside = (corners >= 0) & (corners < [self.shape.nodes_y, self.shape.nodes_x])
                 exist &= inside.all(axis=(1, 2))
             of_layers = []
             for near, layer in ((False, self.layers.far), (True, self.layers.near)):
-                on_grid = (apart <= self.layers.near_cells) == near
+                on_grid = (steps_between <= self.layers.near_cells) == near
                 those = exist & on_grid.any(axis=(1, 2))
                 pairs = Parts(
                     corners[those], np.full(those.sum(), near), distance[those] - layer.begins
@@ -249,12 +251,15 @@ class PairFinder:
 
     def _close_cells(self, place: Place, within: float) -> CloseCells:
         """Pairs of cells whose boxes are within a distance [mm], but for neighbours."""
-        cells, own = _cells(self.shape), len(_cells(self.shape))
+        cells = _cells(self.shape)
+        own = len(_cells(self.shape))
         at = self._corners(cells, place)
-        low, high = at.min(axis=0).T, at.max(axis=0).T
+        low = at.min(axis=0).T
+        high = at.max(axis=0).T
         if self.shape.periodic:
             # Images whose boxes may come near those of the fabric.
-            inner, outer = low.min(axis=0) - within, high.max(axis=0) + within
+            inner = low.min(axis=0) - within
+            outer = high.max(axis=0) + within
             for period in NEIGHBOURS:
                 shift = np.array([*(period[::-1] * place.lengths), 0.0])
                 reaches = ((low[:own] + shift <= outer) & (high[:own] + shift >= inner)).all(axis=1)
@@ -268,7 +273,8 @@ class PairFinder:
         one, other = cKDTree(scaled).query_pairs(1.0, p=np.inf, output_type="ndarray").T
         which = (one < own) | (other < own)
         which &= np.abs(cells[one] - cells[other]).max(axis=1) > 1
-        one, other = one[which], other[which]
+        one = one[which]
+        other = other[which]
         gap = np.maximum(np.maximum(low[one] - high[other], low[other] - high[one]), 0.0)
         close = np.einsum("pc,pc->p", gap, gap) <= within**2
         return CloseCells(
@@ -353,7 +359,8 @@ def _used(
     mean = corners.mean(axis=0)
     spread = jnp.sqrt(((corners - mean) ** 2).sum(axis=1).max(axis=0)).ravel()
     x, y, z = mean.reshape(3, -1)
-    one, other = watched.one, watched.other
+    one = watched.one
+    other = watched.other
     square = (
         (x[one] - x[other] + stretch[0] * watched.turns[0]) ** 2
         + (y[one] - y[other] + stretch[1] * watched.turns[1]) ** 2
@@ -424,9 +431,11 @@ def _pair_list(
     shape: MeshShape, layers: ContactLayers, listed: Listed, kind: Kind, places: int
 ) -> PairList:
     parts = listed.parts[kind]
-    count, spare = len(parts.gap), places - len(parts.gap)
+    count = len(parts.gap)
+    spare = places - len(parts.gap)
     nodes, turns = _nodes_and_turns(shape, parts.corners)
-    near, far = layers.near, layers.far
+    near = layers.near
+    far = layers.far
     spare_corners = np.tile([[0], [1], [0], [1]], spare)  # an edge with itself, of some length
     parallel = np.zeros(count)
     if kind == "edges":
@@ -452,7 +461,7 @@ def blocks(
     shape: MeshShape, of_nodes: Float[np.ndarray, "node 3"]
 ) -> tuple[Float[np.ndarray, "block 3"], Float[np.ndarray, "block 3"]]:
     """Least and greatest vectors of the corners of cells in each block of the grid."""
-    side = int(np.ceil(np.sqrt(shape.nodes / MOST_BLOCKS)))
+    side = int(np.ceil(np.sqrt(shape.nodes / MAX_BLOCKS)))
     rows, columns = (np.arange(0, count, side) for count in (shape.nodes_y, shape.nodes_x))
     grid = of_nodes.reshape(shape.nodes_y, shape.nodes_x, 3)
     grid = np.pad(grid, ((0, 1), (0, 1), (0, 0)), "wrap" if shape.periodic else "edge")
@@ -479,7 +488,87 @@ def _cells(shape: MeshShape) -> Cells:
     return np.indices((shape.nodes_y, shape.nodes_x)).reshape(2, -1).T
 
 
-def _apart_on_grid(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner other"]:
+def _steps_between(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner other"]:
     """Rows or columns, whichever are more, between the corners of both parts of pairs."""
     steps = pairs[:, :split, None] - pairs[:, None, split:]
     return np.abs(steps).max(axis=-1)
+
+
+COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
+SPARE = 0.05  # part of margins up to which pairs are evaluated beyond what a motion may use
+OLD = 0.1  # part used of a list that is worth a new one
+STEPS = 20  # for which a list has margins at least
+
+OfCases = Float[np.ndarray, " case"]
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """The lists of pairs that may touch in a batch of fabrics, one for each."""
+
+    finders: Sequence[PairFinder]
+    listed: Sequence[Listed]
+    contact: Contact
+    now: OfCases  # part that each fabric has used of the margins of its list
+    most: OfCases  # part up to which pairs are evaluated that come within reach
+
+    @classmethod
+    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
+        """List the pairs of all fabrics."""
+        places = zip(finders, _places(shape), strict=True)
+        listed = [finder.listed(place) for finder, place in places]
+        none = np.zeros(len(listed))
+        return cls(finders, listed, contact_of_batch(finders, listed), none, none + 1.0)
+
+    def used(self, shape: Shape) -> OfCases:
+        """Part of the margins of its list that each fabric uses; above 1 the list is incomplete."""
+        fabrics = zip(self.finders, self.listed, _places(shape), strict=True)
+        return np.array([finder.used(listed, place) for finder, listed, place in fabrics])
+
+    def covering(
+        self, shape: Shape, velocity: Shape, step: OfCases, count: Int[np.ndarray, " case"]
+    ) -> tuple["Touching", Int[np.ndarray, " case"]]:
+        """Lists for some coming steps [ms], and as many of these as they cover, at least one."""
+        duration = step * count
+
+        def moved(at: jax.Array, rate: jax.Array) -> jax.Array:
+            return at + duration.reshape(-1, *[1] * (at.ndim - 1)) * rate
+
+        ahead: Shape = jax.tree.map(moved, shape, velocity)
+        lists = self
+        then = self.used(ahead)
+        short = (then > COVERED) & (self.now > OLD)
+        if short.any():
+            fastest = np.max([np.abs(each).max(axis=(1, 2)) for each in velocity.positions], axis=0)
+            lists = self._renewed(shape, short, 2 * STEPS * step * fastest)
+            then = lists.used(ahead)
+        part = np.clip((COVERED - lists.now) / np.maximum(then - lists.now, 1e-300), 0.0, 1.0)
+        covered = np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
+        expected = lists.now + np.maximum(then - lists.now, 0.0) * covered / np.maximum(count, 1)
+        return lists._up_to(np.minimum(expected / COVERED + SPARE, 1.0)), covered
+
+    def _up_to(self, most: OfCases) -> "Touching":
+        """The same, with as many pairs as can be within reach up to a used part of margins."""
+        first = [each.within(part) for each, part in zip(self.listed, most, strict=True)]
+        contact = replace(self.contact, chunks=chunks_of(first))
+        return replace(self, contact=contact, most=most)
+
+    def _renewed(
+        self, shape: Shape, which: Bool[np.ndarray, " case"], margins: OfCases
+    ) -> "Touching":
+        """The same with new lists of some fabrics, which have at least these margins [mm]."""
+        fabrics = zip(self.finders, self.listed, which, _places(shape), margins, strict=True)
+        listed = [
+            finder.listed(place, old, margin) if new else old
+            for finder, old, new, place, margin in fabrics
+        ]
+        contact = contact_of_batch(self.finders, listed)
+        now = np.where(which, 0.0, self.now)
+        return replace(self, listed=listed, contact=contact, now=now)
+
+
+def _places(shape: Shape) -> list[Place]:
+    """Where the nodes of every fabric of a batch are."""
+    positions = np.stack([np.asarray(each) for each in shape.positions], axis=-1)
+    flat = positions.reshape(len(positions), -1, 3)
+    return [Place(*place) for place in zip(flat, np.asarray(shape.lengths), strict=True)]

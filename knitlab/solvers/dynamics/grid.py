@@ -34,8 +34,10 @@ from knitlab.solvers.dynamics.vectors import (
     subtract,
 )
 
-ALL, INNER = slice(None), slice(1, -1)
-BEFORE, AFTER = slice(None, -1), slice(1, None)
+ALL = slice(None)
+INNER = slice(1, -1)
+BEFORE = slice(None, -1)
+AFTER = slice(1, None)
 
 Lines = Float[Array, "_ _"]  # on some lines of the grid, whose number differs
 OnLines = tuple[Lines, Lines, Lines]
@@ -104,7 +106,8 @@ class Hinges(eqx.Module):
             after = subtract(after, scale(other, edge))
             moment = moment / length
             return moment / dot(before, before), moment / dot(after, after), one, other
-        turn, per_length = moment / (sine**2 + cosine**2), 1 / length
+        turn = moment / (sine**2 + cosine**2)
+        per_length = 1 / length
         return turn * cosine * per_length, -turn * sine, sine * per_length
 
     def by_normals(
@@ -158,11 +161,14 @@ class GridFabric(eqx.Module):
     @classmethod
     def of(cls, shape: MeshShape, fabric: Fabric) -> "GridFabric":
         """A fabric of a mesh shape."""
-        rows, columns = shape.cells_y, shape.cells_x
+        rows = shape.cells_y
+        columns = shape.cells_x
         image = int(shape.periodic)
         # Lines of nodes are as they are, or with their image; cells get one more on every side.
-        lines, cells = (0, image), (1, 1)
-        springs, first = [], 0
+        lines = (0, image)
+        cells = (1, 1)
+        springs = []
+        first = 0
         for size, around in (
             ((shape.nodes_y, columns), (lines, cells)),
             ((rows, shape.nodes_x), (cells, lines)),
@@ -186,7 +192,8 @@ class GridFabric(eqx.Module):
             (slice(None, wales), (rows, -1), 1),
             (slice(wales, None), (-1, columns), -1),
         ):
-            across, beside = ((0, 0), beyond)[::axes], (cells, (0, 0))[::axes]
+            across = ((0, 0), beyond)[::axes]
+            beside = (cells, (0, 0))[::axes]
             stiffness, rest = (
                 jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), across, mode), beside)
                 for values in (fabric.fold_stiffness, fabric.rest_fold)
@@ -198,7 +205,8 @@ class GridFabric(eqx.Module):
     def energy(self, shape: Shape) -> Energy:
         """Elastic energy in its parts [N mm]."""
         around = _surroundings(self._surrounded(shape))
-        (of_wale, of_course), (wale, course) = self.hinges, _hinged(around)
+        (of_wale, of_course) = self.hinges
+        (wale, course) = _hinged(around)
         counted = BEFORE if self.periodic else ALL  # lines that are not images
         stretch = [own.energy(along) for own, along in zip(self.springs, around.edges, strict=True)]
         return Energy(
@@ -279,7 +287,8 @@ class GridFabric(eqx.Module):
 
     def _surrounded(self, shape: Shape) -> Vector:
         """Positions, also of straight lines beyond open edges, so that normals exist [mm]."""
-        (x, y, z), (length_x, length_y) = shape.positions, shape.lengths
+        (x, y, z) = shape.positions
+        (length_x, length_y) = shape.lengths
         return (
             _extended(x, self.periodic, length_x, 0.0),
             _extended(y, self.periodic, 0.0, length_y),
@@ -298,7 +307,8 @@ def _hinged(
     around: Surroundings,
 ) -> tuple[tuple[OnLines, OnLines, OnLines], tuple[OnLines, OnLines, OnLines]]:
     """Edge, normal before and normal after, of the wale hinges and of the course hinges."""
-    ((x, y, z), warp, _, _), normals = around.edges, around.normals
+    ((x, y, z), warp, _, _) = around.edges
+    normals = around.normals
     return (
         (warp, _at(normals, ALL, BEFORE), _at(normals, ALL, AFTER)),
         ((-x, -y, -z), _at(normals, BEFORE, ALL), _at(normals, AFTER, ALL)),

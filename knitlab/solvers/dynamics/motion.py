@@ -18,12 +18,10 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitlab.model.energy import Energy
-from knitlab.solvers.dynamics.contact import Contact
-from knitlab.solvers.dynamics.contact_pairs import PairFinder
-from knitlab.solvers.dynamics.contact_step import Workspace, contact_forces
+from knitlab.solvers.dynamics.contact_forces import Contact, Workspace, contact_forces
+from knitlab.solvers.dynamics.contact_pairs import PairFinder, Touching
 from knitlab.solvers.dynamics.grid import GridFabric, Shape
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.dynamics.touching import Touching
 
 FIRST_ITERATIONS = 40  # iterations for the highest frequency of a fabric, the first time
 HALVINGS = 12
@@ -79,7 +77,8 @@ class Motion(eqx.Module):
     @classmethod
     def at_rest(cls, shape: Shape) -> "Motion":
         """The beginning of a motion without velocity."""
-        still, none = jax.tree.map(jnp.zeros_like, shape), jnp.zeros(())
+        still = jax.tree.map(jnp.zeros_like, shape)
+        none = jnp.zeros(())
         return cls(shape, still, none, none, none)
 
 
@@ -95,7 +94,8 @@ class Observed(eqx.Module):
 
 def observed(body: Body, motion: Motion) -> Observed:
     """Energies and forces of a motion."""
-    gradient, velocity = body.gradient(motion.shape), motion.velocity
+    gradient = body.gradient(motion.shape)
+    velocity = motion.velocity
     of_lengths = body.inverse.lengths
 
     def largest(vector: Shape, factor: Float[Array, "2"] | float) -> Float[Array, ""]:
@@ -160,7 +160,8 @@ def weighted_stiffness(body: Body, motion: Motion, vector: Shape) -> Shape:
     # A forward derivative of the gradient takes six times as long as two gradients.
     size = jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(direction)])
     length = 1e-6 / jnp.max(size)  # a central difference over as many mm
-    ahead, behind = gradient_at(length), gradient_at(-length)
+    ahead = gradient_at(length)
+    behind = gradient_at(-length)
     image = jax.tree.map(lambda one, two: (one - two) / (2 * length), ahead, behind)
     return weighted(image, body.inverse)
 
@@ -176,13 +177,13 @@ def highest_frequency(
     def norm(vector: Shape) -> Float[Array, ""]:
         return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(vector)))
 
-    def again(_: Any, last: tuple[Array, Shape]) -> tuple[Array, Shape]:
+    def power_step(_: Any, last: tuple[Array, Shape]) -> tuple[Array, Shape]:
         image = weighted_stiffness(body, motion, last[1])
         size = norm(image)
         return size, jax.tree.map(lambda leaf: leaf / size, image)
 
     begin = jax.tree.map(lambda leaf: leaf / norm(mode), mode)
-    return jax.lax.fori_loop(0, iterations, again, (jnp.zeros(()), begin))
+    return jax.lax.fori_loop(0, iterations, power_step, (jnp.zeros(()), begin))
 
 
 def leapfrog(
@@ -196,11 +197,13 @@ def leapfrog(
     stiffest parts, do not limit the time step.
     ``longest`` is the largest number of steps in the batch; the fabric stands still after its own.
     """
-    contact, stiffness, z_max = body.contact, body.fabric.k_wall, body.fabric.z_max
+    contact = body.contact
+    stiffness = body.fabric.k_wall
+    z_max = body.fabric.z_max
     half = jax.tree.map(lambda rate: step * rate / 2, body.damping_rate)
     whole = jax.tree.map(lambda inverse: step * inverse, body.inverse)
 
-    def kicked(
+    def velocity_after(
         motion: Motion, before: Array, after: Array, workspace: Workspace | None
     ) -> tuple[Motion, Array, Workspace | None]:
         """Motion after a kick, the power of what is driven, and memory for the next kick.
@@ -209,7 +212,8 @@ def leapfrog(
         they act after the drift that follows.
         """
         force = body.fabric.gradient(motion.shape, walls=False)
-        part, drift = (before + after) / 2, after * step
+        part = (before + after) / 2
+        drift = after * step
         kept = jax.tree.map(lambda h: (1 - after * h) / (1 + before * h), half)
         push = jax.tree.map(
             lambda inverse, h: step * part * inverse / (1 + before * h), body.inverse, half
@@ -224,7 +228,8 @@ def leapfrog(
             held, workspace = contact_forces(contact, motion.shape, free, whole, step, workspace)
             velocity = jax.tree.map(lambda v, by, f: v + by * f, velocity, push, held)
             force = jax.tree.map(jnp.subtract, force, held)
-        (x, y, z), (_, _, by) = velocity.positions, push.positions
+        (x, y, z) = velocity.positions
+        (_, _, by) = push.positions
         ahead = motion.shape.positions[2] + drift * z
         beyond = ahead - jnp.clip(ahead, -z_max, z_max)
         z = z - by * stiffness / (1 + drift * by * stiffness) * beyond
@@ -236,12 +241,14 @@ def leapfrog(
         moved = replace(motion, velocity=velocity, contact_work=work)
         return moved, driving_power(body, force, velocity), workspace
 
-    def once(
+    def leapfrog_step(
         number: Any, moving: tuple[Motion, Array, Workspace | None]
     ) -> tuple[Motion, Array, Workspace | None]:
         """A drift and a kick, but at first half a kick alone, and half a kick at the end."""
         motion, power, workspace = moving
-        first, active, last = number == 0, number <= count, number == count
+        first = number == 0
+        active = number <= count
+        last = number == count
         taken = jnp.where(active & ~first, step, 0.0)
         drifted = replace(
             motion,
@@ -249,14 +256,17 @@ def leapfrog(
             dissipated=motion.dissipated + taken * loss(body, motion.velocity),
             supplied=motion.supplied + taken / 2 * power,
         )
-        before, after = jnp.where(first, 0.0, 1.0), jnp.where(last, 0.0, 1.0)
-        moved, power, workspace = kicked(drifted, before, after, workspace)
+        before = jnp.where(first, 0.0, 1.0)
+        after = jnp.where(last, 0.0, 1.0)
+        moved, power, workspace = velocity_after(drifted, before, after, workspace)
         moved = replace(moved, supplied=moved.supplied + taken / 2 * power)
         moved = jax.tree.map(lambda new, old: jnp.where(active, new, old), moved, drifted)
         return moved, power, workspace
 
     workspace = None if contact is None else Workspace.of(contact)
-    moved, _, _ = jax.lax.fori_loop(0, longest + 1, once, (motion, jnp.zeros(()), workspace))
+    moved, _, _ = jax.lax.fori_loop(
+        0, longest + 1, leapfrog_step, (motion, jnp.zeros(()), workspace)
+    )
     return moved
 
 
@@ -267,7 +277,8 @@ def runge_kutta(
     import diffrax  # half as long to import as JAX, and the leapfrog does without
 
     def derivative(_: Any, motion: Motion, __: Any) -> Motion:
-        force, velocity = body.gradient(motion.shape), motion.velocity
+        force = body.gradient(motion.shape)
+        velocity = motion.velocity
         acceleration = jax.tree.map(
             lambda inverse, acting, rate, along: -(inverse * acting) - rate * along,
             *(body.inverse, force, body.damping_rate, velocity),
@@ -351,7 +362,9 @@ class Moving:
     ) -> "Moving":
         """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact."""
         stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves))
-        body, shape, cases = stack(*bodies), stack(*shapes), len(bodies)
+        body = stack(*bodies)
+        shape = stack(*shapes)
+        cases = len(bodies)
         touching = None
         if finders:
             touching = Touching.at(finders, shape)
@@ -362,7 +375,8 @@ class Moving:
         mode = jax.tree.map(
             lambda leaf: jnp.broadcast_to(random.normal(size=leaf.shape[1:]), leaf.shape), shape
         )
-        none, no = np.zeros(cases), np.zeros(cases, dtype=bool)
+        none = np.zeros(cases)
+        no = np.zeros(cases, dtype=bool)
         energy = np.asarray(seen.energy.total)
         steps = none.astype(int)
         return cls(body, motion, seen, mode, none, steps, none, energy, no, no, touching)
@@ -372,7 +386,8 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
     """Move a batch until given times [ms], or until each is at rest by ``rest_force``."""
     rest = settings.rest_force if to_rest else -1.0
     moving = replace(moving, resting=np.zeros_like(moving.diverged))
-    fraction, most = np.full(len(until), settings.step_safety), np.full(len(until), 32)
+    fraction = np.full(len(until), settings.step_safety)
+    most = np.full(len(until), 32)
     while True:
         still = np.maximum(np.asarray(moving.seen.force), np.asarray(moving.seen.drag)) <= rest
         if moving.development is not None:
@@ -436,7 +451,9 @@ def largest_step(moving: Moving) -> OfCases:
     squares = []
     for case in range(len(moving.time)):
         of_case = partial(jax.tree.map, lambda leaf, case=case: leaf[case : case + 1])
-        body, motion, mode = of_case(bare), of_case(moving.motion), of_case(moving.mode)
+        body = of_case(bare)
+        motion = of_case(moving.motion)
+        mode = of_case(moving.mode)
         begin, unraveled = ravel_pytree(mode)
 
         def image(
@@ -481,7 +498,8 @@ def _by_leapfrog(
     motion = _leap(moving.body, moving.motion, step, count, count.max())
     seen = _observe(moving.body, motion)
     supplied = np.asarray(motion.supplied - moving.motion.supplied)
-    before, after = _mechanical_energy(moving.seen), _mechanical_energy(seen)
+    before = _mechanical_energy(moving.seen)
+    after = _mechanical_energy(seen)
     # A step was unstable if the energy grew by more than this fraction of the largest.
     grown = 0.02 * np.maximum(moving.largest, np.abs(supplied)) + ROUND_OFF
     stable = after - supplied <= before + grown

@@ -101,8 +101,10 @@ def arctan2(y: Component, x: Component) -> Component:
 
     XLA calls a function for each element of ``jnp.arctan2``, longer than all else in a time step.
     """
-    size_x, size_y = jnp.abs(x), jnp.abs(y)
-    smaller, larger = jnp.minimum(size_x, size_y), jnp.maximum(size_x, size_y)
+    size_x = jnp.abs(x)
+    size_y = jnp.abs(y)
+    smaller = jnp.minimum(size_x, size_y)
+    larger = jnp.maximum(size_x, size_y)
     steep = smaller > np.tan(np.pi / 8) * larger
     tangent = jnp.where(steep, smaller - larger, smaller) / jnp.where(
         steep, smaller + larger, larger

@@ -41,7 +41,7 @@ from knitlab.solvers.factorisation.multifrontal import Multifrontal
 from knitlab.solvers.factorisation.symbolic_factorisation import planned
 
 if TYPE_CHECKING:
-    from knitlab.model.barrier import Barrier
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 Unknowns = Float[Array, " unknown"]  # A configuration, flattened [mm]
 Free = Float[np.ndarray, " free"]
@@ -71,7 +71,8 @@ class LinearResponse:
         contact: "Barrier | None" = None,
     ) -> "LinearResponse":
         """The response at one equilibrium, in place of the last one; or :class:`NoDerivative`."""
-        shape, free = self.free.shape, self.free.dofs
+        shape = self.free.shape
+        free = self.free.dofs
         hessians = ChunkedFabric(shape, fabric).element_hessians(COMPLETE, unknowns)
         touching = contact and contact.hessian(unknowns, self._movable.dofs, exact=True)
         # A small shift, so that rigid motions do not make K singular [N/mm].
@@ -102,26 +103,31 @@ class LinearResponse:
 
     def to(self, forces: Moved) -> Moved:
         """Displacements under forces, row by row, or :class:`NoDerivative`; 0 for held unknowns."""
-        displacements, free = np.zeros_like(forces), self.free.dofs
+        displacements = np.zeros_like(forces)
+        free = self.free.dofs
         for row, force in zip(displacements, forces, strict=True):
             row[free] = self._solved(self._without_rigid_motion(force[free]))
         return displacements
 
     def forces_of(self, displacements: Moved) -> Moved:
         """K times displacements of all unknowns, row by row."""
-        forces, size = np.zeros_like(displacements), self._stiffness.shape[0]
+        forces = np.zeros_like(displacements)
+        size = self._stiffness.shape[0]
         forces[:, :size] = displacements[:, :size] @ self._stiffness
         return forces
 
     def rigid_motion(self, rows: Moved) -> Moved:
         """Projection of rows onto the rigid motions that cost no energy."""
-        rigid, free = np.zeros_like(rows), self.free.dofs
+        rigid = np.zeros_like(rows)
+        free = self.free.dofs
         rigid[:, free] = rows[:, free] @ self._rigid @ self._rigid.T
         return rigid
 
     def _solved(self, force: Free) -> Free:
         """The solution by iterative refinement, to a small relative residual."""
-        solution, residual, largest = np.zeros_like(force), force, np.abs(force).max()
+        solution = np.zeros_like(force)
+        residual = force
+        largest = np.abs(force).max()
         for _ in range(20):
             if np.abs(residual).max() <= 1e-11 * largest:
                 return solution

@@ -36,7 +36,8 @@ def aligning_rotation(
     target: Float[Array | np.ndarray, "point 3"], points: Float[Array | np.ndarray, "point 3"]
 ) -> Float[Array | np.ndarray, "3 3"]:
     """The unique rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976)."""
-    xp, covariance = array_library(target, points), target.T @ points
+    xp = array_library(target, points)
+    covariance = target.T @ points
     constant = covariance if xp is np else lax.stop_gradient(covariance)
     left, _, right = xp.linalg.svd(constant)
     handed = xp.sign(xp.linalg.det(left @ right))

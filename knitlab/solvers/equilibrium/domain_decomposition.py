@@ -58,7 +58,8 @@ class SubdomainSolver:
     """Solves the subdomains of one sample; all its threads but one do so in other processes."""
 
     def __init__(self, system: System) -> None:
-        self._fabric, self._threads = system.fabric, system.threads
+        self._fabric = system.fabric
+        self._threads = system.threads
         self._kept: KeptFactors = {}
         self._numbers = count()
         self._decompositions: dict[FreeStiffness, tuple[list[_LocalProblem], Coupled]] = {}
@@ -77,29 +78,32 @@ class SubdomainSolver:
         while a few are far from equilibrium. Returns the state of the sample, and the number of
         iterations, each weighted by the subdomain's share of the unknowns.
         """
-        messages, coupled = self._decomposition(free)
-        unknowns, cost = at.unknowns.copy(), 0.0
+        problems, coupled = self._decomposition(free)
+        unknowns = at.unknowns.copy()
+        cost = 0.0
         gradient = np.asarray(system.evaluate(at).gradient)
-        forces = np.array([message.subdomain.force(gradient) for message in messages])
+        forces = np.array([problem.subdomain.force(gradient) for problem in problems])
         # Forces above 1e-6 N would cost more iterations of the whole.
         accepted = max(settings.tolerance, 1e-6, force_fraction * float(forces.max()))
         settings = replace(settings, tolerance=accepted, max_iterations=300)
 
         def solved(number: int) -> State:
-            message = messages[number]
-            start = Point(unknowns[message.subdomain.dofs], at.stage)
-            free, state, process = message.subdomain.free, None, self._processes.get()
+            problem = problems[number]
+            start = Point(unknowns[problem.subdomain.dofs], at.stage)
+            free = problem.subdomain.free
+            state = None
+            process = self._processes.get()
             try:
                 if process is not None:
-                    sent = free.shape, free.dofs, message.fabric
-                    state = process.solve(message.number, sent, start, settings)
-                return state or solve_subdomain(message.system, free, start, settings)
+                    sent = free.shape, free.dofs, problem.fabric
+                    state = process.solve(problem.number, sent, start, settings)
+                return state or solve_subdomain(problem.system, free, start, settings)
             finally:
                 self._processes.put(process)
 
         for group in independent_groups(forces, coupled):
             for number, state in zip(group, self._threads.each(solved, group), strict=True):
-                subdomain = messages[number].subdomain
+                subdomain = problems[number].subdomain
                 # A subdomain that stalls, or ends with a larger residual than any had before, may
                 # have collapsed a cell, where fold angles are undefined.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
@@ -111,12 +115,12 @@ class SubdomainSolver:
     def _decomposition(self, free: FreeStiffness) -> tuple[Sequence[_LocalProblem], Coupled]:
         if free not in self._decompositions:
             subdomains = list(subdomains_of(free))
-            messages = []
+            problems = []
             for number, subdomain in zip(self._numbers, subdomains, strict=False):
                 fabric = subdomain.fabric(self._fabric)
                 system = System(subdomain.free.shape, fabric, kept=self._kept)
-                messages.append(_LocalProblem(number, subdomain, fabric, system))
-            self._decompositions[free] = messages, couplings(subdomains, free.shape.unknowns)
+                problems.append(_LocalProblem(number, subdomain, fabric, system))
+            self._decompositions[free] = problems, couplings(subdomains, free.shape.unknowns)
         return self._decompositions[free]
 
     @cached_property
@@ -147,7 +151,9 @@ class SecondProcess:
         )
         if process.stdin is None or process.stdout is None:
             raise RuntimeError("the process has no pipes")
-        self.pid, self._requests, self._replies = process.pid, process.stdin, process.stdout
+        self.pid = process.pid
+        self._requests = process.stdin
+        self._replies = process.stdout
         self._known: set[int] = set()
         weakref.finalize(self, _end, process, self._requests, self._replies)
 

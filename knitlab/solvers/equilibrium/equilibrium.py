@@ -29,9 +29,9 @@ from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
 
-LARGEST_CONCURRENT = 4096  # number of nodes up to which fabrics run concurrently
+MAX_CONCURRENT_NODES = 4096  # number of nodes up to which fabrics run concurrently
 ROUNDS = 8  # rounds before extrapolation may begin; most samples converge within a few more
-LONGEST_EXTRAPOLATION = 2.5  # largest extrapolated step, over the step limit of a search
+MAX_EXTRAPOLATION = 2.5  # largest extrapolated step, over the step limit of a search
 
 Result = TypeVar("Result")
 
@@ -44,10 +44,11 @@ def run_each(
     Small fabrics run one to a thread; large ones one after another, as their elements and fronts
     keep all threads busy. Results do not depend on the number of threads.
     """
-    threads, stopped = Threads(allowed_threads()), Event()
+    threads = Threads(allowed_threads())
+    stopped = Event()
     pairs = list(zip(fabrics, searches, strict=True))
     with one_thread_of_blas():
-        if len(pairs) == 1 or shape.nodes > LARGEST_CONCURRENT:
+        if len(pairs) == 1 or shape.nodes > MAX_CONCURRENT_NODES:
             return [search(System(shape, fabric, threads)) for fabric, search in pairs]
 
         def alone(pair: tuple[Fabric, Callable[[System], Result]]) -> Result:
@@ -78,7 +79,8 @@ def find_equilibrium(
     coupling = rules.contact, rules.drag, system.fabric.friction
     if any(each is not None for each in coupling) or not worth_dividing(system.shape):
         return search.state(minimise(search))
-    evaluation, rounds = search.evaluation, SubdomainRounds(search)
+    evaluation = search.evaluation
+    rounds = SubdomainRounds(search)
     if patience is not None:
         # A μ as large as in other searches would slow the long wrinkles [N/mm].
         search.shift = 1e-7
@@ -90,7 +92,7 @@ def find_equilibrium(
         search.limit = remaining
         if patience is not None:
             search.limit = min(search.iterations + patience, remaining)
-        outcome = minimise(search, once=patience is None)
+        outcome = minimise(search, one_factorisation=patience is None)
         if outcome is Outcome.stalled:
             # Restart: the subdomains may have collapsed cells, from where no search can continue.
             search.limit = remaining
@@ -106,14 +108,16 @@ class SubdomainRounds:
     """Rounds of subdomain solutions; ``cost`` is in equivalent iterations of the whole sample."""
 
     def __init__(self, search: Search) -> None:
-        self.cost, self._search = 0.0, search
+        self.cost = 0.0
+        self._search = search
         self._last: Float[np.ndarray, " unknown"] | None = None
         self._energy = self._gain = 0.0
         self._rounds = 0
 
     def solve(self, at: Point) -> tuple[Point, Evaluation]:
         """Solve the subdomains from a state of the whole; returns the new state and its energy."""
-        system, rules = self._search.system, self._search.rules
+        system = self._search.system
+        rules = self._search.rules
         if system.subdomains is None:
             system.subdomains = SubdomainSolver(system)
         after, cost = system.subdomains.solve(system, at, rules.free, rules.settings)
@@ -122,19 +126,24 @@ class SubdomainRounds:
 
     def extrapolate(self) -> None:
         """If many rounds gain slowly, extrapolate the last step while that gains half as much."""
-        search, before, gain = self._search, self._last, self._energy - self._search.energy
+        search = self._search
+        before = self._last
+        gain = self._energy - self._search.energy
         # Slow is a round that gains more than 0.3 of what the previous one gained.
         slow = self._rounds >= ROUNDS and gain > 0.3 * self._gain > 0
-        self._gain, self._rounds = gain, self._rounds + 1
+        self._gain = gain
+        self._rounds = self._rounds + 1
         while before is not None and slow and self.cost < search.rules.settings.max_iterations:
             current = search.at.unknowns
             step = current - before
-            longest = LONGEST_EXTRAPOLATION * search.longest_fraction(step[search.dofs])
+            longest = MAX_EXTRAPOLATION * search.longest_fraction(step[search.dofs])
             ahead = replace(search.at, unknowns=current + step * min(2.0, longest))
             after, evaluation = self.solve(ahead)
             gained = search.energy - float(evaluation.energy.total)
             slow = gained > gain / 2
             if slow:
-                before, gain = current, gained
+                before = current
+                gain = gained
                 search.move(after, evaluation)
-        self._last, self._energy = search.at.unknowns, search.energy
+        self._last = search.at.unknowns
+        self._energy = search.energy

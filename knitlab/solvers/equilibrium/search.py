@@ -27,13 +27,14 @@ from knitlab.solvers.equilibrium.stiffness import FreeStiffness
 from knitlab.solvers.equilibrium.system import System
 
 if TYPE_CHECKING:
-    from knitlab.model.barrier import Barrier
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 NEARLY = 1e3  # force of a search that has nearly ended, over the tolerance
-LEAST_RAISED_SHIFT, LARGEST_SHIFT = 1e-6, 1e6
+MIN_RAISED_SHIFT = 1e-6
+MAX_SHIFT = 1e6
 ENERGY_ROUND_OFF = 1e-13  # relative change of energy below which the force decides instead
-MOST_CHANGES = 50  # nodes that come to a wall or leave it, above which an update costs too much
-MOST_ACTIVE_SETS = 10
+MAX_WALL_CHANGES = 50  # nodes that come to a wall or leave it, above which an update costs too much
+MAX_ACTIVE_SETS = 10
 
 Vector = Float[np.ndarray, " free"]
 
@@ -72,17 +73,24 @@ class Search:
     """
 
     def __init__(self, system: System, at: Point, rules: SearchRules) -> None:
-        self.system, self.rules, self.dofs = system, rules, rules.free.dofs
-        fabric, settings = system.fabric, rules.settings
+        self.system = system
+        self.rules = rules
+        self.dofs = rules.free.dofs
+        fabric = system.fabric
+        settings = rules.settings
         self.step_length = settings.step_limit * float(fabric.cell_sides.min())
-        self.z_max, self._k_wall = float(fabric.z_max), float(fabric.k_wall)
-        self.limit, self.exact = settings.max_iterations, rules.exact
+        self.z_max = float(fabric.z_max)
+        self._k_wall = float(fabric.k_wall)
+        self.limit = settings.max_iterations
+        self.exact = rules.exact
         self.iterations = self.factorisations = 0
         self.begin(at, self.evaluated(at))
 
     def evaluated(self, at: Point) -> Evaluation:
         """Energy and gradient of a configuration, contact and drag included."""
-        evaluation, contact, drag = self.system.evaluate(at), self.rules.contact, self.rules.drag
+        evaluation = self.system.evaluate(at)
+        contact = self.rules.contact
+        drag = self.rules.drag
         if drag is not None:
             moved = at.unknowns[self.dofs] - drag.before[self.dofs]
             gradient: Any = np.array(evaluation.gradient)
@@ -100,7 +108,8 @@ class Search:
 
     def move(self, at: Point, evaluation: Evaluation) -> None:
         """Continue from another configuration, given its energy and gradient."""
-        self.at, self.evaluation = at, evaluation
+        self.at = at
+        self.evaluation = evaluation
         self.energy = float(evaluation.energy.total)
         self.gradient: Vector = np.asarray(evaluation.gradient)[self.dofs]
         self.force = float(np.abs(self.gradient).max())
@@ -135,7 +144,7 @@ class Search:
         """Stiffness of the walls at the current stage [N/mm]."""
         return self._k_wall * float(self.at.stage.wall)
 
-    def of_all(self, step: Vector) -> Float[np.ndarray, " unknown"]:
+    def whole_step(self, step: Vector) -> Float[np.ndarray, " unknown"]:
         """A step of all unknowns, which the held ones do not take."""
         whole = np.zeros(self.rules.free.shape.unknowns)
         whole[self.dofs] = step
@@ -144,8 +153,9 @@ class Search:
     def longest_fraction(self, step: Vector) -> float:
         """The fraction of a step with the largest allowed relative motion of neighbouring nodes."""
         shape = self.rules.free.shape
-        move = Configuration.of(self.of_all(step), shape)
-        nodes, lengths = np.asarray(move.positions), np.asarray(move.lengths)
+        move = Configuration.of(self.whole_step(step), shape)
+        nodes = np.asarray(move.positions)
+        lengths = np.asarray(move.lengths)
         changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
         if shape.periodic:
             by_shear = lengths[2] if len(lengths) > 2 else 0.0
@@ -158,12 +168,14 @@ class Search:
 
     def state(self, outcome: Outcome) -> State:
         """The current state."""
-        energy, gradient = self.evaluation.energy, np.asarray(self.evaluation.gradient)
-        shape, cost = self.rules.free.shape, (self.iterations, self.factorisations)
+        energy = self.evaluation.energy
+        gradient = np.asarray(self.evaluation.gradient)
+        shape = self.rules.free.shape
+        cost = (self.iterations, self.factorisations)
         return State(shape, self.at.unknowns, energy, gradient, outcome, self.force, *cost)
 
 
-def minimise(search: Search, once: bool = False) -> Outcome:
+def minimise(search: Search, one_factorisation: bool = False) -> Outcome:
     """Minimise the energy over the free unknowns until the forces on them vanish.
 
     Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
@@ -174,10 +186,13 @@ def minimise(search: Search, once: bool = False) -> Outcome:
     method.
 
     Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ;
-    if the search has nearly ended, first in double precision, which it then keeps. With ``once``
-    the search ends, as at its limit of iterations, when one factorisation is no longer useful.
+    if the search has nearly ended, first in double precision, which it then keeps. With
+    ``one_factorisation`` the search ends, as at its limit of iterations, when that is no longer
+    useful.
     """
-    rules, system, smallest = search.rules, search.system, search.rules.settings.smallest_shift
+    rules = search.rules
+    system = search.system
+    smallest = search.rules.settings.smallest_shift
     while (outcome := search.end()) is None:
         system.assemble(search.at, rules.free)
         drag = 0.0 if rules.drag is None else rules.drag.stiffness
@@ -190,8 +205,9 @@ def minimise(search: Search, once: bool = False) -> Outcome:
             if search.nearly_ended and not search.exact:
                 search.exact = True
                 continue
-            search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
-            if search.shift > LARGEST_SHIFT:
+            search.shift = max(10 * search.shift, MIN_RAISED_SHIFT)
+            raised = True
+            if search.shift > MAX_SHIFT:
                 return Outcome.stalled
         descent = _descend(search)
         if not (descent.steps or search.exact) and (search.nearly_ended or descent.below_round_off):
@@ -201,16 +217,16 @@ def minimise(search: Search, once: bool = False) -> Outcome:
             return Outcome.stalled
         if descent.shortened:
             longest = max(search.steepest_shift, search.shift)
-            search.shift = min(max(10 * search.shift, LEAST_RAISED_SHIFT), longest)
+            search.shift = min(max(10 * search.shift, MIN_RAISED_SHIFT), longest)
         elif descent.below_round_off or not (descent.blocked or raised):
             search.shift = max(0.1 * search.shift, smallest)
         elif not descent.steps:
-            search.shift = max(10 * search.shift, LEAST_RAISED_SHIFT)
+            search.shift = max(10 * search.shift, MIN_RAISED_SHIFT)
         elif descent.blocked:
             search.shift *= 2
-        if search.shift > LARGEST_SHIFT:
+        if search.shift > MAX_SHIFT:
             return Outcome.stalled
-        if descent.steps and once and search.end() is None:
+        if descent.steps and one_factorisation and search.end() is None:
             return Outcome.iteration_limit
     return outcome
 
@@ -239,7 +255,10 @@ def _descend(search: Search) -> _Descent:
     # factorisation costs twice as much, as several attempts may fail first.
     cost, most_steps, patience = (8, 30, 2) if rules.convexified else (16, 60, 3)
     memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=most_steps)
-    highest, steps, poor, shortened = search.energy, 0, 0, 0
+    highest = search.energy
+    steps = 0
+    poor = 0
+    shortened = 0
     while steps < most_steps and search.iterations < search.limit:
         if steps:
             direction = _direction(search, memory)
@@ -254,11 +273,13 @@ def _descend(search: Search) -> _Descent:
         free = 1.0
         if rules.contact is not None:
             free = rules.contact.free_fraction(
-                search.at.unknowns, search.of_all(direction * fraction)
+                search.at.unknowns, search.whole_step(direction * fraction)
             )
         fraction *= free
         before = search.energy, search.gradient, search.force
-        step, slope, curvature = direction * fraction, slope * fraction, curvature * fraction**2
+        step = direction * fraction
+        slope = slope * fraction
+        curvature = curvature * fraction**2
         walls = search.z_max, search.wall_stiffness
         rise = step[rules.free.heights]
         length = lowest_fraction(search.heights, rise, slope, curvature, *walls)
@@ -270,11 +291,13 @@ def _descend(search: Search) -> _Descent:
         # Contact that has come within reach is in the forces, but not in the factorisation.
         if search.end() is not None or free < 1:
             break
-        step, change = step * length, search.gradient - before[1]
+        step = step * length
+        change = search.gradient - before[1]
         curvature = float(step @ change)
         if curvature > 1e-8 * np.sqrt((step @ step) * (change @ change)):
             memory.append((step, change, curvature))
-        total, is_poor = highest - search.energy, search.force > 0.5 * before[2]
+        total = highest - search.energy
+        is_poor = search.force > 0.5 * before[2]
         if total > 1e-10 * abs(search.energy):  # else the energy gained is round-off
             is_poor &= before[0] - search.energy < total / (cost + steps)
         poor = poor + 1 if is_poor else 0
@@ -285,7 +308,8 @@ def _descend(search: Search) -> _Descent:
 
 def _direction(search: Search, memory: deque[tuple[Vector, Vector, float]]) -> Vector:
     """The L-BFGS direction, with the factorised stiffness as the initial Hessian."""
-    direction, weights = -search.gradient, list[float]()
+    direction = -search.gradient
+    weights = list[float]()
     for step, change, curvature in reversed(memory):
         weights.append(float(step @ direction) / curvature)
         direction = daxpy(change, direction, a=-weights[-1])
@@ -297,7 +321,8 @@ def _direction(search: Search, memory: deque[tuple[Vector, Vector, float]]) -> V
 
 def _line_search(search: Search, step: Vector, slope: float, length: float) -> float:
     """Move by the fraction of a step, at most ``length``, that lowers the energy; 0 if none."""
-    energy, force = search.energy, search.force
+    energy = search.energy
+    force = search.force
     noise = ENERGY_ROUND_OFF * abs(energy)
     for _ in range(5):
         unknowns = search.at.unknowns.copy()
@@ -335,20 +360,25 @@ def step_between_walls(search: Search) -> tuple[Float[np.ndarray, " free"], floa
     Otherwise the factorised stiffness keeps the changes. Also returns the second derivative of the
     energy along the step, with the walls touched now [N mm].
     """
-    system, z_max, heights = search.system, search.z_max, search.rules.free.heights
-    z, gradient, stiffness = search.heights, search.gradient, search.wall_stiffness
+    system = search.system
+    z_max = search.z_max
+    heights = search.rules.free.heights
+    z = search.heights
+    gradient = search.gradient
+    stiffness = search.wall_stiffness
     touching = active = np.abs(z) > z_max
     step = newton = system.solve(-gradient)
-    curvature = of_newton = -float(gradient @ newton)
-    for _ in range(MOST_ACTIVE_SETS):
+    curvature = newton_curvature = -float(gradient @ newton)
+    for _ in range(MAX_ACTIVE_SETS):
         end = z + min(1.0, search.longest_fraction(step)) * step[heights]
         active_after = np.abs(end) > z_max
         if (active_after == active).all():
             return step, curvature
         active = active_after
         changed = np.flatnonzero(active != touching)
-        dofs, change = heights[changed], np.where(active[changed], stiffness, -stiffness)
-        few = len(changed) <= MOST_CHANGES
+        dofs = heights[changed]
+        change = np.where(active[changed], stiffness, -stiffness)
+        few = len(changed) <= MAX_WALL_CHANGES
         if not (few and system.change_diagonal(dofs, change)):
             break
         # An added wall pushes from z_max on rather than from z, and a removed one no longer.
@@ -358,7 +388,7 @@ def step_between_walls(search: Search) -> tuple[Float[np.ndarray, " free"], floa
         step = system.solve(-modified)
         curvature = -float(modified @ step) - float(change @ step[dofs] ** 2)
     system.change_diagonal(heights[:0], np.zeros(0))
-    return newton, of_newton
+    return newton, newton_curvature
 
 
 def lowest_fraction(
@@ -376,14 +406,16 @@ def lowest_fraction(
     known exactly, so that it replaces its part of the model. ``heights`` rise by ``rise`` [mm].
     """
     touching = np.maximum(np.abs(heights), np.abs(heights + rise)) > z_max
-    z, dz = heights[touching], rise[touching]
+    z = heights[touching]
+    dz = rise[touching]
 
     def pushed(fraction: float) -> float:
         height = z + fraction * dz
         return stiffness * float((height - np.clip(height, -z_max, z_max)) @ dz)
 
     now = np.abs(z) > z_max
-    first, second = pushed(0.0), stiffness * float(dz[now] @ dz[now])
+    first = pushed(0.0)
+    second = stiffness * float(dz[now] @ dz[now])
 
     def derivative(fraction: float) -> float:
         return slope + fraction * (curvature - second) + pushed(fraction) - first

@@ -108,10 +108,12 @@ def free_stiffness(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStif
 
 @cached_by_shape
 def _free_stiffness(shape: MeshShape, free_bytes: bytes) -> FreeStiffness:
-    mesh, free = _mesh_stiffness(shape), np.frombuffer(free_bytes, dtype=np.int64)
+    mesh = _mesh_stiffness(shape)
+    free = np.frombuffer(free_bytes, dtype=np.int64)
     number = np.full(shape.unknowns, -1, dtype=np.int32)
     number[free] = np.arange(len(free))
-    rows, columns = number[mesh.indices], np.repeat(number, np.diff(mesh.indptr))
+    rows = number[mesh.indices]
+    columns = np.repeat(number, np.diff(mesh.indptr))
     selected = np.flatnonzero((rows >= 0) & (columns >= 0)).astype(np.int32)
     lengths = np.bincount(columns[selected], minlength=len(free))
     indptr = np.append(0, np.cumsum(lengths)).astype(np.int32)
@@ -121,15 +123,18 @@ def _free_stiffness(shape: MeshShape, free_bytes: bytes) -> FreeStiffness:
 @cached_by_shape
 def _mesh_stiffness(shape: MeshShape) -> MeshStiffness:
     net = network(shape)
-    springs, hinges = len(net.springs.nodes), len(net.hinges.nodes)
+    springs = len(net.springs.nodes)
+    hinges = len(net.hinges.nodes)
     pairs = _coupled_groups(shape, net.springs, net.hinges)
     whole = sp.tril(sp.kron(pairs, np.ones((3, 3)), "coo"), format="csc")
     # The lengths may be two unknowns, not three.
     lower = whole[: shape.unknowns, : shape.unknowns]
     lower.sort_indices()
-    indptr, nodes = lower.indptr, np.arange(shape.nodes, dtype=np.int32)
+    indptr = lower.indptr
+    nodes = np.arange(shape.nodes, dtype=np.int32)
 
-    spring_at, hinge_at = _indices_in_triangle(SPRING_ENTRIES), _indices_in_triangle(HINGE_ENTRIES)
+    spring_at = _indices_in_triangle(SPRING_ENTRIES)
+    hinge_at = _indices_in_triangle(HINGE_ENTRIES)
     block, lane = np.divmod(np.arange(hinges), LANES)
     of_hinge = len(HINGE_ENTRIES[0])
 
@@ -178,7 +183,8 @@ def _freedoms(
     """Nodes of an element, the groups that each depends on, and by which of their unknowns."""
     for node, own in enumerate(elements.nodes.T):
         yield node, own, [(component, component, np.ones(len(own))) for component in range(3)]
-        images, shape = elements.images[:, node], elements.shape
+        images = elements.images[:, node]
+        shape = elements.shape
         if images.any():
             by_lengths = [
                 (number, component, images[:, along])
@@ -203,7 +209,8 @@ def _terms(
     offsets = 3 * (np.arange(len(keys)) - pairs.indptr[first])
     for (i, rows, by_row), (j, columns, by_column) in product(_freedoms(elements), repeat=2):
         kept = np.flatnonzero(columns <= rows)
-        row, column = rows[kept], columns[kept]
+        row = rows[kept]
+        column = columns[kept]
         offset = offsets[np.searchsorted(keys, column * groups + row)]
         for (x, along_x, by_x), (y, along_y, by_y) in product(by_row, by_column):
             source, sign = entry(3 * i + along_x, 3 * j + along_y)

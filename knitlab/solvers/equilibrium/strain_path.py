@@ -21,12 +21,14 @@ from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System
 
 if TYPE_CHECKING:
-    from knitlab.model.barrier import Barrier
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
-EASY, SMOOTH, HARD = 4, 10, 16
+EASY = 4
+SMOOTH = 10
+HARD = 16
 """Iterations of a step up to which the next one is twice as long, up to which the path is
 extrapolated quadratically from it, and above which the next one is half as long."""
-LONGEST = 4  # largest step along a path that is easy to follow, over ``path_step``
+MAX_STEP = 4  # largest step along a path that is easy to follow, over ``path_step``
 ROUGH = 50  # iterations of a strain step above which the path counts as rough
 FRACTIONS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the way to the extrapolation
 
@@ -58,11 +60,12 @@ class PathStep:
 
     def after(self, step: float, iterations: int) -> "PathStep":
         """The step after one that stayed on the branch; with drag all are equal, as time steps."""
-        length, doubled = abs(step), 2 * abs(step)
+        length = abs(step)
+        doubled = 2 * abs(step)
         if iterations > EASY:
             doubled = min(doubled, self.settings.path_step)
         longer = max(length / 2 if iterations > HARD else self.length, doubled)
-        longest = self.settings.path_step * (1 if self.settings.drag else LONGEST)
+        longest = self.settings.path_step * (1 if self.settings.drag else MAX_STEP)
         return replace(self, length=min(longer, longest), smooth=iterations <= SMOOTH)
 
     def after_failure(self, step: float) -> "PathStep":
@@ -92,7 +95,8 @@ class StrainPath:
 
     def begin(self, friction: Friction) -> None:
         """Let friction act from the last state on."""
-        angle, fabric = self._angle(self.last[-1][1]), self.system.fabric
+        angle = self._angle(self.last[-1][1])
+        fabric = self.system.fabric
         begun = friction.begun(fabric.fold_stiffness, angle)
         if begun is not None:
             self.system = self.system.of(replace(fabric, friction=begun))
@@ -103,7 +107,8 @@ class StrainPath:
         strain, before = self.last[-1]
         if not fraction:
             return before
-        fabric, change = self.system.fabric, fraction * self._angle(before)
+        fabric = self.system.fabric
+        change = fraction * self._angle(before)
         friction = fabric.friction and replace(fabric.friction, slip=fabric.friction.slip - change)
         rest = np.asarray(fabric.rest_fold) + change
         self.system = self.system.of(replace(fabric, rest_fold=rest, friction=friction))
@@ -136,7 +141,8 @@ class StrainPath:
         if len(strains) == 2 and (target - strains[1]) * (strains[1] - strains[0]) < 0:
             # After a reversal the states before it, at the same strains, are no way ahead.
             self.last = self.last[-1:]
-        spent, snapped = list[State](), False
+        spent = list[State]()
+        snapped = False
         smallest = self.step.smallest(abs(target - self.last[-1][0]))
         while True:
             strain = self.step.towards(self.last[-1][0], target)
@@ -158,7 +164,8 @@ class StrainPath:
                 self.step = self.step.after(taken, state.iterations)
             elif state.converged and final:
                 state = self._slipped(state)
-                snapped, self.last = True, [(strain, state)]
+                snapped = True
+                self.last = [(strain, state)]
                 self.step = PathStep(self.settings, self.settings.path_step)
             else:
                 self.step = self.step.after_failure(taken)

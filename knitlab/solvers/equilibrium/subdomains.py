@@ -19,7 +19,7 @@ CELLS = 24
 in the overlap; with more, a snap in one place takes longer."""
 OVERLAP = 4  # grid cells by which neighbouring subdomains overlap
 REACH = 2  # extent of an element in grid cells, and so the width of the held boundary
-FEWEST = 6  # number of subdomains from which domain decomposition pays off
+MIN_SUBDOMAINS = 6  # number of subdomains from which domain decomposition pays off
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +49,16 @@ class Subdomain:
 
 def worth_dividing(shape: MeshShape) -> bool:
     """Whether a sheet has enough subdomains for them to pay off; periodic fabric has none."""
-    return not shape.periodic and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= FEWEST
+    return (
+        not shape.periodic
+        and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= MIN_SUBDOMAINS
+    )
 
 
 def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
     """The subdomains of a sample with these free unknowns."""
-    shape, net = free.shape, network(free.shape)
+    shape = free.shape
+    net = network(free.shape)
     movable = np.zeros(shape.unknowns, dtype=bool)
     movable[free.dofs] = True
     for rows in _spans(shape.cells_y):

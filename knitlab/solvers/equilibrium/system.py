@@ -8,7 +8,7 @@ with which ``benchmarks.solver`` compares it.
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import Event
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,17 +20,25 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 from knitlab.model.threads import ALONE, Threads
 from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness
 from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.factorisation.multifrontal import Multifrontal
 from knitlab.solvers.factorisation.symbolic_factorisation import planned
 
-if TYPE_CHECKING:
-    from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
-
-MOST_EARLIER = 4  # couplings that are kept, over those of the present contact
+MAX_EARLIER_COUPLINGS = 4  # couplings that are kept, over those of the present contact
 KeptFactors = dict[tuple[FreeStiffness, bool], Multifrontal]
 """Factors by free unknowns, and by whether they are in double precision; their memory is reused."""
+
+
+class Subdomains(Protocol):
+    """What solves the subdomains of a large sample (``domain_decomposition.py``)."""
+
+    def solve(
+        self, system: "System", at: Point, free: FreeStiffness, settings: Solver
+    ) -> tuple[Point, float]:
+        """The state of the sample after its subdomains are solved, and the number of iterations."""
+        ...
 
 
 class System:
@@ -49,15 +57,18 @@ class System:
         stopped: Event | None = None,
         kept: KeptFactors | None = None,
     ) -> None:
-        self.shape, self.fabric, self.threads = shape, fabric, threads
+        self.shape = shape
+        self.fabric = fabric
+        self.threads = threads
         self.factorised: Callable[[], None] = lambda: None
-        self.subdomains: SubdomainSolver | None = None
+        self.subdomains: Subdomains | None = None
         self._kept: KeptFactors = {} if kept is None else kept
-        self._elements, self._stopped = ChunkedFabric(shape, fabric, threads), stopped
+        self._elements = ChunkedFabric(shape, fabric, threads)
+        self._stopped = stopped
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Multifrontal | None = None
-        self._touching: TouchingFactors | None = None
+        self._touching: ContactFactors | None = None
 
     def on(self, shape: MeshShape) -> "System":
         """The same fabric, with the unknowns of another mesh shape."""
@@ -82,7 +93,8 @@ class System:
     def assemble(self, at: Point, free: FreeStiffness) -> None:
         """Assemble the stiffness of the free unknowns."""
         hessians = self._elements.element_hessians(at.stage, at.unknowns)
-        self._free, self._entries = free, free.entries(hessians, self.threads)
+        self._free = free
+        self._entries = free.entries(hessians, self.threads)
 
     def factorise(
         self,
@@ -99,12 +111,13 @@ class System:
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")
-        free, key = self._free, (self._free, exact)
+        free = self._free
+        key = (self._free, exact)
         entries = free.shifted(self._entries, shift)
         if contact is not None:
             lower = sp.tril(contact, format="coo")
             if self._touching is None or not self._touching.holds(free, exact, lower):
-                self._touching = TouchingFactors(free, exact, lower, self._touching, self.threads)
+                self._touching = ContactFactors(free, exact, lower, self._touching, self.threads)
             factors = self._touching.factors
             entries = self._touching.entries(entries, lower)
         elif key in self._kept:
@@ -142,7 +155,7 @@ class System:
         return self._factors
 
 
-class TouchingFactors:
+class ContactFactors:
     """Factors of the stiffness of fabric that touches itself, for its couplings by contact so far.
 
     A new symbolic factorisation takes as long as the numeric one, and more couplings hardly add to
@@ -154,16 +167,18 @@ class TouchingFactors:
         free: FreeStiffness,
         exact: bool,
         contact: sp.coo_array,
-        before: "TouchingFactors | None",
+        before: "ContactFactors | None",
         threads: Threads,
     ) -> None:
-        self._free, self._exact, size = free, exact, len(free.dofs)
+        self._free = free
+        self._exact = exact
+        size = len(free.dofs)
         of_grid = np.repeat(np.arange(size), np.diff(free.indptr)) * size + free.indices
         present = np.setdiff1d(np.unique(self._keys(free, contact)), of_grid, assume_unique=True)
         self._coupled = present
         if before is not None and before._free is free:
             both = np.union1d(present, before._coupled)
-            if len(both) <= MOST_EARLIER * len(present):
+            if len(both) <= MAX_EARLIER_COUPLINGS * len(present):
                 self._coupled = both
         self._every = np.sort(np.concatenate([of_grid, self._coupled]), kind="stable")
         self._of_grid = np.searchsorted(self._every, of_grid)

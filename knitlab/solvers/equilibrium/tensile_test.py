@@ -23,7 +23,7 @@ from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System
 
 if TYPE_CHECKING:
-    from knitlab.model.barrier import Barrier
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 
 def stretch(

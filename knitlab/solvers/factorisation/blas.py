@@ -27,7 +27,8 @@ Status = Int[np.ndarray, "1"]  # status of a LAPACK call, a 32-bit integer; 0 if
 _INTEGERS = np.arange(2**16, dtype=np.int32)
 _LETTERS = np.frombuffer(b"LNTR", dtype=np.uint8)
 _SCALARS = {letter: np.array([-1, 0, 1], dtype=letter) for letter in "fd"}
-_FIRST_INTEGER, _ONE = _INTEGERS.ctypes.data, _INTEGERS[1:].ctypes.data
+_FIRST_INTEGER = _INTEGERS.ctypes.data
+_ONE = _INTEGERS[1:].ctypes.data
 _LETTER_AT = {letter: _LETTERS.ctypes.data + k for k, letter in enumerate("LNTR")}
 _SCALAR_AT = {
     (letter, value): scalars.ctypes.data + k * scalars.itemsize
@@ -134,7 +135,8 @@ def _routine(name: str, kind: str) -> Callable[..., None]:
     module = cython_lapack if name in ("lacpy", "potrf", "trtri") else cython_blas
     exported = LowLevelCallable.from_cython(module, {"f": "s", "d": "d"}[kind] + name)
     address_of = ctypes.pythonapi.PyCapsule_GetPointer
-    address_of.restype, address_of.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    address_of.restype = ctypes.c_void_p
+    address_of.argtypes = [ctypes.py_object, ctypes.c_char_p]
     arguments = [ctypes.c_void_p] * (exported.signature.count(",") + 1)
     address = address_of(exported.function, exported.signature.encode())
     return ctypes.CFUNCTYPE(None, *arguments)(address)

@@ -27,7 +27,7 @@ from knitlab.solvers.factorisation.symbolic_factorisation import (
 )
 from knitlab.solvers.factorisation.triangular_solves import TriangularSolves
 
-LEAST_CURVATURE = 1e-6  # lower bound of the eigenvalues of a convexified front
+MIN_CURVATURE = 1e-6  # lower bound of the eigenvalues of a convexified front
 WORTH_SHARING = 10**6  # entries of a factor above which a second thread pays off in a factorisation
 
 
@@ -49,11 +49,13 @@ class Multifrontal:
         self.plan = plan
         self._threads = threads if plan.stored > WORTH_SHARING else ALONE
         # Columns of the factor, and updates that are not yet added to their parents.
-        self.stored, stack = np.empty(plan.stored, precision), np.empty(plan.stack, precision)
+        self.stored = np.empty(plan.stored, precision)
+        stack = np.empty(plan.stack, precision)
         self._failed = Event()
         self._parts = [_Part(fronts, self.stored, stack, self._failed) for fronts in plan.parts]
         self._solves = TriangularSolves(plan, self.stored, threads)
-        self.solve, self.change_diagonal = self._solves.solve, self._solves.change_diagonal
+        self.solve = self._solves.solve
+        self.change_diagonal = self._solves.change_diagonal
 
     def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
         """Factorise a matrix, given its lower triangle, and return whether it succeeded.
@@ -88,7 +90,9 @@ class _Part:
     def __init__(
         self, fronts: Sequence[Front], stored: Vector, stack: Vector, failed: Event
     ) -> None:
-        self._stored, self._stack, self._failed = stored, stack, failed
+        self._stored = stored
+        self._stack = stack
+        self._failed = failed
         self._status: Status = np.zeros(1, dtype=np.int32)
         self._inverse = np.empty(INVERTED_SIZE**2, stored.dtype)
         self._eliminations = [self._elimination(front) for front in fronts]
@@ -122,19 +126,20 @@ class _Part:
             return False
         # Few eigenvalues are negative, and all others remain. In single precision small ones would
         # not be found.
-        below = -np.inf, LEAST_CURVATURE
+        below = -np.inf, MIN_CURVATURE
         try:
             values, vectors = eigh(before.astype(float), subset_by_value=below, check_finite=False)
         except LinAlgError:
             return False
-        raised = np.maximum(np.abs(values), LEAST_CURVATURE) - values
+        raised = np.maximum(np.abs(values), MIN_CURVATURE) - values
         # Above the diagonal, pivots that are inverted stay 0.
         front.pivots[:] = np.tril(before + (vectors * raised) @ vectors.T)
         return self._factored(front)
 
     def _elimination(self, front: Front) -> _Elimination:
         pivots, coupling = front.columns(self._stored)
-        update, status = front.updated(self._stack), self._status
+        update = front.updated(self._stack)
+        status = self._status
         targets = pivots, coupling, update
         added = [
             (targets[transfer.target][transfer.into], child.updated(self._stack)[transfer.block])
@@ -161,7 +166,8 @@ class _Part:
             yield blas.multiply_by_transposed(coupling, inverse)
             return
         half = size // 2
-        first, second = coupling[:, :half], coupling[:, half:]
+        first = coupling[:, :half]
+        second = coupling[:, half:]
         yield from self._multiply_by_inverse(first, triangle[:half, :half])
         yield blas.subtract_product(second, first, triangle[half:, :half])
         yield from self._multiply_by_inverse(second, triangle[half:, half:])

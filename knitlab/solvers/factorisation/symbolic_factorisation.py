@@ -44,7 +44,8 @@ class _Axis:
         """The separators that bisect a range of lines, and the halves."""
         if self.closed(start, stop):
             middle = (start + stop) // 2
-            first, second = (start, start + self.reach), (middle, middle + self.reach)
+            first = (start, start + self.reach)
+            second = (middle, middle + self.reach)
             return [first, second], [(first[1], middle), (second[1], stop)]
         middle = (start + stop - self.reach) // 2
         cut = (middle, middle + self.reach)
@@ -89,8 +90,10 @@ def grid_order(
             # The two separators of a ring are numbered one after the other, not alternately.
             key[nodes] = along[nodes] + rank * front.size
     node = rows[nodal] - vertical.first, columns[nodal] - horizontal.first
-    fronts, keys = np.full(len(nodal), front.max()), np.full(len(nodal), 2 * front.size)
-    fronts[nodal], keys[nodal] = front[node], key[node]
+    fronts = np.full(len(nodal), front.max())
+    keys = np.full(len(nodal), 2 * front.size)
+    fronts[nodal] = front[node]
+    keys[nodal] = key[node]
     order = np.lexsort((keys, fronts))
     starts = np.append(np.flatnonzero(np.diff(fronts[order], prepend=-1)), len(order))
     return GridOrder(order, starts)
@@ -118,7 +121,8 @@ def _dissected(
 ) -> Iterator[Sequence[_Rectangle]]:
     """The leaves and separators of a rectangle of the grid, in elimination order."""
     top, bottom, left, right = region
-    height, width = bottom - top, right - left
+    height = bottom - top
+    width = right - left
     # A ring must be cut twice.
     down = height * (1 + horizontal.closed(left, right))
     across = width * (1 + vertical.closed(top, bottom))
@@ -187,8 +191,10 @@ def columns_of_group(
     fronts: Sequence[Front], stored: Float[np.ndarray, " entry"]
 ) -> tuple[Float[np.ndarray, "front pivot pivot"], Float[np.ndarray, "front boundary pivot"]]:
     """Views of pivots and couplings of fronts of one kind that are stored one after another."""
-    count, (_, size, boundary) = len(fronts), fronts[0].kind
-    start, length = fronts[0].stored, size * (size + boundary)
+    count = len(fronts)
+    (_, size, boundary) = fronts[0].kind
+    start = fronts[0].stored
+    length = size * (size + boundary)
     columns = stored[start : start + count * length].reshape(count, length)
     # Every front is in Fortran order.
     pivots = columns[:, : size * size].reshape(count, size, size)
@@ -212,11 +218,13 @@ def planned(
     grid: GridOrder, indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
 ) -> NestedDissection:
     """Plan the factorisation of any lower triangle in the elimination order of a grid."""
-    order, starts = grid.order, grid.starts
+    order = grid.order
+    starts = grid.starts
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     one, other = (rank[unknowns] for unknowns in nonzero_pairs(indptr, indices))
-    column, row = np.minimum(one, other), np.maximum(one, other)
+    column = np.minimum(one, other)
+    row = np.maximum(one, other)
     sizes = np.diff(starts)
     owner = np.repeat(np.arange(len(sizes)), sizes)
     front = owner[column]
@@ -241,7 +249,8 @@ def planned(
     positions = stored[front] + within * sizes[front] + row - starts[front]
     boundary_keys = np.repeat(np.arange(len(sizes)), lengths) * len(order)
     boundary_keys += np.concatenate(boundaries)
-    front, within = front[outside], within[outside]
+    front = front[outside]
+    within = within[outside]
     rank = np.searchsorted(boundary_keys, keys) - (np.cumsum(lengths) - lengths)[front]
     positions[outside] = stored[front] + sizes[front] ** 2 + within * lengths[front] + rank
     parts = fronts[:middle], fronts[middle:-1], fronts[-1:]
@@ -292,7 +301,8 @@ def _fronts(
     for number, (boundary, parent) in enumerate(zip(boundaries, parents, strict=True)):
         pivots = slice(int(starts[number]), int(starts[number + 1]))
         bottom = stack if number == middle else bottom
-        update, size = bottom, len(boundary) ** 2
+        update = bottom
+        size = len(boundary) ** 2
         for other in waiting:  # the lowest gap between pending updates
             if other.update >= bottom:
                 if other.update - update >= size:
@@ -301,7 +311,8 @@ def _fronts(
         extend_adds = tuple(
             (child, _extend_adds(child, pivots, boundary)) for child in children[number]
         )
-        level, offset = int(levels[number]), int(stored[number])
+        level = int(levels[number])
+        offset = int(stored[number])
         front = Front(pivots, boundary, level, offset, update, extend_adds)
         fronts.append(front)
         stack = max(stack, update + size)

@@ -23,7 +23,7 @@ from knitlab.solvers.factorisation.symbolic_factorisation import (
     columns_of_group,
 )
 
-LEAST_GROUP = 4  # number of fronts from which a group pays off
+MIN_GROUP = 4  # number of fronts from which a group pays off
 WORTH_SHARING = 3 * 10**7  # entries of a factor above which a second thread pays off in a solve
 
 Positions = Int[np.ndarray, " _"]
@@ -34,10 +34,13 @@ class FrontSolves:
 
     def __init__(self, front: Front, boundary: Positions, stored: Vector, vector: Vector) -> None:
         pivots, coupling = front.columns(stored)
-        own, self._work = vector[front.pivots], np.empty(len(boundary), vector.dtype)
-        self._vector, self._boundary = vector, boundary
+        own = vector[front.pivots]
+        self._work = np.empty(len(boundary), vector.dtype)
+        self._vector = vector
+        self._boundary = boundary
         apply = blas.multiply_by_triangle if front.inverted else blas.solve
-        self._forward, self._back = [apply(pivots, own)], [apply(pivots, own, transposed=True)]
+        self._forward = [apply(pivots, own)]
+        self._back = [apply(pivots, own, transposed=True)]
         if len(boundary):
             self._forward.append(blas.multiply(self._work, coupling, own))
             self._back.insert(0, blas.subtract_transposed_product(own, coupling, self._work))
@@ -67,7 +70,8 @@ class GroupSolves:
     ) -> None:
         starts = np.array([front.pivots.start for front in fronts])
         self._pivots = starts[:, None] + np.arange(fronts[0].size)
-        self._vector, self._boundary = vector, np.stack(boundaries)
+        self._vector = vector
+        self._boundary = np.stack(boundaries)
         self._inverses, self._couplings = columns_of_group(fronts, stored)
 
     def reduce(self) -> None:
@@ -103,7 +107,8 @@ class TriangularSolves:
     """Solves with the factor L of a matrix, whose columns may be overwritten between solves."""
 
     def __init__(self, plan: NestedDissection, stored: Vector, threads: Threads = ALONE) -> None:
-        self._order, self._stored = plan.order, stored
+        self._order = plan.order
+        self._stored = stored
         self._threads = threads if plan.stored > WORTH_SHARING else ALONE
         first, second, (last,) = plan.parts
         self._fronts = [*first, *second, last]
@@ -114,7 +119,8 @@ class TriangularSolves:
         self._solution, self._copy = np.split(self._vector, [size])
         self._shared = self._solution[last.pivots]
         self._boundaries = [front.boundary for front in self._fronts]
-        middle, end = len(first), len(first) + len(second)
+        middle = len(first)
+        end = len(first) + len(second)
         for number in range(middle, end):
             boundary = self._boundaries[number]
             self._boundaries[number] = boundary + last.size * (boundary >= last.pivots.start)
@@ -130,7 +136,8 @@ class TriangularSolves:
 
     def solve(self, rhs: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
         """The x of matrix × x = ``rhs``, with the changes of the diagonal, if any."""
-        self._solution[:], self._copy[:] = rhs[self._order], 0
+        self._solution[:] = rhs[self._order]
+        self._copy[:] = 0
         self._threads.each(_reduce, self._halves)
         last = len(self._fronts) - 1
         self._reduce_one(last)
@@ -179,7 +186,8 @@ class TriangularSolves:
     def _column(self, unknown: int) -> tuple[Positions, Vector]:
         """L⁻¹ times an unknown's unit vector: rows, of its front and ancestors, and values."""
         if unknown not in self._columns:
-            positions, passed = np.flatnonzero(self._order == unknown), list[Positions]()
+            positions = np.flatnonzero(self._order == unknown)
+            passed = list[Positions]()
             self._vector[:] = 0
             self._vector[positions] = 1
             while len(positions):
@@ -205,7 +213,7 @@ class TriangularSolves:
         for _, group in groupby(in_memory, key=lambda number: self._fronts[number].kind):
             members = list(group)
             fronts = [self._fronts[number] for number in members]
-            if len(members) >= LEAST_GROUP and groupable(fronts[0]):
+            if len(members) >= MIN_GROUP and groupable(fronts[0]):
                 boundaries = [self._boundaries[number] for number in members]
                 yield GroupSolves(fronts, boundaries, self._stored, self._vector)
             else:
@@ -213,6 +221,7 @@ class TriangularSolves:
 
     def _solves_of_one(self, number: int) -> FrontSolves:
         if number not in self._single:
-            front, boundary = self._fronts[number], self._boundaries[number]
+            front = self._fronts[number]
+            boundary = self._boundaries[number]
             self._single[number] = FrontSolves(front, boundary, self._stored, self._vector)
         return self._single[number]

@@ -19,7 +19,7 @@ from knitlab.solvers.branches.continuation import (
 @pytest.fixture(autouse=True)
 def fine(monkeypatch):
     """Steps and tolerance for energies of the order of 1."""
-    for name, value in (("FIRST", 0.01), ("LONGEST", 0.03), ("TOLERANCE", 1e-12)):
+    for name, value in (("FIRST_STEP", 0.01), ("MAX_STEP", 0.03), ("TOLERANCE", 1e-12)):
         monkeypatch.setattr(f"knitlab.solvers.branches.continuation.{name}", value)
 
 

@@ -11,22 +11,26 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
 import knitlab as kl
-from knitlab.model.barrier import Barrier
 from knitlab.model.contact_layers import contact_layers
 from knitlab.model.energy import Energy, Evaluation
 from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.settings import ModelOptions
 from knitlab.model.surfaces import self_intersections
 from knitlab.solvers.dynamics import damped_test
-from knitlab.solvers.dynamics.closest_points import CLOSEST
-from knitlab.solvers.dynamics.closest_points import distance as distance_of
-from knitlab.solvers.dynamics.contact import PairList
+from knitlab.solvers.dynamics.contact_forces import CLOSEST, PairList, force_after
+from knitlab.solvers.dynamics.contact_forces import distance as distance_of
 from knitlab.solvers.dynamics.contact_pairs import PairFinder, Place, contact_of_batch
-from knitlab.solvers.dynamics.contact_step import force_after
 from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
 from knitlab.solvers.dynamics.settings import Dynamics
+from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from tests.fabrics import moving, shaken
-from tests.model.test_barrier import CELL, PRESSURE, THICKNESS, folded_periodic, two_plies
+from tests.solvers.equilibrium.test_contact_barrier import (
+    CELL,
+    PRESSURE,
+    THICKNESS,
+    folded_periodic,
+    two_plies,
+)
 
 LAYERS = contact_layers(THICKNESS, PRESSURE, (CELL, CELL))
 POINTS = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).normal(size=(4, 3)))

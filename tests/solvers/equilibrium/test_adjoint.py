@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from knitlab.model.barrier import Barrier
 from knitlab.model.energy import Energy, Evaluation, Point
 from knitlab.model.fabric import Configuration, Fabric, flat_sheet
 from knitlab.model.layout import FabricLayout, fabric_layout
@@ -22,6 +21,7 @@ from knitlab.model.stripe import StripePair
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
 from knitlab.solvers.equilibrium.adjoint import Adjoint, NoDerivative, rigid_motions
 from knitlab.solvers.equilibrium.alignment import aligning_rotation, rigidly_aligned
+from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium.loading import all_free, loading_of
 from knitlab.solvers.equilibrium.search import SearchRules

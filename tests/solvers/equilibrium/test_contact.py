@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.model.barrier import Barrier
 from knitlab.model.energy import Energy, Evaluation, energy
 from knitlab.model.fabric import Configuration
 from knitlab.model.fold_friction import Friction
 from knitlab.model.network import network
 from knitlab.solvers.equilibrium.adjoint import LinearResponse
+from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from knitlab.solvers.equilibrium.loading import WARP, Load, all_free
 from knitlab.solvers.equilibrium.tensile_test import stretch
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, equations

@@ -15,7 +15,7 @@ from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium import domain_decomposition, equilibrium, subdomains
 from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.solvers.equilibrium.equilibrium import (
-    LONGEST_EXTRAPOLATION,
+    MAX_EXTRAPOLATION,
     ROUNDS,
     SubdomainRounds,
     find_equilibrium,
@@ -215,7 +215,7 @@ def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
     by_subdomains = found()
     assert by_subdomains.outcome is Outcome.converged
     assert by_subdomains.residual <= DEFAULT.tolerance
-    monkeypatch.setattr(subdomains, "FEWEST", 10**9)
+    monkeypatch.setattr(subdomains, "MIN_SUBDOMAINS", 10**9)
     as_a_whole = found()
     np.testing.assert_allclose(by_subdomains.unknowns, as_a_whole.unknowns, atol=1e-5)
 
@@ -241,9 +241,9 @@ def test_a_search_that_stalls_after_its_subdomains_restarts_without_them(
     net, fabric, loading = sample
     start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
 
-    def stalling(search, once=False):
-        outcome = minimise(search, once)
-        return Outcome.stalled if once else outcome
+    def stalling(search, one_factorisation=False):
+        outcome = minimise(search, one_factorisation)
+        return Outcome.stalled if one_factorisation else outcome
 
     monkeypatch.setattr(equilibrium, "minimise", stalling)
     system = equations(net, fabric)
@@ -398,7 +398,7 @@ def test_extrapolation_steps_grow_while_the_energy_falls(sample):
 
 def test_no_extrapolation_is_longer_than_a_few_steps(sample):
     where, solved = extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0), step_length=0.4)
-    assert where == pytest.approx(2.0 + 18 * LONGEST_EXTRAPOLATION * 0.4)
+    assert where == pytest.approx(2.0 + 18 * MAX_EXTRAPOLATION * 0.4)
     assert solved == 19
 
 

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import root
 
-from knitlab.model.energy import Point, energy
+from knitlab.model.energy import Point, energy, fold_angles
 from knitlab.model.fabric import Configuration, flat_sheet
-from knitlab.model.fold_angles import fold_angles
 from knitlab.model.fold_friction import Friction
 from knitlab.solvers.branches.equations import stiffness_of
 from knitlab.solvers.element_chunks import ChunkedFabric

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.solvers.equilibrium.settings import Solver
-from knitlab.solvers.equilibrium.strain_path import EASY, HARD, LONGEST, PathStep
+from knitlab.solvers.equilibrium.strain_path import EASY, HARD, MAX_STEP, PathStep
 
 SETTINGS = Solver(path_step=0.01)
 FIRST = PathStep(SETTINGS, SETTINGS.path_step)
@@ -31,7 +31,7 @@ def walked(step: PathStep, strain: float, target: float, iterations: list[int]) 
 def test_every_target_is_reached_in_steps_within_the_limits(strain, target, iterations):
     passed = walked(FIRST, strain, target, iterations)
     steps = [abs(after - before) for before, after in itertools.pairwise(passed)]
-    assert max(steps) <= LONGEST * SETTINGS.path_step * (1 + 1e-6)
+    assert max(steps) <= MAX_STEP * SETTINGS.path_step * (1 + 1e-6)
     assert passed == sorted(passed, reverse=target < strain)
 
 

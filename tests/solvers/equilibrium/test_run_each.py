@@ -25,7 +25,7 @@ def test_fabrics_end_concurrently_exactly_as_one_after_another(monkeypatch):
     _, eight = checkered(8, 1, PERIODIC)
     fabrics = [four, eight]
     concurrently = run_each(net.shape, fabrics, [TEST, TEST])
-    monkeypatch.setattr(equilibrium, "LARGEST_CONCURRENT", 0)
+    monkeypatch.setattr(equilibrium, "MAX_CONCURRENT_NODES", 0)
     in_turn = run_each(net.shape, fabrics, [TEST, TEST])
     for one, other in zip(concurrently, in_turn, strict=True):
         for state, same in zip(one.states, other.states, strict=True):

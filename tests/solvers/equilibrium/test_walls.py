@@ -82,7 +82,7 @@ def test_no_force_is_left_in_the_model_after_the_step(
     assert curvature == pytest.approx(step @ model @ step, rel=1e-9)
 
 
-@pytest.mark.parametrize(("limit", "value"), [("MOST_CHANGES", 3), ("MOST_ACTIVE_SETS", 1)])
+@pytest.mark.parametrize(("limit", "value"), [("MAX_WALL_CHANGES", 3), ("MAX_ACTIVE_SETS", 1)])
 def test_a_step_that_does_not_settle_ignores_nodes_that_come_to_a_wall(
     squeezed, monkeypatch, limit, value
 ):
@@ -119,7 +119,7 @@ def test_searches_reach_the_same_states_with_fewer_factorisations(squeezed, monk
         return [find_equilibrium(equations(net, fabric), Point(at), rules) for at in starts]
 
     predicted = states()
-    monkeypatch.setattr("knitlab.solvers.equilibrium.search.MOST_CHANGES", 0)
+    monkeypatch.setattr("knitlab.solvers.equilibrium.search.MAX_WALL_CHANGES", 0)
     unpredicted = states()
     assert all(state.converged for state in (*predicted, *unpredicted))
     for one, other in zip(predicted, unpredicted, strict=True):

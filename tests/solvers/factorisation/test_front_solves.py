@@ -79,7 +79,7 @@ def test_a_group_is_solved_as_its_fronts_one_by_one(precision):
 def test_solutions_do_not_depend_on_how_many_fronts_make_a_group(
     case: Case, least: int, monkeypatch
 ) -> None:
-    monkeypatch.setattr(triangular_solves, "LEAST_GROUP", least)
+    monkeypatch.setattr(triangular_solves, "MIN_GROUP", least)
     rhs = np.random.default_rng(1).normal(size=len(case.rows))
     solution = case.factors().solve(rhs)
     np.testing.assert_allclose(case.matrix @ solution, rhs, rtol=0, atol=1e-12)

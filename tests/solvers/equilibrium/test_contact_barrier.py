@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.model.barrier import Barrier
 from knitlab.model.contact_layers import NEAR
 from knitlab.model.energy import Energy, Evaluation
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.model.settings import CONTACT_RANGE
+from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 CELL, THICKNESS, PRESSURE = 0.4, 0.1, 2.0
 GAPS = st.floats(THICKNESS * 1.02, THICKNESS * (1 + CONTACT_RANGE) * 0.99)

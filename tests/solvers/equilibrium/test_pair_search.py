@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from knitlab.model.barrier import Barrier, shortened
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
-from tests.model.test_barrier import CELL, PRESSURE, THICKNESS, evaluated
+from knitlab.solvers.equilibrium.contact_barrier import Barrier, shortened
+from tests.solvers.equilibrium.test_contact_barrier import CELL, PRESSURE, THICKNESS, evaluated
 
 SEEDS = st.integers(0, 2**32 - 1)
 CELLS = 12

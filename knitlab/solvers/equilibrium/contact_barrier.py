@@ -1,9 +1,16 @@
-"""The barrier: a potential that grows without bound as parts come as near as they may.
+"""Contact of a fabric with itself in equilibria: a barrier, and the mesh of what may touch.
 
-Energy, gradient, Hessian and collision-free steps are those of the IPC Toolkit (Li et al.,
-Incremental Potential Contact, ACM Trans. Graph. 39, 2020): a sum over pairs of a node and a
-triangle, and of two edges. Each pair stands for a part of the sheet, so that the sum is multiplied
-by the area of a grid cell.
+The barrier is a potential that grows without bound as parts come as near as they may. Energy,
+gradient, Hessian and collision-free steps are those of the IPC Toolkit (Li et al., Incremental
+Potential Contact, ACM Trans. Graph. 39, 2020): a sum over pairs of a node and a triangle, and of
+two edges. Each pair stands for a part of the sheet, so that the sum is multiplied by the area of a
+grid cell. Motions have the same barrier in :mod:`knitlab.solvers.dynamics.contact_forces`.
+
+The contact mesh has the triangles of a fabric, and the images of them that periodic fabric may
+touch. Positions of its vertices are linear in the unknowns: the image of a node lies whole periods
+away from it. Each pair of parts counts once a period: parts of the fabric are compared with each
+other, and with the images to the right, above, and above to the left. Only a band of images is
+needed, as long as what lies beyond is out of reach.
 
 Pairs are searched along the whole of a step, so that they also serve for the states tried on it,
 and with a margin, so that they serve for later steps until vertices may have moved further.
@@ -11,26 +18,158 @@ and with a margin, so that they serve for later steps until vertices may have mo
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import ipctk
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
-from knitlab.model.contact_layers import ContactLayer, contact_layers
-from knitlab.model.contact_mesh import ContactMesh, contact_mesh
+from knitlab.model.contact_layers import NEAR_CELLS, TRIANGLES, ContactLayer, contact_layers
 from knitlab.model.energy import Evaluation
-from knitlab.model.network import MeshShape
+from knitlab.model.fabric import Configuration
+from knitlab.model.network import LENGTHS, UPRIGHT, MeshShape
 from knitlab.model.pattern import CELLS_PER_PERIOD
+
+
+@dataclass(frozen=True, eq=False)
+class ContactMesh:
+    """Vertices and triangles of a mesh shape, and which of them may touch."""
+
+    shape: MeshShape
+    band: int  # rows and columns of images, on each side that has any
+    grid: Int[np.ndarray, "vertex 2"]  # row and column (y, x) of every vertex
+    faces: Int[np.ndarray, "face 3"]
+    near_reach: int  # rows and columns within which vertices are near each other
+    own: Bool[np.ndarray, " vertex"]  # nodes of the fabric itself, not images
+    kept: Int[np.ndarray, " vertex"]  # vertices among those of the whole mesh
+    from_unknowns: sp.csr_array  # to the coordinates of the vertices, vertex by vertex
+
+    @cached_property
+    def whole(self) -> ipctk.CollisionMesh:
+        """Collision mesh of all parts."""
+        rest = np.pad(self.grid[:, ::-1].astype(float), ((0, 0), (0, 1)))
+        return ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(self.faces), self.faces)
+
+    def parts(self, near: bool) -> ipctk.CollisionMesh:
+        """Collision mesh of the parts that are near each other on the grid, or that are not."""
+        mesh = replace(self).whole  # of a copy, because a filter belongs to its mesh
+        close = cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
+        pairs = dict.fromkeys(zip(*close.T.tolist(), strict=True), near)
+        mesh.can_collide = ipctk.make_sparse_filter(pairs, not near)
+        return mesh
+
+    @cached_property
+    def images(self) -> "ContactMesh | None":
+        """The mesh of the triangles and edges between images; None if there are none.
+
+        No filter of a collision mesh leaves out just their pairs: it asks for each pair of vertices
+        by itself.
+        """
+        faces = self.faces[~self.own[self.faces].any(axis=1)]
+        if not len(faces):
+            return None
+        kept, number = np.unique(faces, return_inverse=True)
+        coordinates = (3 * kept[:, None] + np.arange(3)).ravel()
+        return replace(
+            self,
+            grid=self.grid[kept],
+            faces=number.reshape(-1, 3).astype(np.int32),
+            own=self.own[kept],
+            kept=kept,
+            from_unknowns=self.from_unknowns[coordinates],
+        )
+
+    def chosen(self, vertices: Float[np.ndarray, "vertex 3"]) -> Float[np.ndarray, "kept 3"]:
+        """Positions of its vertices, among those of the whole mesh."""
+        return np.asfortranarray(vertices[self.kept])
+
+    def vertices(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "vertex 3"]:
+        """Positions of the vertices in a configuration [mm]."""
+        return np.asfortranarray((self.from_unknowns @ unknowns).reshape(-1, 3))
+
+    def suffices(self, unknowns: Float[np.ndarray, " unknown"], reach: float) -> bool:
+        """Whether images beyond the band, by their bounding box, are further away than a reach."""
+        shape = self.shape
+        band = self.band
+        if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
+            return True
+        configuration = Configuration.of(unknowns, shape)
+        vectors = lattice(shape) @ np.asarray(configuration.lengths)
+        # Heights of the cell over its sides: images along one side do not change that over it.
+        area = np.linalg.det(vectors)
+        heights = area / np.linalg.norm(vectors[:, ::-1], axis=0)
+        normals = np.linalg.inv(vectors) * heights[:, None]
+        plane = np.asarray(configuration.positions)[..., :2]
+        x, y = (plane @ normals.T).transpose(2, 0, 1)
+        length_x, length_y = heights.tolist()
+        right = min(x[:, band:].min() + length_x, x.min() + 2 * length_x) - x.max()
+        left = x.min() - max(x[:, :-band].max() - length_x, x.max() - 2 * length_x)
+        above = min(y[band:].min() + length_y, y.min() + 2 * length_y) - y.max()
+        return min(right, left, above) > reach
+
+
+@lru_cache(maxsize=4)
+def contact_mesh(
+    shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
+) -> ContactMesh:
+    """The contact mesh of a mesh shape; the band of images is at most a whole period of them."""
+    corners = _cells(shape, band)[:, None, None] + TRIANGLES
+    grid, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    inside = (grid >= 0) & (grid < [shape.nodes_y, shape.nodes_x])
+    return ContactMesh(
+        shape=shape,
+        band=band,
+        grid=grid,
+        faces=number.reshape(-1, 3).astype(np.int32),
+        near_reach=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
+        own=np.asarray(inside.all(axis=1)),
+        kept=np.arange(len(grid)),
+        from_unknowns=_from_unknowns(shape, grid),
+    )
+
+
+def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
+    """Lower left corner (y, x) of each cell, and of the images that it is compared with."""
+    rows = shape.cells_y
+    columns = shape.cells_x
+    if not shape.periodic:
+        return np.indices((rows, columns)).reshape(2, -1).T
+    above = min(band, rows)
+    beside = min(band, columns)
+    cells = np.indices((rows + above, columns + 2 * beside)).reshape(2, -1).T - [0, beside]
+    left = (cells[:, 0] < rows) & (cells[:, 1] < 0)
+    return cells[~left]
+
+
+def _from_unknowns(shape: MeshShape, grid: Int[np.ndarray, "vertex 2"]) -> sp.csr_array:
+    turns, nodes = np.divmod(grid, [shape.nodes_y, shape.nodes_x])
+    node = nodes[:, 0] * shape.nodes_x + nodes[:, 1]
+    count = len(grid)
+    entries = np.ones(count), (np.arange(count), node)
+    of_node = sp.kron(sp.csr_array(entries, shape=(count, shape.nodes)), sp.eye_array(3))
+    of_lengths = np.zeros((count, 3, shape.lengths))
+    of_lengths[:, :2] = np.einsum("ckl,vk->vcl", lattice(shape), turns[:, ::-1])
+    return sp.csr_array(sp.hstack([of_node, sp.csr_array(of_lengths.reshape(3 * count, -1))]))
+
+
+def lattice(shape: MeshShape) -> Float[np.ndarray, "2 2 length"]:
+    """Lattice vectors, as the columns of a matrix, by the lengths: of component, vector, length."""
+    by_lengths = np.zeros((2, 2, shape.lengths))
+    frame = np.array(shape.frame or UPRIGHT)
+    for number, component, along in LENGTHS[: shape.lengths]:
+        by_lengths[component, :, number] += frame[along]
+    return by_lengths
+
 
 # Workers have one thread each; the library would take all cores in every one of them.
 ipctk.set_num_threads(1)
 
 MARGIN = 0.02  # motion before a new search, over the shortest side of a cell
 KEPT_FRACTION = 0.5  # of a collision-free step, that is taken: the barrier is finite after it
-LEAST_FREE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
+MIN_CLEARANCE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
 
 Unknowns = Float[np.ndarray, " unknown"]
 Vertices = Float[np.ndarray, "vertex 3"]
@@ -54,7 +193,7 @@ class Pairs:
         return self._searched(0)
 
     @cached_property
-    def of_images(self) -> ipctk.Candidates:
+    def between_images(self) -> ipctk.Candidates:
         """Those of two images, which are not part of the fabric."""
         return self._searched(1)
 
@@ -67,7 +206,8 @@ class Pairs:
 
     def complete_within(self, *way: Vertices) -> float:
         """Distance up to which they are complete on another straight way, or NaN [mm]."""
-        moved, start = self.end - self.start, self.start
+        moved = self.end - self.start
+        start = self.start
         length = float(np.vdot(moved, moved))
         if length:
             start = start + moved * np.clip(np.vdot(way[0] - start, moved) / length, 0.0, 1.0)
@@ -81,7 +221,8 @@ class PairSearch:
     """
 
     def __init__(self, mesh: ContactMesh, near: bool, layer: ContactLayer, cell: float) -> None:
-        self.mesh, self.layer = mesh, layer
+        self.mesh = mesh
+        self.layer = layer
         meshes = (mesh, mesh.images)
         self._meshes = [(each, each.parts(near)) for each in meshes if each is not None]
         self._margin = 2 * MARGIN * cell
@@ -98,7 +239,8 @@ class PairSearch:
     def free_fraction(self, before: Unknowns, after: Unknowns) -> float:
         """Fraction of a straight step that brings no parts as near as they may be."""
         way = self.mesh.vertices(before), self.mesh.vertices(after)
-        candidates, (_, parts) = self.close(*way).all, self._meshes[0]
+        candidates = self.close(*way).all
+        (_, parts) = self._meshes[0]
         return candidates.compute_collision_free_stepsize(
             parts, *way, self.layer.least, ipctk.AdditiveCCD()
         )
@@ -108,8 +250,9 @@ class PairSearch:
         vertices = self.mesh.vertices(unknowns)
         pairs = self.close(vertices)
         for sign, (mesh, parts) in zip((1, -1), self._meshes, strict=False):
-            candidates = pairs.all if sign > 0 else pairs.of_images
-            collisions, positions = ipctk.NormalCollisions(), mesh.chosen(vertices)
+            candidates = pairs.all if sign > 0 else pairs.between_images
+            collisions = ipctk.NormalCollisions()
+            positions = mesh.chosen(vertices)
             collisions.build(candidates, parts, positions, self.layer.reach, self.layer.least)
             if not len(collisions):
                 break
@@ -141,7 +284,8 @@ class Barrier:
         cell: tuple[float, float],
         cells_per_period: int = CELLS_PER_PERIOD,
     ) -> None:
-        self._shape, self._cells_per_period = shape, cells_per_period
+        self._shape = shape
+        self._cells_per_period = cells_per_period
         self._numbers = thickness, pressure, cell, cells_per_period
         self._layers = contact_layers(thickness, pressure, cell, cells_per_period)
         # Parts that are near on the grid are near their own images only.
@@ -168,7 +312,8 @@ class Barrier:
 
     def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
         """An evaluation with energy and gradient of the barrier added."""
-        energy, gradient = 0.0, np.zeros(len(unknowns))
+        energy = 0.0
+        gradient = np.zeros(len(unknowns))
         for search in self._searches(unknowns):
             potential = self._potential(search)
             for sign, mesh, touching in search.touching(unknowns):
@@ -187,7 +332,8 @@ class Barrier:
         Unless ``exact``, each pair's share is made positive semidefinite, for a search.
         """
         kind = ipctk.PSDProjectionMethod
-        projection, terms = kind.NONE if exact else kind.CLAMP, []
+        projection = kind.NONE if exact else kind.CLAMP
+        terms = []
         for search in self._searches(unknowns):
             potential = self._potential(search)
             for sign, mesh, touching in search.touching(unknowns):
@@ -207,7 +353,7 @@ class Barrier:
         for search in self._searches(unknowns):
             for _, _, (collisions, parts, positions) in search.touching(unknowns):
                 squared = collisions.compute_minimum_distance(parts, positions)
-                if squared <= search.layer.least**2 * (1 + LEAST_FREE):
+                if squared <= search.layer.least**2 * (1 + MIN_CLEARANCE):
                     return False
         mesh = self._far.mesh
         return not ipctk.has_intersections(mesh.whole, mesh.vertices(unknowns))

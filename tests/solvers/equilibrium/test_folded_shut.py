@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.model.barrier import Barrier
 from knitlab.model.fabric import Configuration
 from knitlab.model.settings import CONTACT_RANGE, ModelOptions
 from knitlab.model.surfaces import self_intersections
+from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from knitlab.solvers.equilibrium.tensile_test import relax
 from tests.fabrics import DEFAULT, cell_of, equations, pure, stripe
 
