@@ -13,7 +13,9 @@ Example:
 from knitlab.io.interruption import is_command  # first: Ctrl-C may come during the others
 
 # isort: split
+import sys
 from importlib.metadata import version
+from types import ModuleType
 
 import lazy_loader
 
@@ -23,3 +25,15 @@ if not is_command:  # whose help needs no pandas
 # Names are stated in __init__.pyi, and imported when first used: a query needs no JAX.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __version__ = version("knitlab")
+
+
+class _Public(ModuleType):
+    """This module: the package ``knitlab.design``, say, does not hide the function of its name."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in ("claims", "design", "export") and isinstance(value, ModuleType):
+            return
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Public

@@ -1,5 +1,6 @@
 """Designs from targets to a workflow: hidden fabrics, unreachable targets, kills, budgets."""
 
+import importlib
 import json
 from pathlib import Path
 
@@ -285,7 +286,8 @@ def test_a_search_whose_worker_dies_is_begun_again_and_repeats_nothing(tmp_path,
 
     asked = {"targets": "poisson_ratio = -0.2 ± 0.01 @ 0.05:0.15", "budget": 6}
     alone = designed(tmp_path / "alone", **asked)
-    monkeypatch.setattr("knitlab.design.design.run_searches", run_and_kill_once)
+    module = importlib.import_module("knitlab.design.design")
+    monkeypatch.setattr(module, "run_searches", run_and_kill_once)
     result = designed(tmp_path / "killed", **asked, workers=1)
     assert killed
     assert result.trials.equals(alone.trials)
