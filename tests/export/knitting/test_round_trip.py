@@ -44,7 +44,7 @@ GRADED = Pattern(
 """Columns and rows that differ in size and in their stripes."""
 ENDS = ["bind_off", "drop"]
 
-ROUND_TRIP = "knitlab.export.knitting.round_trip"
+ROUND_TRIP = importlib.import_module("knitlab.export.knitting.round_trip")
 
 
 @st.composite
@@ -200,16 +200,16 @@ def test_the_copy_for_the_interpreter_keeps_the_number_of_every_line():
 
 
 def test_the_interpreter_is_not_asked_of_long_programs(monkeypatch):
-    monkeypatch.setattr("knitlab.export.knitting.round_trip.MOST_OPERATIONS", 10)
+    monkeypatch.setattr(ROUND_TRIP, "MOST_OPERATIONS", 10)
     assert MOST_OPERATIONS > 10
-    monkeypatch.setattr(importlib.import_module(ROUND_TRIP), "find_spec", lambda name: True)
+    monkeypatch.setattr(ROUND_TRIP, "find_spec", lambda name: True)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     checked = round_trip(knitout(chart, machine), chart, machine)
     assert checked.notes[1].startswith("interpreter: not run,")
 
 
 def test_an_installation_without_the_interpreter_says_how_to_get_it(monkeypatch):
-    monkeypatch.setattr(importlib.import_module(ROUND_TRIP), "find_spec", lambda name: None)
+    monkeypatch.setattr(ROUND_TRIP, "find_spec", lambda name: None)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     checked = round_trip(knitout(chart, machine), chart, machine)
     assert checked.notes[1].endswith("install it by pip install knitlab[knitting]")
