@@ -25,7 +25,7 @@ from knitlab.observables.capacitance.boundary_elements import (
     near_pairs,
     two_terminal,
 )
-from knitlab.observables.capacitance.capacitor import STATES_AT_ONCE
+from knitlab.observables.capacitance.maxwell import STATES_AT_ONCE
 from knitlab.observables.capacitance.panels import graded
 
 Panels = Float[np.ndarray, "panel 4 3"]

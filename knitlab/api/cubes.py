@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from knitlab.cubes.case_file import length_unit
-from knitlab.cubes.chosen_case import chosen_case, chosen_strains
+from knitlab.cubes.chosen_case import reached_strains, selected_case
 from knitlab.cubes.comparison import compared
 from knitlab.cubes.cube_file import is_case, open_cube
 from knitlab.cubes.find import Found, find_designs
@@ -281,22 +281,16 @@ def export(
         256
     """
     output, selections = Path(output), {**selections, **named}
-    suffix, several = output.suffix.lower(), (formats.SERIES, formats.FOLD)
-    check_suffix(output, (*formats.FORMATS, *several), "a mesh")
-    case_file = chosen_case(opened_with_shapes(shapes), selections)
-    rows = chosen_strains(case_file, selections, several=suffix in several)
+    check_suffix(output, formats.FORMATS, "a mesh")
+    chosen = formats.FORMATS[output.suffix.lower()]
+    case_file = selected_case(opened_with_shapes(shapes), selections)
+    rows = reached_strains(case_file, selections, several=chosen.is_series)
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
-    if triangles or suffix in formats.TRIANGLES:
+    if triangles or not chosen.has_quads:
         meshes = [mesh.triangulated() for mesh in meshes]
     strains, unit = tuple(case_file[STRAIN].values[rows].tolist()), length_unit(case_file)
-    files = [output]
-    if suffix == formats.SERIES:
-        files = formats.write_series(meshes, strains, output)
-    elif suffix == formats.FOLD:
-        formats.write_fold(meshes, strains, unit, output)
-    else:
-        formats.write_mesh(meshes[0], output)
+    files = formats.write_meshes(formats.Shapes(meshes, strains, unit), output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)

@@ -10,7 +10,7 @@ import xarray as xr
 
 from knitlab.api.cubes import Cube, opened_with_shapes
 from knitlab.cubes.case_file import network_configurations
-from knitlab.cubes.chosen_case import chosen_case, chosen_strains, of_chosen_cases
+from knitlab.cubes.chosen_case import for_each_design, reached_strains, selected_case
 from knitlab.cubes.cube_file import is_case
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import selections_along
@@ -23,7 +23,7 @@ from knitlab.observables.schema import STRAIN, described
 from knitlab.runs.figure_names import check_figure_suffix
 from knitlab.sensors.crosstalk import cross_talk as cross_talk_of
 from knitlab.sensors.electrode_set import ElectrodeSet, electrode_set, sensor_case
-from knitlab.sensors.maxwell import Others, capacitance_matrices
+from knitlab.sensors.readings import Others, capacitance_matrices
 from knitlab.sensors.selectivity import DIRECTIONS, STATUS, selectivity_of_case
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import NoDerivative
@@ -78,9 +78,10 @@ def capacitance_matrix(
     check_figure_suffix(output)
     case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
-    of_set = electrode_set(case, capacitor, electrodes)
-    matrices = capacitance_matrices(of_set, states, capacitor, polarised)
-    names, scaled = list(of_set.names), matrices * _lengthened(of_set, relaxed, capacitor)
+    chosen = electrode_set(case, capacitor, electrodes)
+    matrices = capacitance_matrices(chosen, states, capacitor, polarised)
+    names = list(chosen.names)
+    scaled = matrices * _lengthened(chosen, relaxed, capacitor)
     coordinates = {STRAIN: strains, "electrode": names, "to": names}
     table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
     about = {"units": "pF", "long_name": "capacitance matrix"}
@@ -149,17 +150,17 @@ def cross_talk(
         raise invalid(STRAIN, "is 0 of parts that are pulled alone; select no strain")
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     names = list(dict.fromkeys(name for pair in sensors for name in pair))
-    of_set = electrode_set(case, capacitor, names)
+    chosen = electrode_set(case, capacitor, names)
     pairs = [(names.index(one), names.index(other)) for one, other in sensors]
     axis = DIRECTIONS.index(pull)
     try:
-        table = cross_talk_of(case, states[0], of_set, pairs, capacitor, axis, others, polarised)
+        table = cross_talk_of(case, states[0], chosen, pairs, capacitor, axis, others, polarised)
     except NoDerivative as message:
         raise invalid(
             case.label, f"{message}; take a design that relaxes to one shape"
         ) from message
     labels = ["-".join(pair) for pair in sensors]
-    table["reading"].values *= _lengthened(of_set, relaxed, capacitor)
+    table["reading"].values *= _lengthened(chosen, relaxed, capacitor)
     table = table.assign_coords(sensor=labels, pulled=labels)
     table.attrs |= {"design": case.label, "pull": pull, "others": others}
     return drawn(cross_talk_figure, table, output)
@@ -216,7 +217,7 @@ def selectivity(
         raise invalid("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
     cube = opened_with_shapes(shapes)
     compute = partial(selectivity_of_case, along=along)
-    found = of_chosen_cases(compute, cube, selections, where)
+    found = for_each_design(compute, cube, selections, where)
     found[STATUS] = found[STATUS].fillna("")
     if is_case(cube):
         found.attrs["design"] = recorded_case(cube).label
@@ -239,17 +240,17 @@ def _states(
     shapes: Cube, selections: Mapping[str, Any]
 ) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
     """One design with electrodes, its states and strains, and relaxed, in mm of the network."""
-    case_file = chosen_case(opened_with_shapes(shapes), selections)
+    case_file = selected_case(opened_with_shapes(shapes), selections)
     along = selections_along(selections, [STRAIN])
-    chosen = chosen_strains(case_file, along, several=STRAIN in along)
+    chosen = reached_strains(case_file, along, several=STRAIN in along)
     case, capacitor = sensor_case(case_file)
     every = network_configurations(case_file)
     strains = case_file[STRAIN].values[chosen].tolist()
     return case, capacitor, every[chosen], strains, every[0]
 
 
-def _lengthened(of_set: ElectrodeSet, relaxed: Configuration, capacitor: Capacitor) -> float:
+def _lengthened(chosen: ElectrodeSet, relaxed: Configuration, capacitor: Capacitor) -> float:
     """Stated length of electrodes over that of one period, 1 of a sample."""
-    if of_set.axis is None:
+    if chosen.axis is None:
         return 1.0
-    return capacitor.electrode_length / float(relaxed.lengths[of_set.axis])
+    return capacitor.electrode_length / float(relaxed.lengths[chosen.axis])

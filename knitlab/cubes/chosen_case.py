@@ -1,4 +1,4 @@
-"""The one case, and the strains of it, that selections choose."""
+"""From a cube and selections to case files: one design, or every design. Needs no JAX."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,14 +18,14 @@ from knitlab.cubes.selection import (
     selected,
     selections_along,
 )
-from knitlab.io.errors import ErrorCollector, InputError, invalid
+from knitlab.io.errors import ErrorCollector, invalid, raise_if_any
 from knitlab.observables.schema import STRAIN, Status
 
 
-def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Contents of the case file of the one design of a cube that selections leave, or of a test.
+def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+    """The case file of the one design of a cube that selections leave, or the test itself.
 
-    InputError if they leave no design or several, or beside the cube is no sound case file of it.
+    InputError if they leave no design or several, or if the design has no intact case file.
     """
     if is_case(cube):
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
@@ -41,23 +41,22 @@ def chosen_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
         several = {dim: values for dim, values in labels.items() if len(values) > 1}
         listed = choices(xr.Dataset(coords=several), several)
         raise invalid("selections", f"leave {count} designs; select {listed}")
-    (only,) = designs["design"].values
-    case_id = str(designs["case_id"].item())
-    name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
-    folder = Path(cube.encoding["source"]).parent
+    design = dict(zip(dims, designs["design"].values[0], strict=True))
+    name = ", ".join(f"{dim} = {value}" for dim, value in design.items())
+    case_id, folder = str(designs["case_id"].item()), Path(cube.encoding["source"]).parent
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
+    status = Status(designs["status"].item())
     if stored is StoredCase.damaged:
         raise invalid(name, f"has a damaged case file {case_id}.nc; run the design again")
+    if stored is StoredCase.nothing and status is Status.failed:
+        raise invalid(name, "failed and has no shape; knitlab status says why")
+    if stored is StoredCase.nothing and status is Status.pending:
+        raise invalid(name, "is planned but has not run; run it first")
     if stored is StoredCase.nothing:
         missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
-        reasons = {
-            Status.failed: "failed and has no shape; knitlab status says why",
-            Status.pending: "is planned but has not run; run it first",
-        }
-        hint = f"{missing}; run the design into this folder"
-        raise invalid(name, reasons.get(Status(designs["status"].item()), hint))
-    index = {dim: [value] for dim, value in zip(dims, only, strict=True)}
-    return in_cloth(read_case(folder, case_id), left.sel(index).squeeze(drop=True))
+        raise invalid(name, f"{missing}; run the design into this folder")
+    sizes = left.sel({dim: [value] for dim, value in design.items()}).squeeze(drop=True)
+    return in_cloth(read_case(folder, case_id), sizes)
 
 
 def _dims_of_shapes(cube: xr.Dataset, selections: Mapping[str, Any]) -> tuple[str, ...]:
@@ -70,51 +69,48 @@ def _dims_of_shapes(cube: xr.Dataset, selections: Mapping[str, Any]) -> tuple[st
     return known[:-1]
 
 
-def of_chosen_cases(
+def for_each_design(
     compute: Callable[[xr.Dataset, Mapping[str, Any]], xr.Dataset],
     cube: xr.Dataset,
     selections: Mapping[str, Any] = {},
     where: str | None = None,
 ) -> xr.Dataset:
-    """What is computed of a test, or the case file of each design that selections leave of a cube.
+    """What ``compute`` finds in the case file of each selected design, along the cube's dimensions.
 
-    It is computed with the selections of strains. Designs without a file are left out, and missing
-    if others have their labels; ``length_unit`` names those of all. InputError if none has a file,
-    or the one that is left has not.
+    It is given the case file and the selected strains. Designs without a case file are missing
+    values; the attribute ``length_unit`` names the units of all. InputError if no design has one.
     """
-    along = selections_along(selections, [STRAIN])
+    strains = selections_along(selections, [STRAIN])
     if is_case(cube):
         if where is not None:
             raise invalid("where", "is a condition on designs, and a test is one; leave it out")
-        return compute(chosen_case(cube, selections), along)
+        return compute(selected_case(cube, selections), strains)
     dims = _dims_of_shapes(cube, selections)
-    chosen_indices({STRAIN: cube[STRAIN].values}, along)
+    chosen_indices({STRAIN: cube[STRAIN].values}, strains)
     left = selected(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
     if rows.empty:
         raise invalid("where" if where else "selections", "leaves no design; choose others")
-    mistakes, case_files = ErrorCollector(), list[tuple[xr.Dataset, dict[str, Any]]]()
+    mistakes, parts = ErrorCollector(), list[xr.Dataset]()
+    case_files = list[tuple[xr.Dataset, dict[str, Any]]]()
     for labels in rows.itertuples(index=False, name=None):
         design = dict(zip(dims, labels, strict=True))
         with mistakes:
-            # Of a cube few designs may have their shapes beside it.
-            case_files.append((chosen_case(cube, design), design))
-    if len(rows) == 1 and mistakes.all:
-        raise InputError(mistakes.all)
+            case_files.append((selected_case(cube, design), design))
+    if len(rows) == 1:
+        raise_if_any(mistakes.all)
     if not case_files:
         message = f"none of these {len(rows)} designs has a shape; run one into this folder"
         raise invalid(str(Path(cube.encoding["source"]).parent / "cases"), message)
-    parts = [
-        compute(case_file, along).expand_dims({dim: [label] for dim, label in design.items()})
-        for case_file, design in case_files
-    ]
+    for case_file, design in case_files:
+        part = compute(case_file, strains)
+        parts.append(part.expand_dims({dim: [label] for dim, label in design.items()}))
     found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
     # Designs are in the order of the cube, before what else there is.
     known = {dim: cube[dim][cube[dim].isin(found[dim])] for dim in dims}
     found = xr.merge([xr.Dataset(coords=known), found.reindex(known)], combine_attrs="no_conflicts")
-    found = found.transpose(*dims, ...)
-    units = sorted({each.attrs["length_unit"] for each in parts})
-    return found.assign_attrs(length_unit=" and ".join(units))
+    units = sorted({part.attrs["length_unit"] for part in parts})
+    return found.transpose(*dims, ...).assign_attrs(length_unit=" and ".join(units))
 
 
 def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
@@ -125,14 +121,7 @@ def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
     return np.isfinite(positions).all(axis=(1, 2, 3))
 
 
-def plies_touch(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
-    """Whether contact pushes plies apart at every applied strain of a case."""
-    if "energy_contact" not in case_file:
-        return np.zeros(case_file.sizes[STRAIN], bool)
-    return case_file["energy_contact"].values > 0
-
-
-def chosen_strains(
+def reached_strains(
     case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:
     """Indices of the strains of a case that selections choose, one or several; all reached.

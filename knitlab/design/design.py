@@ -95,7 +95,7 @@ def run_design(
     if own and workers:
         raise invalid("workers", "own measures run in this process only; give workers = 0")
     space = search_space(request)
-    objective = Objective(request, own, space.acts_on())
+    objective = Objective(request, own, space.parameter_slopes())
     check_targets(request.wanted, own, space.case(space.designs[0])[0])
     if not objective.has_gradient and find_spec("cmaes") is None:
         message = "is needed for targets without derivatives; pip install 'knitlab[design]'"
@@ -216,8 +216,8 @@ def summary(designed: Designed) -> Iterator[str]:
         if search.held_by:
             yield f"  at the bound {', '.join(search.held_by)}"
         determined = search.determined_to
-        if hardly := [f"{name} (± {100 * determined[name]:.0f} %)" for name in search.undetermined]:
-            yield f"  hardly determined by the targets: {', '.join(hardly)}"
+        if weak := [f"{name} (± {100 * determined[name]:.0f} %)" for name in search.undetermined]:
+            yield f"  hardly determined by the targets: {', '.join(weak)}"
     if not designed.met:
         others = (search for search in designed.searches if search.winner)
         nearest = searches[0][1] if searches else next(others)
@@ -232,12 +232,12 @@ def summary(designed: Designed) -> Iterator[str]:
             yield f"{one!r} and {other!r} conflict; no bound holds it back"
         else:
             yield "no bound holds it back: let more vary, add designs, or raise the budget"
-    apart = [name for name in designed.request.bounds if name.startswith(("rib_", "garter_"))]
-    if apart:
-        factors = (name.partition("_")[2] for name in apart if "factor" in name)
+    names = [variable.name for variable in designed.request.variables]
+    if one_knit := [name for name in names if name.startswith(("rib_", "garter_"))]:
+        factors = (name.partition("_")[2] for name in one_knit if "factor" in name)
         both = ", ".join(dict.fromkeys(factors))
         hint = f"; vary {both}, if both are knitted alike" if both else ""
-        yield f"{', '.join(apart)} change one knit alone, but yarn and stitch size both{hint}"
+        yield f"{', '.join(one_knit)} change one knit alone, but yarn and stitch size both{hint}"
     if designed.unknown:
         labels = "; ".join(labelled(dims, design) for design in designed.unknown)
         yield f"not considered, as no cube has results of them: {labels}"

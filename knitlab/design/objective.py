@@ -51,7 +51,7 @@ class Objective:
 
     request: DesignRequest
     own: ShapeFunctions
-    acts_on: Float[np.ndarray, "parameter variable"]  # of logarithms of parameters, by variables
+    parameter_slopes: Float[np.ndarray, "parameter variable"]  # of logarithms
 
     @property
     def has_gradient(self) -> bool:
@@ -103,7 +103,7 @@ class Objective:
 
     def constraints(self, trial: Trial, slopes: Slopes | None = None) -> tuple[Residuals, Jacobian]:
         """Constraint functions over their tolerances, not negative if met, and derivatives."""
-        rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
+        rows, by = [np.zeros(0)], [np.zeros((0, self.parameter_slopes.shape[1]))]
         for target in map(aimed, self.request.subject_to):
             at, values, by_variables = self._read(target, trial, slopes)
             for sign, bound in zip((1.0, -1.0), target.bounds(at), strict=True):
@@ -118,8 +118,8 @@ class Objective:
     ) -> tuple[Float[np.ndarray, " point"], Residuals, Jacobian]:
         """Strains of a window, none for a number; values at these; derivatives, or 0."""
         values = trial.values(target.name)
-        slopes = slopes or {target.name: np.zeros((len(values), len(self.acts_on)))}
-        by = slopes[target.name] @ self.acts_on
+        slopes = slopes or {target.name: np.zeros((len(values), len(self.parameter_slopes)))}
+        by = slopes[target.name] @ self.parameter_slopes
         if target.window is None:
             return np.zeros(0), values, by
         at, curve = target.window.read(trial.strains, values[None])

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,11 +33,24 @@ from knitlab.runs.workflow import PATTERN, SETTINGS, SWEPT_PROTOCOL
 
 CHOICES = ("n_stripe", "n_subunit", PATTERN)  # vary as lists, in all combinations
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))  # what variables change
-VARIABLES = (*PARAMETERS, *(f"{each}_factor" for each in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)))
-"""Continuous variables, given with bounds."""
+FACTORS = tuple(f"{each}_factor" for each in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES))
 RELATIVE_TOLERANCE = 0.05  # default tolerance of a target, over its value
 TOLERANCE_OF_ZERO = 0.01  # default tolerance of a target whose value is zero
 WITHIN_RANGE = ("mean", "min", "max")  # reductions that lie between the ends of a curve's range
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of the stripes or the gauge that may vary between two bounds, in its unit."""
+
+    name: str  # a parameter, or the factor of one or of both knits' parameters
+    low: float
+    high: float
+
+    def changes(self, parameter: str) -> bool:
+        """Whether a parameter is proportional to it."""
+        quantity = self.name.removesuffix("_factor")
+        return parameter in (quantity, f"rib_{quantity}", f"garter_{quantity}")
 
 
 def _listed(given: Any) -> Any:
@@ -71,6 +84,8 @@ class DesignRequest(DesignFile):
     name: str
     targets: tuple[Target, ...]
     subject_to: tuple[Target, ...] = ()
+    choices: dict[str, tuple[int | str, ...]] = Field(default_factory=dict)
+    variables: tuple[Variable, ...] = ()
 
     def __repr__(self) -> str:
         return f"<DesignRequest {self.name}: {len(self.targets)} targets, {len(self.vary)} varied>"
@@ -81,19 +96,10 @@ class DesignRequest(DesignFile):
         return (*self.targets, *self.subject_to)
 
     @property
-    def choices(self) -> dict[str, tuple[int | str, ...]]:
-        """Numbers of stitches and names of patterns that may be chosen, where they may vary."""
-        return {name: self.vary[name] for name in CHOICES if name in self.vary}
-
-    @property
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each continuous variable."""
-        return {name: ends for name, ends in self.vary.items() if name not in CHOICES}
-
-    @property
     def text(self) -> str:
         """The request as text, which identifies it in its results folder."""
-        return json.dumps(self.model_dump(exclude={"name", "title"}), indent=1, default=str)
+        named = {"name", "title", "vary"}  # choices and variables say what may vary
+        return json.dumps(self.model_dump(exclude=named), indent=1, default=str)
 
 
 def read_request(path: Path) -> DesignRequest:
@@ -109,7 +115,7 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request of a table, with curves of a folder; InputError with all faults of a source."""
+    """The request of a table, with curves of a folder; InputError with every mistake."""
     try:
         file = DesignFile.model_validate(table)
     except ValidationError as error:
@@ -121,10 +127,14 @@ def checked_request(
         for given in getattr(file, key):
             with mistakes:
                 targets.append(with_tolerance(read_target(given, f"{source}{key}", folder)))
-    vary = {}
-    for variable, value in file.vary.items():
+    choices, variables = dict[str, Any](), list[Variable]()
+    for name_of_variable, value in file.vary.items():
+        where = f"{source}vary.{name_of_variable}"
         with mistakes:
-            vary[variable] = _choices_or_bounds(variable, value, f"{source}vary.{variable}")
+            if name_of_variable in CHOICES:
+                choices[name_of_variable] = _choices(name_of_variable, value, where)
+            else:
+                variables.append(_variable(name_of_variable, value, where))
     for one, other in contradictions([*read["targets"], *read["subject_to"]]):
         message = f"no value meets both {one.text!r} and {other.text!r}; remove one"
         mistakes.all.append(Mistake(f"{source}targets", message))
@@ -143,7 +153,8 @@ def checked_request(
                 raise invalid(where, "is a list; give one value, or let it vary")
     raise_if_any(mistakes.all)
     checked = {key: tuple(targets) for key, targets in read.items()}
-    return DesignRequest(**{**dict(file), **checked, "vary": vary, "name": name})
+    given = {**dict(file), **checked, "name": name}
+    return DesignRequest(**given, choices=choices, variables=tuple(variables))
 
 
 def with_tolerance(target: Target) -> Target:
@@ -178,21 +189,25 @@ def _contradict(one: Target, other: Target) -> bool:
     return bool(np.max(other_low) > np.max(high) or np.min(other_high) < np.min(low))
 
 
-def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
-    """What a variable may be; InputError if there is no such variable, or it cannot be that."""
+def _choices(name: str, value: Any, where: str) -> tuple[Any, ...]:
+    """The labels that a design may have, each once."""
     listed = list(value) if isinstance(value, list | tuple) else [value]
     if name == PATTERN:
         if not (listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed)):
             raise invalid(where, f"is {value!r}; list names of patterns")
         return tuple(dict.fromkeys(listed))
-    if name in CHOICES:
-        if not (listed and all(type(one) is int and one > 0 for one in listed)):
-            raise invalid(where, f"is {value!r}; list whole numbers of stitches")
-        return tuple(sorted(set(listed)))
-    if name not in VARIABLES:
-        raise invalid(where, unknown(name, (*CHOICES, *VARIABLES), "variable"))
+    if not (listed and all(type(one) is int and one > 0 for one in listed)):
+        raise invalid(where, f"is {value!r}; list whole numbers of stitches")
+    return tuple(sorted(set(listed)))
+
+
+def _variable(name: str, value: Any, where: str) -> Variable:
+    known = (*PARAMETERS, *FACTORS)
+    if name not in known:
+        raise invalid(where, unknown(name, (*CHOICES, *known), "variable"))
+    listed = list(value) if isinstance(value, list | tuple) else [value]
     numbers = len(listed) == 2 and all(isinstance(one, int | float) for one in listed)
     if not (numbers and 0 < listed[0] < listed[1] < math.inf):
         example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
         raise invalid(where, f"is {value!r}; {example}")
-    return tuple(map(float, listed))
+    return Variable(name, float(listed[0]), float(listed[1]))

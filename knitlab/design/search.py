@@ -29,9 +29,9 @@ FAILED_DISTANCE = 1e3  # distance assigned to a trial that did not converge
 SPREAD_OF_FIRST = 0.15  # standard deviation of first trials without gradients, in bounds 0 to 1
 PENALTY = 10.0  # weight of a violated constraint relative to the distance, without gradients
 INSET = 1e-3  # least distance of a start from the bounds, over their distance
-MOST_FAILED = 3  # number of trials that may fail before gradients are given up
+MAX_FAILED = 3  # number of trials that may fail before gradients are given up
 UNIFORM = 12**-0.5  # standard deviation of a uniform distribution from 0 to 1
-HARDLY = 0.5  # fraction of that above which a value counts as hardly determined
+WEAK = 0.5  # fraction of that above which a value counts as weakly determined
 ATTEMPTS = 3  # how often a search is started if its worker dies
 
 
@@ -181,7 +181,7 @@ class DesignSearch:
         def squared(point: Point) -> tuple[float, Point]:
             trial, record = self.trial(point)
             if record.distance is None:
-                if sum(earlier.distance is None for earlier in self.records) >= MOST_FAILED:
+                if sum(earlier.distance is None for earlier in self.records) >= MAX_FAILED:
                     raise NoDerivative("several trials do not converge")
                 return FAILED_DISTANCE**2, np.zeros_like(point)
             residuals, jacobian = objective.residuals(trial, objective.slopes(trial))
@@ -252,12 +252,12 @@ class DesignSearch:
         # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
-        hardly = deviations > HARDLY * UNIFORM
-        by = np.expm1(deviations * (self.space.upper - self.space.lower))
+        weak = deviations > WEAK * UNIFORM
+        by = np.expm1(deviations * (self.space.width))
         return {
             "held_by": self.space.bounds_at(point, downhill) if downhill.any() else [],
             "determined_to": dict(zip(names, by.tolist(), strict=True)),
-            "undetermined": list(compress(names, hardly)),
+            "undetermined": list(compress(names, weak)),
         }
 
 

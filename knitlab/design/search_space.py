@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.design.request import CHOICES, PARAMETERS, DesignRequest
+from knitlab.design.request import CHOICES, PARAMETERS, DesignRequest, Variable
 from knitlab.io.errors import invalid
 from knitlab.model.stitches import Gauge
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
@@ -29,31 +30,41 @@ class SearchSpace:
     settings: Mapping[str, Any]  # replace those of the workflow, the last strain included
     dims: tuple[str, ...]  # n_stripe, n_subunit and, where it varies, pattern
     designs: tuple[DesignLabels, ...]
-    names: tuple[str, ...]
-    lower: Point  # logarithms of the bounds
-    upper: Point
+    variables: tuple[Variable, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables."""
+        return tuple(variable.name for variable in self.variables)
+
+    @cached_property
+    def lower(self) -> Point:
+        """Logarithms of the lower bounds."""
+        return np.log([variable.low for variable in self.variables])
+
+    @cached_property
+    def width(self) -> Point:
+        """Logarithms of the upper over the lower bounds."""
+        return np.log([variable.high for variable in self.variables]) - self.lower
 
     def values(self, point: Point) -> dict[str, float]:
         """Values of the variables at a point, in their units."""
-        logarithms = self.lower + np.clip(point, 0, 1) * (self.upper - self.lower)
+        logarithms = self.lower + np.clip(point, 0, 1) * self.width
         return dict(zip(self.names, np.exp(logarithms).tolist(), strict=True))
 
-    def point_of(self, values: Mapping[str, float]) -> Point:
+    def point(self, values: Mapping[str, float]) -> Point:
         """The point of values, or the nearest within the bounds; the inverse of :meth:`values`."""
         logarithms = np.log([values[name] for name in self.names])
-        return np.clip((logarithms - self.lower) / (self.upper - self.lower), 0, 1)
+        return np.clip((logarithms - self.lower) / self.width, 0, 1)
 
     def bounds_at(self, point: Point, downhill: Point) -> list[str]:
         """The bounds reached, such as ``rib_k_t <= 0.1``, unless downhill leads away from them."""
         active = []
-        ends = np.exp(self.lower), np.exp(self.upper)
-        for name, fraction, slope, low, high in zip(
-            self.names, point, downhill, *ends, strict=True
-        ):
+        for variable, fraction, slope in zip(self.variables, point, downhill, strict=True):
             if fraction < AT_BOUND and slope <= 0:
-                active.append(f"{name} >= {low:.4g}")
+                active.append(f"{variable.name} >= {variable.low:.4g}")
             if fraction > 1 - AT_BOUND and slope >= 0:
-                active.append(f"{name} <= {high:.4g}")
+                active.append(f"{variable.name} <= {variable.high:.4g}")
         return active
 
     def labels(self, design: DesignLabels) -> dict[str, int | str]:
@@ -73,16 +84,12 @@ class SearchSpace:
         tabulated = dict.fromkeys(self.names, 1.0) | vars(gauge)
         for name, (side, quantity) in STRIPE_PARAMETERS.items():
             tabulated[name] = float(getattr(getattr(case, side), quantity))
-        return self.point_of(tabulated)
+        return self.point(tabulated)
 
-    def acts_on(self) -> Float[np.ndarray, "parameter variable"]:
+    def parameter_slopes(self) -> Float[np.ndarray, "parameter variable"]:
         """Derivatives of the logarithm of each parameter by each coordinate of a point."""
-        quantities = [name.removesuffix("_factor") for name in self.names]
-        changed = [
-            [parameter in (each, f"rib_{each}", f"garter_{each}") for each in quantities]
-            for parameter in PARAMETERS
-        ]
-        return np.reshape(changed, (len(PARAMETERS), len(self.names))) * (self.upper - self.lower)
+        changed = [[each.changes(parameter) for each in self.variables] for parameter in PARAMETERS]
+        return np.reshape(changed, (len(PARAMETERS), len(self.variables))) * self.width
 
 
 def search_space(request: DesignRequest) -> SearchSpace:
@@ -112,9 +119,7 @@ def search_space(request: DesignRequest) -> SearchSpace:
         tuple(label if isinstance(label, str) else int(label) for label in design)
         for design in allowed.designs.values()
     )
-    names, bounds = tuple(request.bounds), np.array([*request.bounds.values()]).reshape(-1, 2)
-    logarithms = np.log(bounds).T
-    space = SearchSpace(request.workflow, settings, allowed.dims, designs, names, *logarithms)
+    space = SearchSpace(request.workflow, settings, allowed.dims, designs, request.variables)
     for design, fraction in product(designs, (0.0, 1.0)):
-        space.case(design, np.full(len(bounds), fraction))
+        space.case(design, np.full(len(request.variables), fraction))
     return space

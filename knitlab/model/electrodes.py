@@ -228,19 +228,22 @@ def _along_ridges(
                 for number in missing
             ]
         )
+    return [
+        (ridge_strip(layout, pattern, stitches, lines[number - 1]),) for number in layout.ridges
+    ]
+
+
+def ridge_strip(
+    layout: ElectrodeLayout, pattern: PatchGrid, stitches: StitchCounts, line: int
+) -> Strip:
+    """The strip of a layout's width and span that is centred on a ridge, by its grid line."""
     wale = layout.along == "wale"
-    across = stitches[wale]
-    length = pattern.grid[not wale]
-    start, end = (fraction * length for fraction in layout.span)
-
-    def strip(line: int) -> Strip:
-        stripe = pattern.cells_per_period / 2
-        width = stripe if layout.width == "stripe" else layout.width / across[line]
-        low = line - width / 2
-        high = line + width / 2
-        return Strip(low, high, start, end) if wale else Strip(start, end, low, high)
-
-    return [(strip(lines[number - 1]),) for number in layout.ridges]
+    start, end = (fraction * pattern.grid[not wale] for fraction in layout.span)
+    width = pattern.cells_per_period / 2
+    if layout.width != "stripe":
+        width = layout.width / stitches[wale][line % pattern.grid[wale]]
+    low, high = line - width / 2, line + width / 2
+    return Strip(low, high, start, end) if wale else Strip(start, end, low, high)
 
 
 def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> list[tuple[Strip, ...]]:

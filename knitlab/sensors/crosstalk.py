@@ -15,7 +15,7 @@ from knitlab.model.electrodes import Capacitor, Strip
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.sensors.electrode_set import ElectrodeSet
-from knitlab.sensors.maxwell import Others, capacitance_matrices, readings
+from knitlab.sensors.readings import Others, capacitance_matrices, readings
 from knitlab.solvers.case import Case
 from knitlab.solvers.contact import contact_of
 from knitlab.solvers.equilibrium.adjoint import LinearResponse
@@ -27,7 +27,7 @@ STEP = 1e-3  # mean strain of the part that is pulled
 def cross_talk(
     case: Case,
     relaxed: Configuration,
-    of_set: ElectrodeSet,
+    electrodes: ElectrodeSet,
     sensors: Sequence[tuple[int, int]],
     capacitor: Capacitor,
     axis: int,
@@ -38,9 +38,9 @@ def cross_talk(
 
     Readings in the relaxed state [pF], of one period if periodic, and what it is along ``pulled``.
     """
-    shape = of_set.shape
+    shape = electrodes.shape
     free, start = all_free(shape), np.asarray(relaxed.flattened())
-    parts = [part_of(of_set, pair) for pair in sensors]
+    parts = [part_of(electrodes, pair) for pair in sensors]
     ends = [[_line(shape, axis, part, end) for end in (0, 1)] for part in parts]
     forces = np.array([high - low for low, high in ends])
     response = LinearResponse(shape, free).at(case.assemble()[1], start, contact_of(case))
@@ -50,7 +50,7 @@ def cross_talk(
     moves /= np.diag(strains)[:, None]
     signs = [start, *(start + sign * STEP * move for move in moves for sign in (1, -1))]
     states = Configuration.stacked([Configuration.of(each, shape) for each in signs])
-    matrices = capacitance_matrices(of_set, states, capacitor, polarised)
+    matrices = capacitance_matrices(electrodes, states, capacitor, polarised)
     found = readings(matrices, sensors, others)
     slopes = np.log(found[1::2] / found[2::2]).T / (2 * STEP)
     coupling = np.eye(len(sensors))
@@ -59,11 +59,11 @@ def cross_talk(
             pairs = [(a, b) for a in sensors[i] for b in sensors[j] if a != b]
             largest = max(-float(matrices[0, a, b]) for a, b in pairs)
             coupling[i, j] = largest / found[0, i]
-    of_others = slopes / np.diag(slopes)[:, None], (strains / np.diag(strains)[:, None]).T
+    relative = slopes / np.diag(slopes)[:, None], (strains / np.diag(strains)[:, None]).T
     variables = {
         "gauge_factor": (slopes, "change of ln C by the strain of the pulled part"),
-        "cross_talk": (of_others[0], "reading over that of its own strain"),
-        "strain": (of_others[1], "strain over that of the pulled part"),
+        "cross_talk": (relative[0], "reading over that of its own strain"),
+        "strain": (relative[1], "strain over that of the pulled part"),
         "coupling": (coupling, "largest capacitance between sensors over the reading"),
     }
     return xr.Dataset(
@@ -75,11 +75,11 @@ def cross_talk(
     )
 
 
-def part_of(of_set: ElectrodeSet, pair: tuple[int, int]) -> Strip:
+def part_of(electrodes: ElectrodeSet, pair: tuple[int, int]) -> Strip:
     """The part of the fabric that a sensor covers: where its electrodes cross, or both of them."""
-    groups = [of_set.groups[number] for number in pair]
+    groups = [electrodes.groups[number] for number in pair]
     strips = [strip for group in groups for strip in group]
-    if of_set.overlapping(*pair):
+    if electrodes.overlapping(*pair):
         shared = (one.shared(other) for one, other in product(*groups))
         strips = [strip for strip in shared if strip is not None and strip.area > 0]
     left, bottom = (min(strip.extents[axis][0] for strip in strips) for axis in (0, 1))

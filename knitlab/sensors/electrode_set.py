@@ -1,17 +1,24 @@
 """Any number of electrodes on a fabric, by the ridges or the grid cells that they cover."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import combinations, pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.io.errors import InputError, Mistake, invalid, shown
-from knitlab.model.electrodes import Capacitor, ElectrodeLayout, Electrodes, Strip, ridge_lines
+from knitlab.model.electrodes import (
+    Capacitor,
+    ElectrodeLayout,
+    Electrodes,
+    Strip,
+    ridge_lines,
+    ridge_strip,
+)
 from knitlab.model.network import MeshShape
 from knitlab.model.pattern import Along
 from knitlab.observables.capacitance.panels import PanelChart, panel_chart
@@ -19,7 +26,14 @@ from knitlab.solvers.case import Case
 
 ALONG: tuple[Along, Along] = ("course", "wale")  # by axis
 Group = tuple[Strip, ...]
-REMEDY = "give ridges such as w1 or c2, joined as w1+w3, or grid cells such as 0:2/4:8"
+
+
+class ElectrodeKind(NamedTuple):
+    """A way to name an electrode: what names look like, and the strip that a name means."""
+
+    pattern: str  # regular expression
+    example: str
+    strip: Callable[[re.Match[str], Case, ElectrodeLayout], Strip | None]  # None: no such strip
 
 
 def sensor_case(case_file: xr.Dataset) -> tuple[Case, Capacitor]:
@@ -51,7 +65,7 @@ class ElectrodeSet:
         shared = (a.shared(b) for a in self.groups[one] for b in self.groups[other])
         return any(strip is not None and strip.area > 0 for strip in shared)
 
-    def charts(self, level: int, bare: bool = False) -> PanelChart:
+    def chart(self, level: int, bare: bool = False) -> PanelChart:
         """Panels of all electrodes; with number ``len(names)``, those of the cloth between them."""
         groups = [*map(self._divided, self.groups), *([self._bare] if bare else [])]
         charts = [
@@ -98,69 +112,70 @@ def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -
     fabric on the face of the layout, and ``left:right/bottom:top`` a rectangle of grid cells.
     """
     shape, layout = case.mesh_shape, capacitor.layout
-    ridges = partial(_ridges, case, layout)
     if not names:
-        letter = layout.along[0]
-        names = [f"{letter}{k + 1}" for k in range(len(ridges(letter)))]
+        count = len(ridge_lines(replace(layout, within="fabric"), case.sample, case.options))
+        names = [f"{layout.along[0]}{k + 1}" for k in range(count)]
     if len(names) < 2 or len(set(names)) < len(names):
         raise invalid("electrodes", f"are {', '.join(names) or 'none'}; give two or more different")
     letters = {part[:1] for name in names for part in name.split("+")} & {"w", "c"}
     if shape.periodic and letters == {"w", "c"}:
         message = "cross those along courses, and periodic fabric repeats along one direction"
         raise invalid("electrodes along wales", f"{message}; simulate with boundary = clamped")
-    groups = tuple(tuple(_strips(name, ridges)) for name in names)
+    groups = tuple(tuple(_strips(name, case, layout)) for name in names)
     only = letters.pop() if len(letters) == 1 else layout.along[0]
-    of_set = ElectrodeSet(tuple(names), groups, 0 if only == "c" else 1, shape)
-    if mistakes := list(_faults(of_set, capacitor)):
+    electrodes = ElectrodeSet(tuple(names), groups, 0 if only == "c" else 1, shape)
+    if mistakes := list(_mistakes(electrodes, capacitor)):
         raise InputError(Mistake("electrodes", each) for each in mistakes)
-    return of_set
+    return electrodes
 
 
-def _faults(of_set: ElectrodeSet, capacitor: Capacitor) -> Iterator[str]:
+def _mistakes(chosen: ElectrodeSet, capacitor: Capacitor) -> Iterator[str]:
     """What is wrong with electrodes on their fabric."""
-    ends = 0.0, float((of_set.shape.cells_x, of_set.shape.cells_y)[of_set.along])
-    for one, other in combinations(range(len(of_set.names)), 2):
-        pair = Electrodes((of_set.groups[one], of_set.groups[other]), ALONG[of_set.along])
-        for each in pair.mistakes(of_set.shape):
+    ends = 0.0, float((chosen.shape.cells_x, chosen.shape.cells_y)[chosen.along])
+    named = list(zip(chosen.names, chosen.groups, strict=True))
+    for (name, group), (other_name, other) in combinations(named, 2):
+        for each in Electrodes((group, other), ALONG[chosen.along]).mistakes(chosen.shape):
             if "touch" not in each or not capacitor.dielectric_thickness:
-                names = f"{of_set.names[one]} (A) and {of_set.names[other]} (B)"
+                names = f"{name} (A) and {other_name} (B)"
                 yield f"{each}, of {names}; separate them, or set dielectric_thickness"
-    if of_set.shape.periodic:
-        for name, group in zip(of_set.names, of_set.groups, strict=True):
-            if any(strip.extents[of_set.along] != ends for strip in group):
+    if chosen.shape.periodic:
+        for name, group in named:
+            if any(strip.extents[chosen.along] != ends for strip in group):
                 yield f"{name} does not continue across the boundary of periodic fabric"
 
 
-def _ridges(case: Case, layout: ElectrodeLayout, letter: str) -> list[Strip]:
-    """The ridges along wales (w) or courses (c) as electrodes of the layout's width and span."""
-    wale, sample = letter == "w", case.sample
-    layout = replace(layout, along="wale" if wale else "course", within="fabric")
-    start, end = (fraction * sample.grid[not wale] for fraction in layout.span)
-    strips = []
-    for line in ridge_lines(layout, sample, case.options):
-        stripe = sample.cells_per_period / 2
-        across = case.stitches_per_cell[wale][line % sample.grid[wale]]
-        width = stripe if layout.width == "stripe" else layout.width / across
-        low, high = line - width / 2, line + width / 2
-        strips.append(Strip(low, high, start, end) if wale else Strip(start, end, low, high))
-    return strips
+def _ridge(name: re.Match[str], case: Case, layout: ElectrodeLayout) -> Strip:
+    """A ridge along a wale (w) or a course (c), as an electrode of the layout's width and span."""
+    along: Along = "wale" if name[1] == "w" else "course"
+    layout = replace(layout, along=along, within="fabric")
+    lines, number = ridge_lines(layout, case.sample, case.options), int(name[2])
+    if number > len(lines):
+        message = f"is not there: this fabric has {len(lines)} ridges of this kind"
+        raise invalid(f"electrode {name[0]}", f"{message}; choose one of them")
+    return ridge_strip(layout, case.sample, case.stitches_per_cell, lines[number - 1])
 
 
-def _strips(name: str, ridges: "partial[list[Strip]]") -> Iterator[Strip]:
-    """The strips of a name."""
+def _rectangle(name: re.Match[str], case: Case, layout: ElectrodeLayout) -> Strip | None:
+    """A rectangle of grid cells, ``left:right/bottom:top``."""
+    left, right, bottom, top = map(float, name.groups())
+    return Strip(left, right, bottom, top) if left < right and bottom < top else None
+
+
+KINDS = (
+    ElectrodeKind(r"([wc])([1-9]\d*)", "a ridge such as w1 or c2", _ridge),
+    ElectrodeKind(r"(\d+):(\d+)/(\d+):(\d+)", "grid cells such as 0:2/4:8", _rectangle),
+)
+"""Every way to name an electrode."""
+
+
+def _strips(name: str, case: Case, layout: ElectrodeLayout) -> Iterator[Strip]:
+    """The strips of a name, whose parts are joined by ``+``."""
     for part in name.split("+"):
-        if cells := re.fullmatch(r"(\d+):(\d+)/(\d+):(\d+)", part):
-            left, right, bottom, top = map(float, cells.groups())
-            if left < right and bottom < top:
-                yield Strip(left, right, bottom, top)
-                continue
-        elif (ridge := re.fullmatch(r"([wc])([1-9]\d*)", part)) is not None:
-            known, number = ridges(ridge[1]), int(ridge[2])
-            if number > len(known):
-                message = f"is not there: this fabric has {len(known)} ridges of this kind"
-                raise invalid(f"electrode {part}", f"{message}; choose one of them")
-            yield known[number - 1]
-            continue
-        raise invalid(
-            f"electrode {shown(part)}", f"is no ridge or rectangle of grid cells; {REMEDY}"
-        )
+        matches = ((kind, re.fullmatch(kind.pattern, part)) for kind in KINDS)
+        strips = (kind.strip(match, case, layout) for kind, match in matches if match)
+        strip = next(strips, None)
+        if strip is None:
+            examples = ", or ".join(kind.example for kind in KINDS)
+            message = f"is no ridge or rectangle of grid cells; give {examples}; join several by +"
+            raise invalid(f"electrode {shown(part)}", message)
+        yield strip

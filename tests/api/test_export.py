@@ -16,7 +16,7 @@ from knitlab.cli import main
 from knitlab.cubes.case_file import case_path, checksum_path, read_case, write_case_file
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
-from tests.export.meshes.made_up import CASE_ID, PREVIEW, kept_file
+from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
 
 ONE = {"n_stripe": 4, "n_subunit": 16}
 

@@ -14,7 +14,7 @@ from knitlab.cubes.case_file import case_path, write_case_file
 from knitlab.cubes.cube_file import read_cube, write_cube
 from knitlab.observables.schema import described
 from tests.cubes.artificial_cubes import made_up_cube
-from tests.export.meshes.made_up import CASE_ID, PREVIEW, kept_file
+from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
 
 REFERENCE = PREVIEW.parent
 

@@ -324,7 +324,7 @@ def test_a_killed_design_resumes_to_the_same_result(tmp_path):
         went_on.cube[["poisson_ratio", "distance"]], unbroken.cube[["poisson_ratio", "distance"]]
     )
     kept = json.loads((tmp_path / "whole" / "sleeve" / "request.json").read_text())
-    assert kept["vary"]["n_stripe"] == [4]
+    assert kept["choices"]["n_stripe"] == [4]
     (tmp_path / "sleeve.toml").write_text(REQUEST.replace("-0.2", "-0.1"))
     request = tmp_path / "results" / "sleeve" / "request.json"
     for contents in (request.read_bytes(), b"\xff"):

@@ -17,16 +17,16 @@ STRAINS = np.array([0.0, 0.1, 0.2, 0.3])
 CURVE = {"name": "poisson_ratio", "applied_strain": [0.05, 0.3], "value": [-0.5, -0.1]}
 
 
-def objective(*texts, subject_to=(), acts_on=None):
+def objective(*texts, subject_to=(), slopes=None):
     targets, constraints = (
         tuple(with_tolerance(read_target(one)) for one in of) for of in (texts, subject_to)
     )
     request = DesignRequest(name="asked", targets=targets, subject_to=constraints)
     own = (("thickness", thickness),)
-    return Objective(request, own, np.zeros((10, 1)) if acts_on is None else acts_on)
+    return Objective(request, own, np.zeros((10, 1)) if slopes is None else slopes)
 
 
-def made_up(ratio, force):
+def synthetic(ratio, force):
     """A trial whose curves are linear in strain, Poisson's ratio without a value at zero."""
     curves = {"poisson_ratio": ratio(STRAINS), "reaction_force": force(STRAINS)}
     curves["poisson_ratio"][0] = np.nan
@@ -38,7 +38,7 @@ def made_up(ratio, force):
 
 
 def test_distances_are_those_of_a_fine_grid():
-    trial = made_up(lambda e: -0.5 + e, lambda e: 4 * e)
+    trial = synthetic(lambda e: -0.5 + e, lambda e: 4 * e)
     asked = objective(
         "poisson_ratio = -0.3 ± 0.05 @ 0.12:0.28",
         "reaction_force < 0.6 ± 0.2 @ 0.1:0.3",
@@ -61,7 +61,7 @@ def test_distances_are_those_of_a_fine_grid():
 
 
 def test_squared_residuals_sum_to_the_squared_distance():
-    trial = made_up(lambda e: -0.5 + e, lambda e: 4 * e)
+    trial = synthetic(lambda e: -0.5 + e, lambda e: 4 * e)
     asked = objective("poisson_ratio = -0.3 @ 0.1:0.3", "spread(reaction_force) > 2 @ 0.1:0.3")
     aims = objective(*(each for each in map(aimed, asked.request.targets)))
     residuals, _ = asked.residuals(trial)
@@ -74,7 +74,7 @@ def met_by(asked, trial):
 
 
 def test_met_means_within_a_tolerance_of_a_value_and_within_a_range():
-    trial = made_up(lambda e: -0.3 + 0 * e, lambda e: 4 * e)
+    trial = synthetic(lambda e: -0.3 + 0 * e, lambda e: 4 * e)
     for text, met in {
         "poisson_ratio = -0.32 ± 0.03 @ 0.1:0.3": True,
         "poisson_ratio = -0.32 ± 0.01 @ 0.1:0.3": False,
@@ -88,7 +88,7 @@ def test_met_means_within_a_tolerance_of_a_value_and_within_a_range():
 
 
 def test_constraints_are_negative_where_they_are_violated():
-    trial = made_up(lambda e: -0.3 + 0 * e, lambda e: 4 * e)
+    trial = synthetic(lambda e: -0.3 + 0 * e, lambda e: 4 * e)
     held = objective(
         "reaction_force > 0 @ 0.1", subject_to=["0.5 < reaction_force < 0.7 @ 0.1:0.2"]
     )
@@ -165,7 +165,9 @@ def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp
         table["settings"]["unit_cells"] = [1, 1]
     space = search_space(checked_request("sleeve", table))
     asked = objective(
-        *wanted, subject_to=["0 < reaction_force < 9 @ 0.03:0.06"], acts_on=space.acts_on()
+        *wanted,
+        subject_to=["0 < reaction_force < 9 @ 0.03:0.06"],
+        slopes=space.parameter_slopes(),
     )
     point = np.array([0.4, 0.6, 0.5, 0.45, 0.5])
 

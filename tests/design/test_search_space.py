@@ -50,7 +50,7 @@ usual_space = cache(space)
 def test_a_point_is_found_again_from_its_values(fractions):
     searched = usual_space()
     point = np.array(fractions)
-    np.testing.assert_allclose(searched.point_of(searched.values(point)), point, atol=1e-12)
+    np.testing.assert_allclose(searched.point(searched.values(point)), point, atol=1e-12)
 
 
 def test_stripe_parameters_follow_from_the_place_in_the_search_space():
@@ -60,7 +60,7 @@ def test_stripe_parameters_follow_from_the_place_in_the_search_space():
         moved = middle.copy()
         moved[variable] += 0.25
         change = (logarithms(*searched.case((4, 16), moved)) - before) / 0.25
-        np.testing.assert_allclose(change, searched.acts_on()[:, variable], atol=1e-9)
+        np.testing.assert_allclose(change, searched.parameter_slopes()[:, variable], atol=1e-9)
 
 
 def test_a_search_starts_from_the_tables():

@@ -137,13 +137,6 @@ def test_unresolved_capacitances_are_reported():
 
 
 @pytest.mark.slow
-def test_permittivity_multiplies_the_capacitance():
-    assert measured([1.0], permittivity=2.5).capacitance == pytest.approx(
-        2.5 * measured([1.0]).capacitance
-    )
-
-
-@pytest.mark.slow
 def test_a_state_is_measured_alike_alone_and_among_others():
     alone = [measured([angle]).capacitance[0] for angle in (0.8, 1.6)]
     np.testing.assert_allclose(measured([0.8, 1.6]).capacitance, alone, rtol=1e-5)

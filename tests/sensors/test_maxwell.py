@@ -5,7 +5,8 @@ import pytest
 from scipy.special import ellipk
 
 from knitlab.observables.capacitance.boundary_elements import VACUUM_PERMITTIVITY
-from knitlab.sensors.maxwell import Around, matrices_of
+from knitlab.observables.capacitance.maxwell import Surroundings
+from knitlab.sensors.readings import electrode_matrices
 from tests.sensors.conductors import crowded, evenly, extrapolated, plate, strips, wire
 
 LENGTH = 2.0
@@ -19,7 +20,7 @@ def matrix(*conductors, bare=(), **around):
         name: np.array([value]) if name in ("period", "ground") else value
         for name, value in around.items()
     }
-    return matrices_of(panels[None], number, len(conductors), Around(**states))[0]
+    return electrode_matrices(panels[None], number, len(conductors), Surroundings(**states))[0]
 
 
 def wires(centres, sides, radius=0.3):

@@ -85,13 +85,6 @@ def test_no_two_panels_overlap(laid, level):
     assert np.allclose(overlap, np.diag(chart_area(chart)), atol=1e-12)
 
 
-def test_panels_stay_in_their_grid_cells():
-    shape, *_ = rib(CLAMPED)
-    corners = panel_chart(up_the_warp(shape, 0.3, 1.9), shape, 2).corners
-    assert corners.min() == 0
-    assert corners.max() == 1
-
-
 @pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(options):
     shape, cell, flat = rib(options)
@@ -151,15 +144,6 @@ def test_a_periodic_electrode_does_not_end_at_the_boundary():
             assert lines.tolist() == [0, 0.5, 1]
 
 
-def test_an_open_electrode_ends_at_the_edges_of_the_fabric():
-    shape, *_ = rib(CLAMPED)
-    for electrodes in (up_the_warp(shape), drawn(up_the_warp(shape, 0.0))):
-        first, last = lines_up_the_warp(shape, electrodes)
-        assert len(first) == len(last) == 5
-        assert np.allclose(first, last)
-        assert first[1] < 0.25
-
-
 def test_periodic_fabric_continues_along_its_electrodes_only():
     shape, *_ = rib(PERIODIC)
     around = Electrodes(((Strip(0.0, 1.0, 0.0, 8.0),), (Strip(7.0, 8.0, 0.0, 8.0),)), "wale")
@@ -209,19 +193,6 @@ def test_panels_at_the_corners_of_cells_lie_on_nodes(laid):
     assert np.allclose(panels_on(chart, shape, configuration)[on_node], nodes[y, x])
 
 
-def test_panels_at_the_middle_of_a_cell_lie_between_its_nodes():
-    shape, _, flat = rib(CLAMPED)
-    configuration = shaken(flat, 0.3)
-    chart = panel_chart(up_the_warp(shape, 1.0), shape, 2)
-    panels = panels_on(chart, shape, configuration)
-    middle = (
-        np.isclose(chart.corners, 0.5).all(axis=-1) & (chart.cell == [3, 1]).all(axis=-1)[:, None]
-    )
-    nodes = configuration.positions
-    assert middle.sum() == 4
-    assert np.allclose(panels[middle], nodes[3:5, 1:3].mean(axis=(0, 1)))
-
-
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_panels_beyond_the_periodic_boundary_lie_on_images_of_nodes(laid):
     shape, _, flat = rib(PERIODIC)
@@ -237,19 +208,6 @@ def test_panels_beyond_the_periodic_boundary_lie_on_images_of_nodes(laid):
     assert chart.cell.max() == 8
     expected = panels_on(chart, open_shape, Configuration(tiled, np.zeros(2)))
     assert np.allclose(panels_on(chart, shape, configuration), expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
-def test_shifting_an_electrode_by_a_period_shifts_its_panels_by_a_period(laid):
-    shape, _, flat = rib(PERIODIC)
-    configuration = shaken(flat, 0.3)
-    local, on = (
-        panels_on(panel_chart(laid(shape, low), shape, 1), shape, configuration)
-        for low in (1.25, 9.25)
-    )
-    across = 0 if laid is up_the_warp else 1
-    shift = configuration.lengths[across] * np.eye(3)[across]
-    assert np.allclose(on, local + shift, atol=1e-12)
 
 
 def test_panels_of_many_states_are_those_of_each():

@@ -11,8 +11,9 @@ import knitlab as kl
 from knitlab.cubes.case_file import LENGTH_FACTOR, configurations, in_cloth
 from knitlab.cubes.cube_file import open_cube
 from knitlab.model.fabric import Configuration
+from knitlab.observables.capacitance.maxwell import Surroundings
 from knitlab.observables.capacitance.panels import panel_chart, panels_on
-from knitlab.sensors.maxwell import Around, matrices_of, readings
+from knitlab.sensors.readings import electrode_matrices, readings
 from knitlab.sensors.selectivity import _Solver, _State
 from knitlab.solvers.case import case_of
 from tests.export.plates.bent_cell import BentCell
@@ -102,9 +103,9 @@ def test_bent_sensors_are_those_of_rolled_up_cells(along):
         of_rows, found = [], []
         for copies in (2, 3):
             panels, number = zip(*(row(copies) for row in rows), strict=True)
-            matrices = matrices_of(np.stack(panels), number[0], 2, Around())
+            matrices = electrode_matrices(np.stack(panels), number[0], 2, Surroundings())
             of_rows.append(readings(matrices, [(0, 1)], "floating")[:, 0])
-            found.append(solver._sides(bent, [2 + axis], 1, copies)[0])
+            found.append(solver.either_side(bent, [2 + axis], 1, copies)[0])
         up, down = of_rows[1] - of_rows[0]
         wanted = np.log(up / down) / (2 * size)
         up, down = found[1] - found[0]

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +20,56 @@ KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
 ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))  # of electrodes A and B, likewise [sRGB]
 METRES_OF_Z_UP = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]])
 """Transform of positions in mm with z upwards to those of glTF, in m with y upwards."""
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """What a file is written of: the meshes of one fabric at applied strains."""
+
+    meshes: Sequence[SurfaceMesh]
+    strains: Sequence[float]
+    unit: str = "mm"  # of the nodes
+
+    @property
+    def first(self) -> SurfaceMesh:
+        """The only mesh of a format that holds one."""
+        return self.meshes[0]
+
+
+Writer = Callable[[Shapes, Path], None]
+
+
+@dataclass(frozen=True)
+class MeshFormat:
+    """A file format of meshes, chosen by the suffix of the file."""
+
+    write: Callable[[Shapes, Path], list[Path]]  # returns the files, that of the path first
+    has_quads: bool = True
+    is_series: bool = False  # whether one file holds a mesh for each strain
+
+
+FORMATS: dict[str, MeshFormat] = {}
+"""Every format by its suffix; the functions below add them."""
+
+
+def _format(suffix: str, **properties: Any) -> Callable[[Writer], Writer]:
+    """Register a function that writes one file, which is then written atomically."""
+
+    def register(write: Writer) -> Writer:
+        def write_atomically(shapes: Shapes, path: Path) -> list[Path]:
+            with atomic_write(path) as temporary:
+                write(shapes, temporary)
+            return [path]
+
+        FORMATS[suffix] = MeshFormat(write_atomically, **properties)
+        return write
+
+    return register
+
+
+def write_meshes(shapes: Shapes, path: Path) -> list[Path]:
+    """Write meshes in the format of a suffix, and return the files; CannotWrite if that fails."""
+    return FORMATS[path.suffix.lower()].write(shapes, path)
 
 
 def node_colours(mesh: SurfaceMesh) -> UInt8[np.ndarray, "node 3"]:
@@ -39,7 +90,20 @@ def linear(colours: UInt8[np.ndarray, "node 3"]) -> Float[np.ndarray, "node 3"]:
     return np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
 
 
-def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
+@_format(".vtu")
+def _write_vtu(shapes: Shapes, path: Path) -> None:
+    mesh = shapes.first
+    _meshio(mesh, mesh.node_fields, mesh.face_fields).write(path, "vtu")
+
+
+@_format(".obj")
+def _write_obj(shapes: Shapes, path: Path) -> None:
+    _meshio(shapes.first).write(path, "obj")
+
+
+@_format(".ply")
+def _write_ply(shapes: Shapes, path: Path) -> None:
+    mesh = shapes.first
     fields = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
     for name, values in mesh.node_fields.items():
         # Names have no brackets and spaces: height_mm for height [mm].
@@ -47,52 +111,38 @@ def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
     _meshio(mesh, fields).write(path, "ply")
 
 
-def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
+@_format(".stl", has_quads=False)
+def _write_stl(shapes: Shapes, path: Path) -> None:
+    _trimesh(shapes.first).export(path, "stl")
+
+
+@_format(".glb", has_quads=False)
+def _write_glb(shapes: Shapes, path: Path) -> None:
     import trimesh
 
     # A material of two sides: of a sheet the back is seen too.
     look: dict[str, Any] = {"doubleSided": True, "metallicFactor": 0.0, "roughnessFactor": 1.0}
     material = trimesh.visual.material.PBRMaterial(name="fabric", **look)
     visual = trimesh.visual.TextureVisuals(material=material)
-    light = np.rint(255 * linear(node_colours(mesh))).astype(np.uint8)
+    light = np.rint(255 * linear(node_colours(shapes.first))).astype(np.uint8)
     visual.vertex_attributes["color"] = np.insert(light, 3, 255, axis=1)  # opaque
-    scene, solid = trimesh.Scene(), _trimesh(mesh, visual)
+    scene, solid = trimesh.Scene(), _trimesh(shapes.first, visual)
     scene.add_geometry(solid, node_name="fabric", geom_name="fabric", transform=METRES_OF_Z_UP)
     scene.export(path, "glb")
 
 
-FORMATS: dict[str, Callable[[SurfaceMesh, Path], None]] = {
-    ".vtu": lambda mesh, path: _meshio(mesh, mesh.node_fields, mesh.face_fields).write(path, "vtu"),
-    ".obj": lambda mesh, path: _meshio(mesh).write(path, "obj"),
-    ".ply": _write_ply,
-    ".stl": lambda mesh, path: _trimesh(mesh).export(path, "stl"),
-    ".glb": _write_glb,
-}
-"""What writes a mesh into a file, by its suffix."""
-TRIANGLES = (".stl", ".glb")  # suffixes of formats that cannot hold quads
-SERIES = ".pvd"  # suffix of a series of meshes
-FOLD = ".fold"  # suffix of a series of meshes in one file
+def _write_series(shapes: Shapes, path: Path) -> list[Path]:
+    """A ``.vtu`` for each strain in a folder, and ParaView's ``.pvd`` file, whose times these are.
 
-
-def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
-    """Write a mesh atomically in the format of its suffix; CannotWrite if that fails."""
-    with atomic_write(path) as temporary:
-        FORMATS[path.suffix.lower()](mesh, temporary)
-
-
-def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
-    """Write a mesh for each strain into a folder, then the ``.pvd`` file, of ParaView, of them.
-
-    Its times are the strains. Returns it, then the meshes; those of an earlier series are removed.
+    Meshes of an earlier series are removed.
     """
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
     files = []
-    for mesh, strain in zip(meshes, strains, strict=True):
+    for mesh, strain in zip(shapes.meshes, shapes.strains, strict=True):
         time = f"{strain:.9g}"
         file = path.with_suffix("") / f"strain_{time}.vtu"
-        write_mesh(mesh, file)
-        files.append(file)
+        files += write_meshes(Shapes([mesh], [strain]), file)
         name = file.relative_to(path.parent).as_posix()
         ElementTree.SubElement(collection, "DataSet", timestep=time, part="0", file=name)
     ElementTree.indent(root)
@@ -103,16 +153,18 @@ def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: 
     return [path, *files]
 
 
-def write_fold(
-    meshes: Sequence[SurfaceMesh], strains: Sequence[float], unit: str, path: Path
-) -> None:
-    """Write meshes at applied strains as frames of a FOLD file, version 1.2; see CannotWrite.
+FORMATS[".pvd"] = MeshFormat(_write_series, is_series=True)
+
+
+@_format(".fold", is_series=True)
+def _write_fold(shapes: Shapes, path: Path) -> None:
+    """A FOLD file, version 1.2, with a frame for each strain.
 
     Frames after the first inherit its faces and edges. All edges are creases, with their angles.
     """
-    edges, faces = meshes[0].edges()
+    edges, faces = shapes.first.edges()
     frames: list[dict[str, Any]] = []
-    for mesh, strain in zip(meshes, strains, strict=True):
+    for mesh, strain in zip(shapes.meshes, shapes.strains, strict=True):
         angles = mesh.fold_angles().round(3) + 0.0  # without -0
         kinds = np.array(["F", "V", "M"])[np.sign(angles).astype(int)]
         frames.append(
@@ -129,14 +181,13 @@ def write_fold(
         "file_classes": ["singleModel", "animation"],
         "frame_classes": ["foldedForm"],
         "frame_attributes": ["manifold", "orientable"],
-        "frame_unit": unit,
-        "faces_vertices": meshes[0].faces.tolist(),
+        "frame_unit": shapes.unit,
+        "faces_vertices": shapes.first.faces.tolist(),
         "edges_vertices": edges.tolist(),
         **frames[0],
         "file_frames": [{"frame_parent": 0, "frame_inherit": True} | each for each in frames[1:]],
     }
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(model), encoding="utf-8")
+    path.write_text(json.dumps(model), encoding="utf-8")
 
 
 def _meshio(
@@ -147,8 +198,8 @@ def _meshio(
     import meshio
 
     blocks = [("quad" if mesh.faces.shape[1] == 4 else "triangle", mesh.faces.astype(np.int32))]
-    of_blocks = {name: [values] for name, values in face_fields.items()}
-    return meshio.Mesh(mesh.nodes, blocks, dict(node_fields), of_blocks)
+    fields = {name: [values] for name, values in face_fields.items()}
+    return meshio.Mesh(mesh.nodes, blocks, dict(node_fields), fields)
 
 
 def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:

@@ -6,13 +6,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cubes.case_file import LENGTH_FACTOR, length_unit, network_configurations
-from knitlab.cubes.chosen_case import has_shape, of_chosen_cases, plies_touch
+from knitlab.cubes.case_states import (
+    Described,
+    cloth_per_network,
+    dataset_of_states,
+    stored_states,
+)
+from knitlab.cubes.chosen_case import for_each_design
 from knitlab.cubes.cube_file import cube_name, is_case, is_measured, model_options
 from knitlab.cubes.recorded_case import recorded_case
-from knitlab.cubes.selection import chosen_indices
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import STRAIN
 from knitlab.solvers.plate_condensation import Plate, PlateSolver, PlateStatus
 
 DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp)
@@ -21,7 +24,7 @@ OF_PERIODIC = (
     "is of clamped samples, and a plate is the mean of periodic fabric;"
     " simulate it with boundary = periodic"
 )
-VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+VARIABLES: dict[str, Described] = {
     "membrane_stiffness": (("row", "column"), "N/mm", "A, membrane force by strain"),
     "coupling_stiffness": (("row", "column"), "N", "B, membrane force by curvature"),
     "bending_stiffness": (("row", "column"), "N mm", "D, moment by curvature"),
@@ -52,44 +55,28 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
         raise invalid(case.label, OF_PERIODIC)
     if case.friction.acts:
         raise invalid(case.label, "has friction, which plates leave out; take fold_friction = 0")
-    along = {STRAIN: case_file[STRAIN].values}
-    strains = chosen_indices(along, selections).get(STRAIN, range(len(along[STRAIN])))
     _, fabric = case.assemble()
     solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
-    reached, touching = has_shape(case_file), plies_touch(case_file)
-    factor = float(case_file.attrs.get(LENGTH_FACTOR, 1.0))
-    plates = []
-    for index in strains:
-        plate, lengths = Plate.unknown(PlateStatus.not_converged), np.full(3, np.nan)
-        if touching[index]:
-            plate = Plate.unknown(PlateStatus.plies_touch)
-        elif reached[index]:
-            state = network_configurations(case_file.isel({STRAIN: [index]}))[0]
-            lengths = factor * np.asarray(state.lengths)
-            plate, _ = solver.response(fabric, state)
-        sides = dict(zip(SIDES, [*lengths, 0.0], strict=False))
-        plates.append(_numbers(plate, factor) | sides)
+    factor, indices, plates = cloth_per_network(case_file), list[int](), list[dict[str, Any]]()
+    for state in stored_states(case_file, selections):
+        plate, lengths = Plate.unknown(state.status), np.full(3, np.nan)
+        if state.shape is not None:
+            lengths = factor * np.asarray(state.shape.lengths)
+            plate, _ = solver.response(fabric, state.shape)
+        indices.append(state.index)
+        plates.append(_numbers(plate, factor) | dict(zip(SIDES, [*lengths, 0.0], strict=False)))
+    values = {name: [plate[name] for plate in plates] for name in VARIABLES}
+    axes = {"row": list(DIRECTIONS), "column": list(DIRECTIONS)}
+    found = dataset_of_states(case_file, indices, VARIABLES, values, axes)
+    found.attrs["title"] = "knitlab plates: x along the courses (weft), y along the wales (warp)"
     about_status = {
         "units": "1",
         "long_name": "whether a state has a stiffness",
         "flag_values": np.array([*PlateStatus], np.int8),
         "flag_meanings": " ".join(status.name for status in PlateStatus),
     }
-    found = xr.Dataset(
-        {STATUS: (STRAIN, np.array([each[STATUS] for each in plates], np.int8), about_status)},
-        {
-            STRAIN: case_file[STRAIN].variable[list(strains)],
-            "row": list(DIRECTIONS),
-            "column": list(DIRECTIONS),
-        },
-        {
-            "title": "knitlab plates: x along the courses (weft), y along the wales (warp)",
-            "length_unit": length_unit(case_file),
-        },
-    )
-    for name, (dims, unit, meaning) in VARIABLES.items():
-        about = {"units": unit, "long_name": meaning}
-        found[name] = (STRAIN, *dims), np.array([each[name] for each in plates]), about
+    statuses = np.array([plate[STATUS] for plate in plates], np.int8)
+    found[STATUS] = found["length_x"].dims, statuses, about_status
     return found
 
 
@@ -103,7 +90,7 @@ def plates_of(
     simulated = not (is_case(cube) or is_measured(cube))
     if simulated and model_options(cube).get("boundary") == "clamped":
         raise invalid(cube_name(cube), OF_PERIODIC)
-    plates = of_chosen_cases(plates_of_case, cube, selections, where)
+    plates = for_each_design(plates_of_case, cube, selections, where)
     plates[STATUS] = plates[STATUS].fillna(PlateStatus.no_shape).astype(np.int8)
     return plates
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -10,18 +9,26 @@ from knitlab.model.electrodes import Capacitor, Electrodes
 from knitlab.model.energy import fold_angles
 from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.network import MeshShape, Network
-from knitlab.model.surfaces import crossings, gap_between
-from knitlab.observables.capacitance import boundary_elements as bem
-from knitlab.observables.capacitance.panels import PanelChart, panel_chart, panels_on
+from knitlab.model.surfaces import crossings
+from knitlab.observables.capacitance.boundary_elements import two_terminal
+from knitlab.observables.capacitance.maxwell import (
+    STATES_AT_ONCE,
+    Panels,
+    Surroundings,
+    gaps,
+    limit,
+    maxwell_matrices,
+    surroundings,
+    touching,
+)
+from knitlab.observables.capacitance.panels import panel_chart, panels_on
 from knitlab.observables.capacitance.sensor import CapacitorStatus
 
-STATES_AT_ONCE = 4  # states that are computed together
-ORDER = 2  # order of convergence of the capacitance with the size of graded panels
 CAUTION = 0.7
 """Estimated error over the change by extrapolation; on folds of 0.15 to 2 rad and at levels 1 to 3
 the true error was never larger."""
 LEVELS = (1, 2, 3, 4)
-MOST_PANELS = 2400  # largest number of panels of a finer level
+MAX_PANELS = 2400  # largest number of panels of a finer level
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,28 +59,36 @@ def capacitances(
     ``refinement`` cells long.
     """
     shape, states = net.shape, len(configurations.lengths)
-    status = np.full(states, CapacitorStatus.measured)
+    axis = electrodes.axis if shape.periodic else None
+    chart = panel_chart(electrodes, shape, LEVELS[0])
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    around = surroundings(configurations, axis, capacitor)
     reach = refinement * float(np.asarray(fabric.cell_sides).max())
-    gap, through = _obstacles(electrodes, shape, configurations, reach)
+    gap = gaps(panels, chart.electrode, (0, 1), reach, around)
     folds = fold_angles(net, fabric, configurations)[:, _hinges_at(electrodes, net)]
+    through = _crossing_itself(panels, chart.electrode, around)
     through |= (np.abs(folds) > np.pi).any(axis=-1)
+    status = np.full(states, CapacitorStatus.measured)
     status[through] = CapacitorStatus.folded_through
-    closed = gap == 0 if capacitor.dielectric_thickness else gap < capacitor.clearance
-    status[~through & closed] = CapacitorStatus.touching
+    status[~through & touching(gap, capacitor)] = CapacitorStatus.touching
     value, mutual, error = (np.full(states, np.nan) for _ in range(3))
     coarse, coarse_level = np.full((states, 2), np.nan), 0
     pending = np.flatnonzero(status == CapacitorStatus.measured)
     for level in LEVELS:
         chart = panel_chart(electrodes, shape, level)
-        if not pending.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
+        if not pending.size or (level > LEVELS[1] and len(chart.cell) > MAX_PANELS):
             break
+        chosen = configurations[pending]
+        panels = np.asarray(panels_on(chart, shape, chosen))
+        around = surroundings(chosen, axis, capacitor)
+        matrices = maxwell_matrices(panels, chart.electrode, 2, around, STATES_AT_ONCE)
         fine = np.full((states, 2), np.nan)
-        fine[pending] = _in_vacuum(electrodes, chart, shape, configurations[pending], capacitor)
+        fine[pending] = np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1)
         if coarse_level:
-            gain = 1 / ((level / coarse_level) ** ORDER - 1)
-            limit = fine + gain * (fine - coarse)
-            value[pending], mutual[pending] = limit[pending].T
-            error[pending] = CAUTION * np.abs(limit - fine)[pending, 0] / np.abs(limit[pending, 0])
+            finest = limit(coarse, fine, coarse_level, level)
+            value[pending], mutual[pending] = finest[pending].T
+            change = np.abs(finest - fine)[pending, 0]
+            error[pending] = CAUTION * change / np.abs(finest[pending, 0])
             pending = pending[~(error[pending] <= capacitor.accuracy)]
         coarse, coarse_level = fine, level
     status[pending] = CapacitorStatus.unresolved
@@ -85,52 +100,17 @@ def capacitances(
     return Capacitances(status, scale * value, scale * mutual, error, gap)
 
 
-def _in_vacuum(
-    electrodes: Electrodes,
-    chart: PanelChart,
-    shape: MeshShape,
-    configurations: Configuration,
-    capacitor: Capacitor,
-) -> Float[np.ndarray, "state 2"]:
-    """Two-terminal and mutual capacitance in vacuum [pF]."""
-    panels = np.asarray(panels_on(chart, shape, configurations))
-    period = np.asarray(configurations.lengths)[:, electrodes.axis]
-    ground = None
-    if capacitor.ground == "plane":
-        lowest = np.asarray(configurations.positions)[..., 2].min(axis=(1, 2))
-        ground = lowest - capacitor.ground_distance
-    images = bem.images_along(electrodes.axis, panels, period, ground) if shape.periodic else None
-    near, membership = bem.near_pairs(panels, images, period), np.eye(2)[chart.electrode]
-    values = []
-    for first in range(0, len(panels), STATES_AT_ONCE):
-        # The last batch is padded, as a smaller one would be compiled separately.
-        batch = np.minimum(np.arange(first, first + STATES_AT_ONCE), len(panels) - 1)
-        matrices = bem.maxwell_matrices(
-            jnp.asarray(panels[batch]),
-            jnp.asarray(membership),
-            jnp.asarray(near),
-            images,
-            jnp.asarray(period[batch]),
-            capacitor.dielectric_thickness,
-            None if ground is None else jnp.asarray(ground[batch]),
-        )
-        values.append(np.stack([bem.two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
-    return np.concatenate(values)[: len(panels)]
-
-
-def _obstacles(
-    electrodes: Electrodes, shape: MeshShape, configurations: Configuration, reach: float
-) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
-    """Distance of the electrodes in every state, and whether one passes through itself."""
-    chart = panel_chart(electrodes, shape, LEVELS[0])
-    panels = np.asarray(panels_on(chart, shape, configurations))
-    lengths = np.asarray(configurations.lengths) * np.eye(2)[electrodes.axis] * shape.periodic
-    gaps, through = [], []
-    for panels_of_state, periods in zip(panels, lengths, strict=True):
-        one, other = (panels_of_state[chart.electrode == k] for k in (0, 1))
-        gaps.append(gap_between(one, other, reach, periods))
-        through.append(crossings(one, periods) + crossings(other, periods) > 0)
-    return np.array(gaps), np.array(through)
+def _crossing_itself(
+    panels: Panels, electrode: Int[np.ndarray, " panel"], around: Surroundings
+) -> Bool[np.ndarray, " state"]:
+    """Whether an electrode passes through itself, in every state."""
+    periods = np.broadcast_to(around.periods[:2].T, (len(panels), 2))
+    return np.array(
+        [
+            any(crossings(state[electrode == k], (x, y)) for k in (0, 1))
+            for state, (x, y) in zip(panels, periods, strict=True)
+        ]
+    )
 
 
 def mean_fold(

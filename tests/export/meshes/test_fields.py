@@ -18,7 +18,7 @@ from knitlab.export.meshes.fabric import (
 )
 from knitlab.io.errors import InputError
 from knitlab.model.electrodes import ElectrodeLayout
-from tests.export.meshes.made_up import flat_test, kept_case, kept_file, sample
+from tests.export.meshes.synthetic import flat_test, kept_case, kept_file, sample
 from tests.fabrics import PARAMETERS
 
 CAPACITOR = PARAMETERS.capacitor
@@ -112,19 +112,6 @@ def test_fold_angles_are_at_fold_lines_alone_and_positive_for_a_mountain(periodi
     np.testing.assert_allclose(rib[:, [0, 1, 3, 4, 5, 7, 8]], 0, atol=1e-9)
     # Garter folds turn about the courses, along which this sheet is straight.
     np.testing.assert_allclose(folds[1:8, 9:16], 0, atol=1e-9)
-
-
-def test_fold_angles_of_the_kept_case_are_those_between_its_cells():
-    mesh = fabric_meshes(kept_file(), [0])[0]
-    nodes = mesh.nodes.reshape(17, 17, 3)
-    normals = np.cross(nodes[1:, 1:] - nodes[:-1, :-1], nodes[1:, :-1] - nodes[:-1, 1:])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    # The valley in the middle of the rib patch at the bottom left: line 4, rows 0 to 7.
-    before, after = normals[:8, 3], normals[:8, 4]
-    angle = -np.arccos((before * after).sum(-1))
-    found = mesh.node_fields[FOLD_ANGLE].reshape(17, 17)[1:8, 4]
-    np.testing.assert_allclose(found, (angle[:-1] + angle[1:]) / 2, atol=0.05)
-    assert (found < -1.5).all()
 
 
 def with_electrodes(layout):

@@ -9,9 +9,9 @@ from hypothesis import given
 
 import knitlab as kl
 from knitlab.export.meshes.fabric import FOLD_ANGLE, fabric_meshes
-from knitlab.export.meshes.formats import write_fold
+from knitlab.export.meshes.formats import Shapes, write_meshes
 from knitlab.export.meshes.surface import grid_surface, solid_of
-from tests.export.meshes.made_up import PREVIEW, arch, bumpy_sheets, kept_file, zigzag
+from tests.export.meshes.synthetic import PREVIEW, bumpy_sheets, kept_file, zigzag
 
 ONE = {"n_stripe": 4, "n_subunit": 16}
 PROPERTIES = {
@@ -89,14 +89,14 @@ def angles_of(frame):
 @given(bumpy_sheets())
 def test_angles_follow_from_the_coordinates(tmp_path_factory, nodes):
     path = tmp_path_factory.mktemp("fold") / "a.fold"
-    write_fold([grid_surface(nodes).triangulated()], [0.0], "mm", path)
+    write_meshes(Shapes([grid_surface(nodes).triangulated()], [0.0], "mm"), path)
     (frame,) = frames_of(path)
     assert frame["edges_foldAngle"] == pytest.approx(angles_of(frame), abs=2e-3)
 
 
 @pytest.mark.parametrize("half", [0.3, 1.2, -0.3])
 def test_ridges_of_a_zigzag_are_mountains_and_grooves_valleys(tmp_path, half):
-    write_fold([grid_surface(zigzag((3, 6), half))], [0.1], "mm", tmp_path / "a.fold")
+    write_meshes(Shapes([grid_surface(zigzag((3, 6), half))], [0.1], "mm"), tmp_path / "a.fold")
     (frame,) = frames_of(tmp_path / "a.fold")
     nodes = np.array(frame["vertices_coords"])
     for (start, end), angle in zip(frame["edges_vertices"], frame["edges_foldAngle"], strict=True):
@@ -107,14 +107,6 @@ def test_ridges_of_a_zigzag_are_mountains_and_grooves_valleys(tmp_path, half):
             assert angle == pytest.approx(expected, abs=1e-3)
         else:
             assert angle == 0
-
-
-def test_an_arch_has_mountains_of_its_turn(tmp_path):
-    write_fold([grid_surface(arch((2, 5), 0.4))], [0.0], "mm", tmp_path / "a.fold")
-    (frame,) = frames_of(tmp_path / "a.fold")
-    angles = np.array(frame["edges_foldAngle"])
-    assert angles[angles != 0] == pytest.approx(np.degrees(-0.4), abs=1e-3)
-    assert (angles != 0).sum() == 2 * 4
 
 
 def test_frames_are_the_shapes_along_the_strain(tmp_path):
@@ -133,7 +125,7 @@ def test_frames_are_the_shapes_along_the_strain(tmp_path):
 def test_folds_have_the_angles_and_signs_of_the_model(tmp_path):
     # At a node on a ridge the field is the mean angle of the fold lines there, mountains positive.
     (mesh,) = fabric_meshes(kept_file(), [0])
-    write_fold([mesh], [0.0], "unit", tmp_path / "a.fold")
+    write_meshes(Shapes([mesh], [0.0], "unit"), tmp_path / "a.fold")
     (frame,) = frames_of(tmp_path / "a.fold")
     edges, angles = np.array(frame["edges_vertices"]), np.array(frame["edges_foldAngle"])
     of_model = np.degrees(mesh.node_fields[FOLD_ANGLE])[edges].mean(axis=1)
@@ -145,7 +137,7 @@ def test_folds_have_the_angles_and_signs_of_the_model(tmp_path):
 def test_a_solid_of_triangles_has_the_angles_that_trimesh_finds(tmp_path):
     (sheet,) = fabric_meshes(kept_file(), [5])
     solid = solid_of(sheet, 0.05).triangulated()
-    write_fold([solid], [0.0], "mm", tmp_path / "a.fold")
+    write_meshes(Shapes([solid], [0.0], "mm"), tmp_path / "a.fold")
     (frame,) = frames_of(tmp_path / "a.fold")
     assert "B" not in frame["edges_assignment"]
     body = trimesh.Trimesh(solid.nodes, solid.faces, process=False)

@@ -13,7 +13,7 @@ from knitlab.export.meshes.surface import (
     solid_of,
 )
 from knitlab.io.errors import InputError
-from tests.export.meshes.made_up import arch, bumpy_sheets, zigzag
+from tests.export.meshes.synthetic import arch, bumpy_sheets, zigzag
 from tests.export.meshes.test_surface import as_trimesh
 
 CELLS = (3, 6)

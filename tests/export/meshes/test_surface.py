@@ -5,7 +5,7 @@ import trimesh
 from hypothesis import given
 
 from knitlab.export.meshes.surface import grid_surface
-from tests.export.meshes.made_up import bumpy_sheets, zigzag
+from tests.export.meshes.synthetic import bumpy_sheets, zigzag
 
 
 def as_trimesh(mesh):

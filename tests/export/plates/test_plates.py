@@ -16,7 +16,7 @@ from knitlab.cubes.case_file import LENGTH_FACTOR, in_cloth
 from knitlab.export.plates.plate_stiffness import in_plane, plates_of_case, stiffness_of
 from knitlab.io.errors import InputError
 from knitlab.solvers.plate_condensation import PlateStatus
-from tests.export.meshes.made_up import PREVIEW, kept_case, kept_file, sample
+from tests.export.meshes.synthetic import PREVIEW, kept_case, kept_file, sample
 
 ONE = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.15}
 TEXT = ["plate", str(PREVIEW), *(f"--select={name}={value}" for name, value in ONE.items())]

@@ -60,7 +60,7 @@ def flat_test(case: Case, stretch: tuple[float, float] = (1.0, 1.0)) -> xr.Datas
             **strains,
         },
         {"applied_strain": [0.0, 0.1], "component": ["x", "y", "z"]},
-        {"parameters": json.dumps(case.record), "title": "made-up case"},
+        {"parameters": json.dumps(case.record), "title": "synthetic case"},
     ).drop_vars(() if case.mesh_shape.periodic else ("length_x", "length_y"))
 
 
