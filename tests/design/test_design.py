@@ -18,6 +18,7 @@ from knitlab.design.search import run_searches
 from knitlab.model.stripe import changed_stripe
 from knitlab.solvers.equilibrium.adjoint import NoDerivative
 from tests.file_events import kill_command
+from tests.refusals import refused
 
 PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"
 SMALL = {"n_stripe": [4], "n_subunit": [8]}
@@ -196,10 +197,10 @@ def test_a_budget_of_one_is_one_simulation(tmp_path):
     result = designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", budget=1)
     assert result.simulations == len(result.trials) == 1
     assert result.searches[0].ended == "the budget is spent"
-    with pytest.raises(kl.InputError, match="coarse sweep of 10 designs"):
+    with refused("budget 5", "10 designs"):
         designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", vary={}, budget=5, name="more")
     for budget in ("soon", "9" * 4000, "1e400min", "nanmin"):
-        with pytest.raises(kl.InputError, match=f"budget {budget[:500]}"):
+        with refused(f"budget {budget[:500]}"):
             designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", budget=budget)
 
 
@@ -240,7 +241,7 @@ def test_functions_of_the_shape_can_be_targets(tmp_path):
     assert again.trials.equals(result.trials)
     reached = result.cube["thickness"].sel(applied_strain=0.1).item()
     assert reached == pytest.approx(0.72, abs=0.01)
-    with pytest.raises(kl.InputError, match="workers"):
+    with refused("workers"):
         designed(
             tmp_path,
             targets="thickness = 1 @ 0.1",
@@ -329,5 +330,5 @@ def test_a_killed_design_resumes_to_the_same_result(tmp_path):
     request = tmp_path / "results" / "sleeve" / "request.json"
     for contents in (request.read_bytes(), b"\xff"):
         request.write_bytes(contents)
-        with pytest.raises(kl.InputError, match="holds the design of another request"):
+        with refused("sleeve", "another request"):
             kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")

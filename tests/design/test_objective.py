@@ -10,8 +10,8 @@ from knitlab.design.objective import Objective, aimed, all_met, check_targets
 from knitlab.design.request import DesignRequest, checked_request, with_tolerance
 from knitlab.design.search_space import search_space
 from knitlab.design.trial import Trial, run_trial
-from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
+from tests.refusals import refused
 
 STRAINS = np.array([0.0, 0.1, 0.2, 0.3])
 CURVE = {"name": "poisson_ratio", "applied_strain": [0.05, 0.3], "value": [-0.5, -0.1]}
@@ -98,19 +98,19 @@ def test_constraints_are_negative_where_they_are_violated():
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "words"),
     [
-        ("poison_ratio = 1 @ 0.1", "did you mean 'poisson_ratio'"),
-        ("poisson_ratio = 1", "add @ STRAIN"),
-        ("knit_cell_x < 20 @ 0.1", "leave out the window"),
-        ("capacitance > 1 @ 0.1", "capacitance"),
-        ("poisson_ratio < 0 @ 0:0.3", "0:0.3.*0.03.*poisson_ratio"),
+        ("poison_ratio = 1 @ 0.1", ["poison_ratio", "'poisson_ratio'"]),
+        ("poisson_ratio = 1", ["poisson_ratio", "@ STRAIN"]),
+        ("knit_cell_x < 20 @ 0.1", ["knit_cell_x", "window"]),
+        ("capacitance > 1 @ 0.1", ["capacitance"]),
+        ("poisson_ratio < 0 @ 0:0.3", ["0:0.3", "0.03", "poisson_ratio"]),
     ],
 )
-def test_targets_that_a_test_cannot_have_are_refused(text, message):
+def test_targets_that_a_test_cannot_have_are_refused(text, words):
     space = search_space(checked_request("sleeve", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
     case, _ = space.case(space.designs[0], np.zeros(0))
-    with pytest.raises(InputError, match=message):
+    with refused(*words):
         check_targets([read_target(text)], (), case)
 
 

@@ -15,6 +15,7 @@ from knitlab.design.request import (
     with_tolerance,
 )
 from knitlab.io.errors import InputError
+from tests.refusals import refused
 
 TARGET = "poisson_ratio = -0.3 @ 0.05:0.25"
 
@@ -81,39 +82,39 @@ def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "word"),
     [
         ({"targets": []}, "targets"),
         ({"targets": 3}, "targets"),
-        ({"targets": ["poisson_ratio_min < 0"] * 31}, "targets: value should have at most 30"),
+        ({"targets": ["poisson_ratio_min < 0"] * 31}, "30"),
         ({"subject_to": 3}, "subject_to"),
         ({"vary": [1, 2]}, "vary"),
-        ({"targets": ["poisson_ratio"]}, "cannot be read"),
-        ({"vary": {"rib_kt": [1, 2]}}, "unknown variable 'rib_kt'|no variable 'rib_kt'"),
-        ({"vary": {"rib_k_t": [2, 1]}}, "lowest and highest value"),
-        ({"vary": {"rib_k_t": 2}}, "lowest and highest value"),
-        ({"vary": {"n_stripe": [4, 0]}}, "whole numbers"),
-        ({"vary": {"n_stripe": [4.5]}}, "whole numbers"),
-        ({"vary": {"pattern": ["GR", "RG"]}}, "list names of patterns"),
-        ({"vary": {"pattern": 4}}, "list names of patterns"),
+        ({"targets": ["poisson_ratio"]}, "poisson_ratio"),
+        ({"vary": {"rib_kt": [1, 2]}}, "'rib_kt'"),
+        ({"vary": {"rib_k_t": [2, 1]}}, "vary.rib_k_t"),
+        ({"vary": {"rib_k_t": 2}}, "vary.rib_k_t"),
+        ({"vary": {"n_stripe": [4, 0]}}, "vary.n_stripe"),
+        ({"vary": {"n_stripe": [4.5]}}, "vary.n_stripe"),
+        ({"vary": {"pattern": ["GR", "RG"]}}, "vary.pattern"),
+        ({"vary": {"pattern": 4}}, "vary.pattern"),
         ({"settings": {"k_s": 2}}, "k_s"),
-        ({"settings": {"k_t_factor": 2}, "vary": {"k_t_factor": [1, 2]}}, "may also vary"),
-        ({"settings": {"robustness": 2}}, "next to targets"),
-        ({"settings": {"cell_size": ["flat", "relaxed"]}}, "is a list"),
+        ({"settings": {"k_t_factor": 2}, "vary": {"k_t_factor": [1, 2]}}, "settings.k_t_factor"),
+        ({"settings": {"robustness": 2}}, "settings.robustness"),
+        ({"settings": {"cell_size": ["flat", "relaxed"]}}, "settings.cell_size"),
         ({"starts": 0}, "starts"),
-        ({"targets": ["knit_cell_x < 10"], "subject_to": ["knit_cell_x > 20"]}, "no value meets"),
+        ({"targets": ["knit_cell_x < 10"], "subject_to": ["knit_cell_x > 20"]}, "knit_cell_x > 20"),
         (
             {"targets": [{"name": "poisson_ratio", "applied_strain": [0.1, 0.2], "value": [1]}]},
-            "1 values at 2 strains",
+            "2 strains",
         ),
         (
             {"targets": [{"name": "poisson_ratio", "applied_strain": [0.2, 0.1], "value": [1, 2]}]},
-            "do not ascend",
+            "ascend",
         ),
     ],
 )
-def test_mistakes_of_a_request_are_named(changes, message):
-    with pytest.raises(InputError, match=message):
+def test_mistakes_of_a_request_are_named(changes, word):
+    with refused(word):
         request(**changes)
 
 
@@ -139,5 +140,5 @@ def test_a_curve_is_read_from_a_table_or_a_file(tmp_path):
     (tmp_path / "sleeve.toml").write_text('targets = "poisson_ratio = wanted.csv"\n')
     assert read_request(tmp_path / "sleeve.toml").targets[0].curve == of_table.curve
     path.write_text("strain [1],ratio [1]\n0.1,-0.4\n")
-    with pytest.raises(InputError, match="column poisson_ratio"):
+    with refused("poisson_ratio"):
         request(targets=[f"poisson_ratio = {path}"])

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from knitlab.design.request import checked_request
 from knitlab.design.search_space import search_space
-from knitlab.io.errors import InputError
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from tests.refusals import refused
 
 VARY = {
     "n_stripe": [4, 8],
@@ -70,14 +70,14 @@ def test_a_search_starts_from_the_tables():
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "word"),
     [
         ({"vary": {"n_stripe": [3], "n_subunit": [16]}}, "n_stripe"),
         ({"vary": {"rib_theta_0_factor": [0.8, 9.0]}}, "below pi"),
-        ({"settings": {"strain_max": 0.12}}, "ends before the strain 0.25"),
+        ({"settings": {"strain_max": 0.12}}, "0.25"),
         ({"workflow": "prewiew"}, "did you mean 'preview'"),
     ],
 )
-def test_an_invalid_search_space_is_refused(changes, message):
-    with pytest.raises(InputError, match=message):
+def test_an_invalid_search_space_is_refused(changes, word):
+    with refused(word):
         space(**changes)

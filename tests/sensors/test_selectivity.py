@@ -17,6 +17,7 @@ from knitlab.sensors.readings import electrode_matrices, readings
 from knitlab.sensors.selectivity import _Solver, _State
 from knitlab.solvers.case import case_of
 from tests.export.plates.bent_cell import BentCell
+from tests.refusals import refused
 
 SENSOR = "results/reference/sensor"
 ONE = {"n_stripe": 4, "n_subunit": 16}
@@ -138,25 +139,23 @@ def test_leads_lower_gauge_factors_alike():
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "words"),
     [
-        ({"along": "x"}, "along: is 'x'; give weft or warp"),
-        ({"output": "map.txt"}, "has no suffix of a figure"),
-        ({"where": "n_stripe > 1"}, "is a condition on designs"),
-        ({"n_stripe": 4}, "is of a cube; of a test, select applied_strain alone"),
+        ({"along": "x"}, ["along", "'x'", "weft", "warp"]),
+        ({"output": "map.txt"}, ["map.txt", "suffix"]),
+        ({"where": "n_stripe > 1"}, ["where"]),
+        ({"n_stripe": 4}, ["n_stripe", "applied_strain"]),
     ],
 )
-def test_bad_input_gets_a_sentence(given, said):
-    with pytest.raises(kl.InputError, match=said.replace("'", ".")):
+def test_invalid_input_is_refused(given, words):
+    with refused(*words):
         kl.selectivity(small_test(), **given)
 
 
 @pytest.mark.slow
 def test_states_that_a_sensor_cannot_have_are_refused():
-    with pytest.raises(
-        kl.InputError, match="does not bend with it; simulate it with ground = none"
-    ):
+    with refused("plane", "ground = none"):
         kl.selectivity(small_test(ground="plane"))
     bare = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0])
-    with pytest.raises(kl.InputError, match="has no electrodes"):
+    with refused("electrodes", "layout"):
         kl.selectivity(bare)

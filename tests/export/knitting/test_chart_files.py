@@ -6,6 +6,7 @@ from PIL import Image
 
 import knitlab as kl
 from knitlab.export.knitting.chart_files import read_stitches
+from tests.refusals import refused
 
 SAMPLE = kl.knit("sensor", n_stripe=2, n_subunit=16)
 FRONT = SAMPLE.chart.front
@@ -58,47 +59,46 @@ def test_tables_and_programs_of_a_plated_sample_are_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "message"),
+    ("name", "text", "words"),
     [
-        ("a.txt", "kkpp\nkkp", r"line 2: has 3 stitches, and the first row 4; give all rows the"),
-        ("a.txt", "kkpp\nkxpp", r"line 2: stitch 2 is 'x'; write k K . 1 for a knit and p P - 0"),
-        ("a.txt", "# nothing\n", "has no stitches; write a row of k and p for each course"),
-        ("a.png", "no image", "cannot be read as an image"),
-        ("a.k", "inhook 3\ntuck - f1 3\n", "knits no stitch through another"),
-        ("a.k", "inhook 3\ntuck - f" + "1" * 5000 + " 3\n", "knits no stitch through another"),
+        ("a.txt", "kkpp\nkkp", ["line 2", "3 stitches", "4"]),
+        ("a.txt", "kkpp\nkxpp", ["line 2", "stitch 2", "'x'", "k K . 1"]),
+        ("a.txt", "# nothing\n", ["a.txt", "no stitches", "k and p"]),
+        ("a.png", "no image", ["a.png", "image"]),
+        ("a.k", "inhook 3\ntuck - f1 3\n", ["a.k", "no stitch"]),
+        ("a.k", "inhook 3\ntuck - f" + "1" * 5000 + " 3\n", ["a.k", "no stitch"]),
         (
             "a.k",
             "tuck - f1 3\ntuck - b1 3\nknit + f1 3\nknit + b1 3\n" * 2,
-            "knits on both beds of a wale until line 8, a tube or double cloth",
+            ["both beds", "line 8", "single cloth"],
         ),
         (
             "a.k",
             "tuck - f3 3\ntuck - f2 3\ntuck - f1 3\n" + TWO_COURSES + "knit - f3 3\n",
-            "has 3 stitches of carrier 3 on needle 3, and 2 on others; only a rectangle is a chart",
+            ["3 stitches", "carrier 3", "needle 3", "rectangle"],
         ),
     ],
 )
-def test_what_is_no_chart_is_refused(tmp_path, name, text, message):
-    with pytest.raises(kl.InputError) as caught:
+def test_what_is_no_chart_is_refused(tmp_path, name, text, words):
+    with refused(*words):
         read_stitches(written(tmp_path / name, text))
-    assert message in str(caught.value)
 
 
 def test_a_carrier_that_knits_nothing_is_refused(tmp_path):
     path = SAMPLE.save(tmp_path / "sample.k")
-    with pytest.raises(kl.InputError, match="knits nothing with carrier 9; name one of 3, 4, 5"):
+    with refused("carrier 9", "3, 4, 5"):
         kl.read_chart(path, carrier=9)
 
 
 def test_a_transparent_image_is_refused(tmp_path):
     path = tmp_path / "chart.png"
     Image.fromarray(np.zeros((4, 4, 4), "u1")).save(path)
-    with pytest.raises(kl.InputError, match="has transparent pixels; save it opaque"):
+    with refused("chart.png", "transparent", "opaque"):
         kl.read_chart(path)
 
 
 def test_an_image_of_many_colours_is_refused(tmp_path):
     path = tmp_path / "chart.png"
     SAMPLE.save(path)
-    with pytest.raises(kl.InputError, match=r"has \d+ colours; save it with one pixel a stitch in"):
+    with refused("chart.png", "two colours"):
         kl.read_chart(path)

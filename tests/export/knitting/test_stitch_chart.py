@@ -7,9 +7,9 @@ import pytest
 
 import knitlab as kl
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from knitlab.io.errors import InputError
 from knitlab.model.fold_lines import patch_senses
 from tests.export.knitting.charts import case_of
+from tests.refusals import refused
 
 DESIGN = {"n_stripe": 4, "n_subunit": 16}
 PATTERNS = ["checkerboard", "basket", "ribbed_bands", "framed", "graded_stripes"]
@@ -164,7 +164,7 @@ def test_conductors_lie_on_the_chosen_face():
 
 def test_electrodes_that_touch_as_whole_stitches_are_refused():
     case = case_of("sensor", n_stripe=2, n_subunit=16, width=3.8)
-    with pytest.raises(InputError, match=r"A and B touch at course 1, wale \d+, as whole stitches"):
+    with refused("layout", "touch", "course 1", "width"):
         stitch_chart(case)
 
 
@@ -201,12 +201,10 @@ def test_folds_of_a_pattern_of_one_line():
 def test_single_folds_beside_stripes_are_refused():
     fold = {"along": "course", "at": 1, "theta_0": 1.5}
     pattern = kl.Pattern(rows=("PR", "PP"), folds=[fold])
-    with pytest.raises(InputError, match="has 1 single folds beside rib or garter, which folds by"):
+    with refused("1 single folds", "plain knit"):
         kl.knit(kl.Design(2, 8, boundary="periodic", pattern=pattern))
 
 
 def test_less_needles_than_a_repeat_are_refused():
-    with pytest.raises(
-        InputError, match="needles 20: one repeat takes 32 of them; give at least 32"
-    ):
+    with refused("needles 20", "32"):
         stitch_chart(case_of(**DESIGN), needles=20)
