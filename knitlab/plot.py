@@ -5,7 +5,7 @@ a cube: ``plot.shape(cube, n_stripe=4, n_subunit=16, applied_strain=0.15)``. A f
 shape takes it from a test, or from the case files beside the file that the cube was opened from.
 
 All of them raise :class:`knitlab.InputError` if a cube does not hold what they show, or a selection
-is at fault.
+is invalid.
 
 Example:
     >>> import knitlab as kl
@@ -13,41 +13,44 @@ Example:
     >>> kl.plot.auxetic(cube).savefig(folder / "auxetic.png")
 """
 
-import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from matplotlib.figure import Figure
+from knitlab.runs.figure_names import FIGURE_NAMES
 
-from knitlab.api.cubes import Cube, opened
-from knitlab.figures.drawing import FIGURES, draw
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-__all__ = list(FIGURES)
+    from knitlab.api.cubes import Cube
+
+__all__ = [*FIGURE_NAMES]
 
 
-def _plot_function(name: str) -> Callable[..., Figure]:
-    """The public function of a figure."""
-    kind = FIGURES[name]
+def __getattr__(name: str) -> "Callable[..., Figure]":
+    """The public function of a figure, of which only its own file is imported."""
+    if name not in FIGURE_NAMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from knitlab.api.cubes import opened
+    from knitlab.figures.drawing import draw
+    from knitlab.figures.registry import figure_kind
 
-    def plot(*cubes: Cube, **keywords: Any) -> Figure:
+    kind = figure_kind(name)
+
+    def plot(*cubes: "Cube", **keywords: Any) -> "Figure":
         options = {key: keywords.pop(key) for key in kind.options if key in keywords}
         return draw(name, [opened(cube) for cube in cubes], keywords, options)
 
-    what = f"; and {', '.join(kind.options)}: names of dimensions and of a variable"
-    what = what if kind.options else ""
-    summary, *_ = (inspect.getdoc(kind.draw) or "").split("\n\n")
+    named = f"; and {', '.join(kind.options)}: names of dimensions and of a variable"
     plot.__name__ = plot.__qualname__ = name
-    plot.__doc__ = f"""{summary}
+    plot.__doc__ = f"""{kind.summary}
 
 Args:
     cubes: {kind.takes}; or paths of these.
-    keywords: a value or a list of values for each coordinate{what}.
+    keywords: a value or a list of values for each coordinate{named if kind.options else ""}.
 """
+    globals()[name] = plot
     return plot
 
 
-globals().update({name: _plot_function(name) for name in FIGURES})
-
-if TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Callable[..., Any]: ...
+def __dir__() -> list[str]:
+    return __all__

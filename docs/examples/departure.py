@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 import knitlab as kl
 from knitlab.figures.figure_files import draw_into
-from knitlab.figures.kinds.curves import coloured_stripes, stripe_panels
+from knitlab.figures.kinds.stripes import coloured_stripes, stripe_panels
 
 CUBE = Path(__file__).parents[2] / "results" / "reference" / "stripes"
 LINES = {"periodic": "-", "clamped": "--"}

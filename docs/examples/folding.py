@@ -12,7 +12,7 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from knitlab.figures.kinds.case_shapes import snapshot_nodes
+from knitlab.figures.kinds.relaxation import snapshot_nodes
 from knitlab.figures.sheets import design_text, draw_sheet, frame_sheet
 from knitlab.figures.style import ONE_COLUMN, print_style
 

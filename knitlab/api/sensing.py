@@ -14,7 +14,7 @@ from knitlab.cubes.chosen_case import for_each_design, reached_strains, selected
 from knitlab.cubes.cube_file import is_case
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import selections_along
-from knitlab.figures.figure_files import drawn
+from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import invalid
 from knitlab.model.electrodes import Capacitor
@@ -86,7 +86,7 @@ def capacitance_matrix(
     table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
     about = {"units": "pF", "long_name": "capacitance matrix"}
     table["capacitance"] = (STRAIN, "electrode", "to"), scaled, about
-    return drawn(matrix_figure, table, output)
+    return maybe_draw(matrix_figure, table, output)
 
 
 def cross_talk(
@@ -163,7 +163,7 @@ def cross_talk(
     table["reading"].values *= _lengthened(chosen, relaxed, capacitor)
     table = table.assign_coords(sensor=labels, pulled=labels)
     table.attrs |= {"design": case.label, "pull": pull, "others": others}
-    return drawn(cross_talk_figure, table, output)
+    return maybe_draw(cross_talk_figure, table, output)
 
 
 def selectivity(
@@ -221,7 +221,7 @@ def selectivity(
     found[STATUS] = found[STATUS].fillna("")
     if is_case(cube):
         found.attrs["design"] = recorded_case(cube).label
-    return drawn(selectivity_figure, found, output)
+    return maybe_draw(selectivity_figure, found, output)
 
 
 def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.api.single_design import single_design
-from knitlab.figures.figure_files import drawn
+from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import invalid, shown
 from knitlab.runs.figure_names import check_figure_suffix
@@ -94,7 +94,7 @@ def branches(
                     follow_from(side)
     table = _table(equations, followed)
     table.attrs["design"] = case.label
-    return drawn(branches_figure, table, output)
+    return maybe_draw(branches_figure, table, output)
 
 
 def _single(workflow: str | Path, overrides: Overrides, output: str | Path | None) -> Case:
@@ -213,4 +213,4 @@ def shapes(
         for axis, name in enumerate(("length_x", "length_y")):
             lengths = [float(state.lengths[axis]) for state in states]
             table[name] = ("shape", lengths, {"units": "mm"})
-    return drawn(shapes_figure, table, output)
+    return maybe_draw(shapes_figure, table, output)

@@ -1,10 +1,8 @@
-"""Drawing figures by name."""
+"""Drawing figures by name, from cubes in memory and into files."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -24,23 +22,19 @@ from knitlab.cubes.selection import (
     selections_along,
 )
 from knitlab.cubes.trust import with_doubts
-from knitlab.figures import figure_files, kinds
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures import figure_files
+from knitlab.figures.registry import FigureKind, figure_kind, figure_kinds
 from knitlab.figures.style import print_style
-from knitlab.io.errors import InputError, Mistake, invalid, unknown
+from knitlab.io.errors import Mistake, invalid
 from knitlab.io.provenance import file_digest
-from knitlab.observables.schema import VARIABLES
-from knitlab.runs.figure_names import COMPARING, check_figure_suffix
+from knitlab.observables.schema import STRAIN, VARIABLES
+from knitlab.runs.figure_names import check_figure_suffix
 
-FIGURES: dict[str, FigureKind] = {}
-for _module in iter_modules(kinds.__path__):
-    FIGURES |= import_module(f"{kinds.__name__}.{_module.name}").FIGURES
-FIGURES = dict(sorted(FIGURES.items()))
 NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into this folder"
 
 
 def draw_figure(
-    kind: str,
+    name: str,
     cube_paths: Sequence[Path],
     output: Path,
     selections: Mapping[str, Any] = {},
@@ -48,15 +42,14 @@ def draw_figure(
 ) -> Path:
     """Draw a figure of cubes, or of their results folders, unless the file holds it already.
 
-    InputError if a cube, a selection, an option or the suffix is at fault.
+    InputError if a cube, a selection, an option or the suffix is invalid.
     """
-    if kind not in FIGURES:
-        raise invalid("kind", unknown(kind, FIGURES, "figure"))
+    figure_kind(name)
     check_figure_suffix(output)
     cubes = [cube_file.open_cube(path) for path in cube_paths]
     digests = [file_digest(cube_file.cube_path(path)) for path in cube_paths]
-    fingerprint = figure_files.fingerprint_of_figure(kind, digests, selections, options)
-    figure_files.draw_into(partial(draw, kind, cubes, selections, options), output, fingerprint)
+    fingerprint = figure_files.fingerprint_of_figure(name, digests, selections, options)
+    figure_files.draw_into(partial(draw, name, cubes, selections, options), output, fingerprint)
     return output
 
 
@@ -67,11 +60,11 @@ def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[M
     """
     files, cube = list[Path](), cube_file.open_cube(folder)
     requested, mistakes = figure_files.requested_figures(names, cube, folder)
-    for figure in requested:
-        with figure_files.reporting(figure.output.stem, mistakes):
-            drawn = partial(draw, figure.kind, [cube], figure.selections)
-            figure_files.draw_into(drawn, figure.output, figure.fingerprint)
-            files.append(figure.output)
+    for each in requested:
+        with figure_files.reporting(each.output.stem, mistakes):
+            drawn = partial(draw, each.name, [cube], each.selections)
+            figure_files.draw_into(drawn, each.output, each.fingerprint)
+            files.append(each.output)
     return files, mistakes
 
 
@@ -80,69 +73,72 @@ def draw(
     name: str,
     cubes: Sequence[xr.Dataset],
     selections: Mapping[str, Any] = {},
-    options: Mapping[str, str] = {},
+    options: Mapping[str, Any] = {},
 ) -> Figure:
     """Draw one figure from cubes or single cases in memory; otherwise as :func:`draw_figure`.
 
     Node positions are those of a case, or of case files beside the file that a cube was read from.
     """
-    kind = FIGURES[name]
-    cubes = [with_doubts(with_derived(cube)) for cube in cubes]
+    kind = figure_kind(name)
     if not cubes:
         raise invalid(name, "shows a cube; give one")
     if len(cubes) > 1 and not kind.several:
         raise invalid(name, f"shows one cube, not {len(cubes)}; give one")
-    if others := [option for option in options if option not in kind.options]:
-        able = ", ".join(other for other, each in FIGURES.items() if each.options)
-        message = f"is not an option of {name}, only of {able}; leave it out"
-        raise InputError([Mistake(option, message) for option in others])
-    if all(cube_file.is_case(cube) for cube in cubes):
+    for option in options:
+        if option not in kind.options:
+            able = [other for other, each in figure_kinds().items() if option in each.options]
+            only = f", only of {', '.join(able)}" if able else ""
+            raise invalid(option, f"is not an option of {name}{only}; leave it out")
+    cubes = [with_doubts(with_derived(cube)) for cube in cubes]
+    if all(map(cube_file.is_case, cubes)):
         if kind.needs is not None:
-            known = kind.coordinates
-            hint = f"select along {', '.join(known)}" if known else "select nothing"
-            message = f"is not a coordinate along which {name} can be sliced; {hint}"
-            refuse_others(selections, known, message)
+            _refuse_others(selections, kind.coordinates, name)
             return _draw_cases(kind, [in_cloth(case, case) for case in cubes], selections)
         cubes = [cube_file.as_cube(case) for case in cubes]
     _check_cubes(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
-    known = (*dims, *kind.coordinates)
-    message = f"is not a coordinate of {name}; select along {', '.join(known)}"
-    refuse_others(selections, known, message)
+    _refuse_others(selections, (*dims, *kind.coordinates), name)
     folder = Path(cubes[0].encoding.get("source", "")).parent
     cubes = [selected(cube, selections_along(selections, selectable(cube))) for cube in cubes]
-    slices = dict[str, None]()
-    if name not in COMPARING:
+    stated = dict[str, None]()
+    if not kind.compares:
         for cube in cubes:
             if several := [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]:
                 message = f"shows one value of each swept setting; select {choices(cube, several)}"
                 raise invalid(name, message)
-            values = (f"{dim} = {cube[dim].item()}" for dim in swept_dims(cube))
-            slices[", ".join(values)] = None
+            stated[", ".join(f"{dim} = {cube[dim].item()}" for dim in swept_dims(cube))] = None
         cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
     if kind.needs is not None:
         cases = _cases(kind, cubes[0], folder)
         figure = _draw_cases(kind, cases, selections_along(selections, kind.coordinates))
     else:
         figure = kind.draw(cubes if kind.several else cubes[0], **options)
-    if shown := ", ".join(filter(None, slices)):
+    if shown := ", ".join(filter(None, stated)):
         title = figure.get_suptitle()
         figure.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
     return figure
 
 
+def _names(able: Any) -> str:
+    return ", ".join(name for name, kind in figure_kinds().items() if able(kind))
+
+
+def _refuse_others(selections: Mapping[str, Any], known: Sequence[str], name: str) -> None:
+    hint = f"select along {', '.join(known)}" if known else "select nothing"
+    refuse_others(selections, known, f"is not a coordinate of {name}; {hint}")
+
+
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
-    """Check that a kind can show the dimensions of cubes, and those that were measured."""
+    """Check that a figure can show the dimensions of cubes, and those that were measured."""
     for cube in cubes:
-        able = [each for each, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
-        if name not in able:
+        if kind.dims not in (None, dims := base_dims(cube)):
+            able = _names(lambda other: other.dims in (None, dims))
             message = "does not show designs along the dimensions of this cube"
-            raise invalid(name, f"{message}; draw {', '.join(able)}")
+            raise invalid(name, f"{message}; draw {able}")
     measured = [cube for cube in cubes if is_measured(cube)]
     if measured and kind.several is None:
-        able = [other for other, each in FIGURES.items() if each.several]
         message = f"needs a simulation, and {cube_file.source_of(measured[0])} was measured"
-        raise invalid(name, f"{message}; draw {', '.join(able)}")
+        raise invalid(name, f"{message}; draw {_names(lambda other: other.several)}")
     if kind.several == "experiments" and len(cubes) - len(measured) > 1:
         raise invalid(name, "shows one simulation, and experiments beside it; give one simulation")
 
@@ -153,8 +149,8 @@ def _draw_cases(
     """Draw the selected strains of cases, of which their files must hold the shapes."""
     sliced = [selected(case, selections) for case in cases]
     for case, shown in zip(cases, sliced, strict=True):
-        kept = case["applied_strain"].values[has_shape(case)]
-        if selections and not np.isin(shown["applied_strain"].values, kept).all():
+        kept = case[STRAIN].values[has_shape(case)]
+        if selections and not np.isin(shown[STRAIN].values, kept).all():
             known = ", ".join(f"{strain:g}" for strain in kept)
             message = f"has no shape, which this case file keeps at {known}; choose one of these"
             raise invalid(f"selections {', '.join(as_given(selections))}", message)
@@ -166,9 +162,14 @@ def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]
     dims = base_dims(cube)
     designs = cube[["case_id", "poisson_ratio_min"]].stack(design=dims)
     designs = designs.isel(design=designs["case_id"].values != "")
-    is_stored = [case_path(folder, each).is_file() for each in designs["case_id"].values]
-    stored = designs.isel(design=np.flatnonzero(is_stored))
-    case_ids = dict(zip(stored["design"].values, stored["case_id"].values, strict=True))
+    if not designs.sizes["design"]:
+        raise invalid("selections", "no design of this selection is planned; choose others")
+    designs = designs.sortby("poisson_ratio_min") if not kind.designs else designs
+    case_ids = {
+        design: case_id
+        for design, case_id in zip(designs["design"].values, designs["case_id"].values, strict=True)
+        if case_path(folder, case_id).is_file()
+    }
 
     def case_of(design: tuple[Any, ...]) -> xr.Dataset:
         only = cube.sel(dict(zip(dims, design, strict=True)))
@@ -176,15 +177,12 @@ def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]
 
     if kind.designs:
         shown = [design for design in kind.designs if design in case_ids]
-        shown = shown or [*case_ids][: len(kind.designs)]
-        if not shown:
-            raise invalid(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
-        return [case_of(design) for design in shown]
-    needs = VARIABLES[str(kind.needs)]
-    for design in stored.sortby("poisson_ratio_min")["design"].values:
+        if case_ids:
+            return [case_of(each) for each in shown or [*case_ids][: len(kind.designs)]]
+        raise invalid(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
+    for design in case_ids:
         if kind.needs in (case := case_of(design)):
             return [case]
-    if not designs.sizes["design"]:
-        raise invalid("selections", "no design of this selection is planned; choose others")
+    needs = VARIABLES[str(kind.needs)]
     how = "run them with method=dynamics" if needs.of == "dynamics" else NO_CASE_FILES
     raise invalid(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")

@@ -18,17 +18,17 @@ import xarray as xr
 
 from knitlab.cubes.cube_file import cube_path, swept_dims
 from knitlab.cubes.selection import as_given
+from knitlab.figures.registry import figure_kind
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import CannotWrite, InputError, Mistake
 from knitlab.io.names import inside
 from knitlab.io.provenance import DIGITS, file_digest, package_digest
-from knitlab.runs.figure_names import COMPARING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARK = "knitlab-drawn-of:"  # prefix of the fingerprint that is stored in the file of every figure
-MOST_SLICES = 8  # largest number of values of swept settings for which a run draws figures
+MAX_SLICES = 8  # largest number of values of swept settings for which a run draws figures
 RUN_SUFFIX = ".png"  # format of the figures of a run
 PALETTE = 256  # colours of a PNG, which is a third as large, and no difference can be seen
 
@@ -37,34 +37,36 @@ PALETTE = 256  # colours of a PNG, which is a third as large, and no difference 
 class RequestedFigure:
     """A figure that a workflow asks for, of a slice of its cube."""
 
-    kind: str
+    name: str
     selections: Mapping[str, Any]
     output: Path
     fingerprint: str
 
 
 def requested_figures(
-    kinds: Sequence[str], cube: xr.Dataset, folder: Path
+    names: Sequence[str], cube: xr.Dataset, folder: Path
 ) -> tuple[list[RequestedFigure], list[Mistake]]:
     """The figures of a workflow, one for each value of swept settings unless it compares them.
 
-    Those of many values are left out, with a fault.
+    Those of many values are left out, with a mistake.
     """
     swept, mistakes = swept_dims(cube), list[Mistake]()
     number = math.prod(cube.sizes[dim] for dim in swept)
-    if number > MOST_SLICES and not set(kinds) <= set(COMPARING):
+    # Without swept settings matplotlib, which the kinds import, is not needed to know the files.
+    comparing = {name for name in names if swept and figure_kind(name).compares}
+    if number > MAX_SLICES and comparing < set(names):
         message = f"{number} slices are too many to draw in a run; draw one by knitlab map"
         mistakes.append(Mistake("figures", message))
-        kinds = [kind for kind in kinds if kind in COMPARING]
-    requested, digest = list[RequestedFigure](), file_digest(cube_path(folder)) if kinds else ""
-    for kind in kinds:
-        compared = () if kind in COMPARING else swept
-        for values in itertools.product(*(cube[dim].values for dim in compared)):
-            selections = dict(zip(compared, values, strict=True))
-            stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
+        names = [name for name in names if name in comparing]
+    requested, digest = list[RequestedFigure](), file_digest(cube_path(folder)) if names else ""
+    for name in names:
+        sliced = () if name in comparing else swept
+        for values in itertools.product(*(cube[dim].values for dim in sliced)):
+            selections = dict(zip(sliced, values, strict=True))
+            stem = "_".join([name, *(f"{dim}-{value}" for dim, value in selections.items())])
             output = inside(folder / "figures", stem + RUN_SUFFIX)
-            fingerprint = fingerprint_of_figure(kind, [digest], selections)
-            requested.append(RequestedFigure(kind, selections, output, fingerprint))
+            fingerprint = fingerprint_of_figure(name, [digest], selections)
+            requested.append(RequestedFigure(name, selections, output, fingerprint))
     return requested, mistakes
 
 
@@ -119,7 +121,7 @@ def draw_into(draw: Callable[[], "Figure"], output: Path, fingerprint: str = "")
         save(draw(), output, fingerprint)
 
 
-def drawn(
+def maybe_draw(
     draw: Callable[[xr.Dataset], "Figure"], found: xr.Dataset, output: str | Path | None
 ) -> xr.Dataset:
     """What was found, after its figure is drawn into a file, if one is asked for."""

@@ -12,7 +12,7 @@ from knitlab.lab.calibration import Calibration
 from knitlab.lab.fit import Fit
 from knitlab.lab.swatch import Swatch
 
-LABELS = (ROWS["mean_strain_xx"], ROWS["mean_strain_yy"], "reaction force [N]")
+LABELS = (ROWS["mean_strain_xx"].label, ROWS["mean_strain_yy"].label, "reaction force [N]")
 FITTED, LINEAR = CATEGORY_COLOURS[:2]
 BEFORE, SHADE = "0.55", "0.9"
 

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.figures.cells import number_table
-from knitlab.figures.kinds.design_map import draw_map
+from knitlab.figures.design_map import draw_map
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, name_rows, number, subplots
 from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
 

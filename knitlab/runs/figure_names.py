@@ -1,17 +1,13 @@
 """Names and formats of the figures that a workflow can name. Imports no library."""
 
 from pathlib import Path
+from pkgutil import iter_modules
 
 from knitlab.io.names import check_suffix
+from knitlab.io.shipped import PACKAGE
 
-FIGURE_NAMES = (
-    *("auxetic", "capacitors", "contact", "curves", "cycles", "directions", "electrodes", "force"),
-    *("grid", "options", "polar", "relaxation", "samples", "sensitivity", "sensor", "shape"),
-    *("stripes", "swept", "tension", "uncertainty", "wavelength"),
-)
-"""Names of the figures in the modules of :mod:`knitlab.figures.kinds`, not imported here."""
-COMPARING = ("contact", "cycles", "directions", "grid", "options", "swept")
-"""Figures that accept a cube with several values of its swept settings."""
+FIGURE_NAMES = tuple(module.name for module in iter_modules([str(PACKAGE / "figures" / "kinds")]))
+"""The files of :mod:`knitlab.figures.kinds`, in alphabetical order, which are not imported here."""
 FIGURE_SUFFIXES = (".pdf", ".svg", ".png")
 
 

@@ -18,8 +18,8 @@ from knitlab.cubes.cube_file import (
     write_cube,
 )
 from knitlab.cubes.trust import MARKS
-from knitlab.figures.kinds.design_map import LAST, auxetic_map
-from knitlab.figures.kinds.wavelength import wavelength_figure
+from knitlab.figures.design_map import LAST
+from knitlab.figures.kinds.auxetic import auxetic
 from knitlab.io.shipped import shipped
 from knitlab.observables.wavelength import PERIODIC_CELLS, wave_of
 
@@ -63,7 +63,7 @@ def test_intersections_count_where_the_ratio_is_lowest(crossing_at, expected):
     assert STRAIN[2] == pytest.approx(0.1)
     cube = with_derived(linear_cube(crossing_at))
     assert cube["intersections_at_min"].item() == expected
-    texts = [text.get_text() for text in auxetic_map([cube]).axes[0].texts]
+    texts = [text.get_text() for text in auxetic([cube]).axes[0].texts]
     assert any(MARKS["intersecting"].sign in text for text in texts) == (expected > 0)
 
 
@@ -91,7 +91,7 @@ def test_a_wavelength_comes_with_the_number_of_its_waves():
 
 def test_wavelengths_from_two_waves_are_hollow():
     cube = open_cube(REFERENCE / "paper")
-    axes = wavelength_figure(cube).axes
+    axes = kl.plot.wavelength(cube).axes
     for direction, lines in (("x", axes[2]), ("y", axes[5])):
         hollow = [line for line in lines.get_lines() if line.get_markerfacecolor() == "white"]
         marked = {(x, y) for line in hollow for x, y in zip(*line.get_data(), strict=True)}
@@ -103,7 +103,7 @@ def test_wavelengths_from_two_waves_are_hollow():
 def test_a_lowest_ratio_at_the_last_strain_is_marked():
     cube = linear_cube()
     cube["applied_strain_at_min"][:] = STRAIN[-1]
-    (axes, *_) = auxetic_map([with_derived(cube)]).axes
+    (axes, *_) = auxetic([with_derived(cube)]).axes
     assert any(LAST[0] in text.get_text() for text in axes.texts)
 
 
@@ -175,7 +175,7 @@ def test_strains_in_percent_are_refused(words):
 def test_legends_stay_within_their_figure():
     cube = open_cube(REFERENCE / "periodic")
     cube["poisson_ratio_high"] = cube["poisson_ratio_low"] + 0.5  # the longest note
-    figure = auxetic_map([cube])
+    figure = auxetic([cube])
     figure.canvas.draw()
     (legend,) = figure.legends
     assert legend.get_window_extent().x1 <= figure.bbox.x1
@@ -193,5 +193,5 @@ def test_a_snap_up_to_the_lowest_ratio_is_marked(snaps_at, marked):
     cube = linear_cube(2)
     snapped = xr.zeros_like(cube["reaction_force"])
     snapped[..., snaps_at] = 1
-    (axes, *_) = auxetic_map([with_derived(cube.assign(snapped=snapped))]).axes
+    (axes, *_) = auxetic([with_derived(cube.assign(snapped=snapped))]).axes
     assert any(MARKS["snapped"].sign in text.get_text() for text in axes.texts) == marked

@@ -15,7 +15,7 @@ from knitlab.cli import main
 from knitlab.cubes.cube_file import write_cube
 from knitlab.cubes.query import query_cubes
 from knitlab.cubes.trust import MARKS, legend, marked, marks_of, marks_of_rows
-from knitlab.figures.kinds.design_map import sensor_map
+from knitlab.figures.kinds.sensor import sensor
 
 DIMS, ALONG = ("n_stripe", "n_subunit"), ("n_stripe", "n_subunit", "applied_strain")
 STRAIN = [0.0, 0.1, 0.2, 0.3]
@@ -220,11 +220,11 @@ def test_rows_of_another_table_have_the_marks_of_their_states():
     assert marks_of_rows(cube, rows) == ["†", "*"]
 
 
-def test_the_sensor_map_marks_its_cells_and_its_front():
+def test_the_sensor_marks_its_cells_and_its_front():
     cube = cube_of(self_intersections=[0, 0, 5, 0], capacitance=[4.0, 3.0, 2.0, 1.0])
     cube["self_intersections"].loc[{"n_stripe": 4, "n_subunit": 32}] = 0
     cube["capacitance"] = cube["capacitance"] * xr.DataArray([1.0, 2.0], dims="n_subunit")
-    figure = sensor_map([cube], "0.1:0.3")
+    figure = sensor([cube], "0.1:0.3")
     cells = [text.get_text() for text in figure.axes[0].texts]
     assert sum("†" in text for text in cells) == 3
     assert sum("*" in text for text in cells) == 2

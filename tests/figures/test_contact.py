@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.figures.kinds.contact import contact_effect
+from knitlab.figures.kinds.contact import contact
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.cubes.artificial_cubes import STRAINS, made_up_cube
@@ -29,7 +29,7 @@ def side_by_side() -> xr.Dataset:
 
 
 def test_changes_are_those_between_the_two():
-    ratio, size, force = contact_effect(side_by_side()).axes
+    ratio, size, force = contact(side_by_side()).axes
     curves = [line for line in ratio.get_lines() if len(line.get_xdata()) == 2][:3]
     for line in curves:
         assert line.get_ydata() == pytest.approx([0.2, 0.2])
@@ -44,7 +44,7 @@ def test_changes_are_those_between_the_two():
 
 
 def test_only_designs_that_pass_through_themselves_are_shaded():
-    (_, size, _) = contact_effect(side_by_side()).axes
+    (_, size, _) = contact(side_by_side()).axes
     (shaded,) = size.patches
     assert shaded.get_y() == pytest.approx(-0.5)
 
@@ -52,7 +52,7 @@ def test_only_designs_that_pass_through_themselves_are_shaded():
 def test_designs_that_fail_in_one_of_both_are_named():
     cube = side_by_side()
     cube["status"][1, 0, 0] = Status.failed
-    figure = contact_effect(cube)
+    figure = contact(cube)
     assert [label.get_text() for label in figure.axes[1].get_yticklabels()] == [
         "(4, 16)",
         "(4, 32)",
@@ -70,4 +70,4 @@ def test_designs_that_fail_in_one_of_both_are_named():
 )
 def test_a_cube_without_both_is_refused(cube, message):
     with pytest.raises(InputError, match=message):
-        contact_effect(cube())
+        contact(cube())

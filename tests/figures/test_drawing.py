@@ -7,11 +7,13 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from knitlab.figures.drawing import FIGURES, draw, draw_figure
-from knitlab.figures.kinds.case_shapes import stretched_samples
-from knitlab.figures.kinds.curves import tension_curves
-from knitlab.figures.kinds.design_map import auxetic_map
-from knitlab.figures.kinds.sensitivity import sensitivity_map
+import knitlab as kl
+from knitlab.figures.drawing import draw, draw_figure
+from knitlab.figures.kinds.auxetic import auxetic
+from knitlab.figures.kinds.curves import curves
+from knitlab.figures.kinds.samples import samples
+from knitlab.figures.kinds.sensitivity import sensitivity
+from knitlab.figures.registry import figure_kind
 from knitlab.figures.style import value_colours
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
@@ -26,8 +28,12 @@ def cube_file(tmp_path):
     return tmp_path / "cube.nc"
 
 
-def test_every_figure_is_listed_for_workflows():
-    assert tuple(FIGURES) == FIGURE_NAMES
+@pytest.mark.parametrize("name", FIGURE_NAMES)
+def test_every_file_declares_the_figure_of_its_name(name):
+    kind = figure_kind(name)
+    assert kind.draw.__module__.endswith(f".{name}")
+    assert kind.summary
+    assert getattr(kl.plot, name).__doc__.startswith(kind.summary)
 
 
 def cell_pixels(figure, column, row):
@@ -45,7 +51,7 @@ def cell_pixels(figure, column, row):
 
 @pytest.mark.slow
 def test_failed_and_missing_designs_are_not_drawn_as_values():
-    figure = auxetic_map([made_up_cube()])
+    figure = auxetic([made_up_cube()])
     # P is 2, 4, 8 and 16 from the left: (8, 32), (2, 32), (2, 64), and (4, 64), which is excluded.
     without = ((0, 2), (2, 0), (3, 0), (2, 1))
     for column, row in without:
@@ -65,12 +71,12 @@ def values_written(axes):
 
 
 def test_the_map_writes_each_value_with_its_strain():
-    axes = auxetic_map([made_up_cube()]).axes[0]
+    axes = auxetic([made_up_cube()]).axes[0]
     assert values_written(axes) == ["0.05\nat 10%", "−0.80\nat 10%", "−0.40\nat 10%"]
 
 
 def test_the_map_has_a_cell_for_every_design_and_none_for_what_cannot_be():
-    axes = auxetic_map([made_up_cube()]).axes[0]
+    axes = auxetic([made_up_cube()]).axes[0]
     named = [text.get_text() for text in axes.texts if text.get_text().startswith("(")]
     planned = [design for design, status in STATUS.items() if status is not Status.excluded]
     assert sorted(named) == sorted(map(str, planned))
@@ -84,7 +90,7 @@ def test_the_map_has_a_cell_for_every_design_and_none_for_what_cannot_be():
 
 
 def test_the_colour_bar_spans_the_values_and_zero_is_white():
-    figure = auxetic_map([made_up_cube()])
+    figure = auxetic([made_up_cube()])
     assert figure.axes[1].get_ylim() == pytest.approx((-0.8, 0.05))
     colours = value_colours(np.array([-0.8, 0.05]))
     assert colours.to_rgba(0.0)[:3] == pytest.approx(colours.to_rgba(-0.0)[:3], abs=0.02)
@@ -114,7 +120,7 @@ def with_spread(half):
 
 @pytest.mark.parametrize(("half", "mark"), [(0.024, ""), (0.03, "\nspread 0.06")])
 def test_the_map_marks_designs_whose_siblings_differ_by_more_than_a_twentieth(half, mark):
-    figure = auxetic_map([with_spread(half)])
+    figure = auxetic([with_spread(half)])
     written = values_written(figure.axes[0])
     assert written == ["0.05\nat 10%", f"−0.80\nat 10%{mark}", "−0.40\nat 10%"]
     notes = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
@@ -123,7 +129,7 @@ def test_the_map_marks_designs_whose_siblings_differ_by_more_than_a_twentieth(ha
 
 def test_curves_have_a_band_from_the_lowest_to_the_highest_sibling():
     cube = with_spread(0.03)
-    axes = np.array(tension_curves([cube]).axes).reshape(3, 3)[2, 1]
+    axes = np.array(curves([cube]).axes).reshape(3, 3)[2, 1]
     first = axes.collections[0].get_paths()[0].vertices
     for strain, low, high in ((0.1, -0.83, -0.77), (0.2, -0.41, -0.39)):
         edge = first[np.isclose(first[:, 0], strain), 1]
@@ -131,7 +137,7 @@ def test_curves_have_a_band_from_the_lowest_to_the_highest_sibling():
 
 
 def test_the_sensitivity_map_frames_the_largest_of_each_design():
-    axes = sensitivity_map(made_up_cube(sensitivities=True)).axes[0]
+    axes = sensitivity(made_up_cube(sensitivities=True)).axes[0]
     designs = [label.get_text().split("  ")[0] for label in axes.get_yticklabels()]
     assert designs == ["(2, 16)", "(2, 32)", "(2, 64)", "(4, 16)", "(4, 32)", "(8, 32)"]
     bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
@@ -147,7 +153,7 @@ def test_the_sensitivity_map_frames_the_largest_of_each_design():
 
 
 def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
-    grid = np.array(tension_curves([made_up_cube()]).axes).reshape(3, 3)
+    grid = np.array(curves([made_up_cube()]).axes).reshape(3, 3)
     ratio = grid[2]
     lines = [[line for line in axes.lines if "(P = " in line.get_label()] for axes in ratio]
     assert [len(column) for column in lines] == [1, 2, 1]
@@ -218,7 +224,7 @@ def made_up_case(periodic: bool) -> xr.Dataset:
 
 
 def test_stretched_samples_have_the_colour_of_each_unit_cell():
-    relaxed, stretched, _ = stretched_samples([made_up_case(periodic=False)]).axes
+    relaxed, stretched, _ = samples([made_up_case(periodic=False)]).axes
     assert relaxed.get_title().endswith("relaxed")
     assert stretched.get_title().endswith("pulled 20%")
     faces = stretched.collections[0]
@@ -231,7 +237,7 @@ def test_stretched_samples_have_the_colour_of_each_unit_cell():
 
 def test_stretched_samples_are_between_clamps():
     with pytest.raises(InputError, match="not periodic fabric"):
-        stretched_samples([made_up_case(periodic=True)])
+        samples([made_up_case(periodic=True)])
 
 
 @pytest.mark.parametrize("strain", [0.0, 0.2])

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.figures.drawing import draw
-from knitlab.figures.kinds.any_variable import by_periods
+from knitlab.figures.kinds.grid import by_periods
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.cubes.artificial_cubes import STATUS, made_up_cube

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cli import main
-from knitlab.figures.kinds.capacitors import capacitors_figure
-from knitlab.figures.kinds.design_map import PAPER, sensor_map, values_of_designs
+from knitlab.figures.kinds.capacitors import capacitors
+from knitlab.figures.kinds.sensor import PAPER, sensor, values_of_designs
 from knitlab.figures.nearest_designs import non_dominated
 from knitlab.io.errors import InputError
 from tests.cubes.artificial_cubes import made_up_cube
@@ -62,7 +62,7 @@ def test_the_front_is_the_set_of_points_that_none_dominates(points):
 
 
 def test_the_map_writes_both_figures_and_lists_the_front():
-    steep, wide, trade_off = sensor_map([with_electrodes()]).axes[:3]
+    steep, wide, trade_off = sensor([with_electrodes()]).axes[:3]
     assert values_written(steep) == ["0.50", "2.00", "1.00"]
     assert values_written(wide) == ["30%", "10%", "5%"]
     hatched = [patch for patch in steep.patches if patch.get_hatch()]
@@ -72,14 +72,14 @@ def test_the_map_writes_both_figures_and_lists_the_front():
 
 
 def test_the_papers_checkerboards_are_drawn_with_their_slopes():
-    curves, absolute, slopes = capacitors_figure([with_electrodes()]).axes
+    curves, absolute, slopes = capacitors([with_electrodes()]).axes
     assert absolute.get_ylabel() == "$C$ [pF]\nelectrodes of 100 mm"
     names = [line.get_label() for line in curves.lines if line.get_label().startswith("(")]
     assert names == ["(4, 16)", "(4, 32)"]
     assert [patch.get_height() for patch in slopes.patches] == [2.0, 1.0]
 
 
-@pytest.mark.parametrize("draw", [sensor_map, lambda cube: capacitors_figure([cube])])
+@pytest.mark.parametrize("draw", [sensor, lambda cube: capacitors([cube])])
 def test_a_cube_without_electrodes_is_refused(draw):
     with pytest.raises(InputError, match="electrodes"):
         draw(made_up_cube())
@@ -104,11 +104,11 @@ def test_a_map_of_one_cube_refuses_two(tmp_path):
 
 def test_a_window_shows_slope_and_linearity_within_it():
     """From 4 through 3 to 2.5: the mean slope of 0 to 0.2 is −7.5, that of 0 to 0.1 is −10."""
-    figure = sensor_map([with_electrodes()], window="0:0.1")
+    figure = sensor([with_electrodes()], window="0:0.1")
     assert values_written(figure.axes[0]) == ["−10.00"] * 3
     assert values_written(figure.axes[1]) == ["1.00"] * 3
     assert "0:0.1" in figure.axes[2].get_ylabel()
-    wider = sensor_map([with_electrodes()], window="0:0.2")
+    wider = sensor([with_electrodes()], window="0:0.2")
     assert values_written(wider.axes[0]) == ["−7.50"] * 3
     # R² of a line through two straight parts, one of half the slope of the other.
     parts = np.concatenate([np.linspace(4, 3, 1001), np.linspace(3, 2.5, 1001)[1:]])

@@ -7,7 +7,8 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.figures.kinds.curves import broken, tension_curves
+from knitlab.figures.curves import broken
+from knitlab.figures.kinds.curves import curves
 from tests.cubes.artificial_cubes import made_up_cube
 
 
@@ -29,10 +30,10 @@ def test_a_curve_breaks_before_every_snap_and_loses_no_point(snaps):
 
 def test_the_curve_of_a_design_that_snaps_has_a_gap_and_a_legend():
     cube = made_up_cube()
-    assert not any("snaps" in note for note in notes(tension_curves([cube])))
+    assert not any("snaps" in note for note in notes(curves([cube])))
     cube["snapped"] = xr.zeros_like(cube["mean_strain_xx"])
     cube["snapped"].loc[{"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.2}] = 1
-    figure = tension_curves([cube])
+    figure = curves([cube])
     lines = {line.get_label(): line for line in np.array(figure.axes).reshape(3, 3)[0, 1].lines}
     snapping, other = lines["16 (P = 2)"].get_xdata(), lines["32 (P = 4)"].get_xdata()
     np.testing.assert_array_equal(snapping, [0, 0.1, np.nan, 0.2])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.figures.kinds.any_variable import swept_values
+from knitlab.figures.kinds.swept import swept
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.cubes.artificial_cubes import made_up_cube
@@ -26,7 +26,7 @@ def marks(figure):
 
 
 def test_marks_are_the_values_of_the_designs_that_are_ok():
-    figure = swept_values(two_layouts())
+    figure = swept(two_layouts())
     names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     # All but the three designs that are excluded.
     assert names == ["(2, 16)", "(2, 32)", "(2, 64)", "(4, 16)", "(4, 32)", "(8, 32)"]
@@ -36,7 +36,7 @@ def test_marks_are_the_values_of_the_designs_that_are_ok():
 
 
 def test_designs_without_value_are_counted():
-    legend = swept_values(two_layouts()).legends[0]
+    legend = swept(two_layouts()).legends[0]
     assert [text.get_text() for text in legend.get_texts()] == [
         "checkerboard (3 without value)",
         "checkerboard_courses (4 without value)",
@@ -44,7 +44,7 @@ def test_designs_without_value_are_counted():
 
 
 def test_curves_are_reduced():
-    one, _ = marks(swept_values(two_layouts(), of="mean(poisson_ratio, 0.1:0.2)"))
+    one, _ = marks(swept(two_layouts(), of="mean(poisson_ratio, 0.1:0.2)"))
     np.testing.assert_allclose(one[[0, 3, 4]], 0.75 * np.array([0.05, -0.8, -0.4]))
 
 
@@ -54,10 +54,10 @@ def test_curves_are_reduced():
         (made_up_cube, "periods", "has no swept setting; give several values"),
         (lambda: two_layouts().expand_dims(width=[1, 2], axis=2), "periods", "sweeps"),
         (two_layouts, "poisson_ratio", "is not a single number of a design"),
-        (two_layouts, "status", "is not a single number of a design"),
+        (two_layouts, "status", "status is not a number"),
         (two_layouts, "poisson", "poisson"),
     ],
 )
 def test_what_it_cannot_show_is_refused(cube, of, message):
     with pytest.raises(InputError, match=message):
-        swept_values(cube(), of)
+        swept(cube(), of)

@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from generated_reference.markdown import first_paragraph
-from knitlab import plot
-from knitlab.figures.drawing import FIGURES
+from knitlab.figures.registry import figure_kind
 from knitlab.runs.figure_names import FIGURE_NAMES
 
 ROOT = Path(__file__).parents[3]
@@ -16,14 +15,14 @@ def page() -> str:
 
 
 def _section(name: str) -> list[str]:
-    kind = FIGURES[name]
+    kind = figure_kind(name)
     facts = [f"In Python: {{py:func}}`knitlab.plot.{name}`; drawn by `{kind.draw.__module__}`."]
     if kind.dims:
         facts.append(f"Designs along {' and '.join(f'`{dim}`' for dim in kind.dims)}.")
     if kind.needs:
         facts.append(f"Needs `{kind.needs}`, which is in case files.")
     facts.append(f"Takes {kind.takes}.")
-    parts = [f"## {name}", first_paragraph(getattr(plot, name).__doc__), " ".join(facts)]
+    parts = [f"## {name}", first_paragraph(kind.summary), " ".join(facts)]
     kept = sorted((ROOT / "results" / "reference").glob(f"*/figures/{name}.png"))
     if kept:
         example = kept[0].relative_to(ROOT)

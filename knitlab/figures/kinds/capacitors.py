@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from knitlab.cubes.cube_file import base_dims, is_measured, source_of
-from knitlab.figures.kinds import FigureKind
-from knitlab.figures.kinds.curves import break_note, broken, snapped_before
+from knitlab.figures.curves import break_note, broken, snapped_before
+from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, Look, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.capacitance.sensor import CENTRAL_PART, CapacitorStatus
@@ -24,7 +24,8 @@ DASHES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_SAMPLES = (("rib", 4), ("garter", 4), (4, 16), (4, 32))
 
 
-def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
+@figure(dims=None, several="any")
+def capacitors(cubes: Sequence[xr.Dataset]) -> Figure:
     """C/C0 against applied strain, and the slopes, side by side (paper, Fig. "capacitor testing").
 
     Shows those of the paper's four samples that the cubes hold, and all measured ones. There is no
@@ -110,6 +111,3 @@ def _samples(cube: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
         if (source or labels[:2] in PAPER_SAMPLES) and int(cell["status"]) in RUN and read:
             samples.append((name + source, cell))
     return samples
-
-
-FIGURES = {"capacitors": FigureKind(capacitors_figure, dims=None, several="any")}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import DESIGN_DIMS, Status
@@ -23,7 +23,8 @@ SIZES: dict[str, Look] = {
 }
 
 
-def contact_effect(cube: xr.Dataset) -> Figure:
+@figure(compares=True)
+def contact(cube: xr.Dataset) -> Figure:
     """What contact changes in Poisson's ratio, reaction force and relaxed size of every design."""
     if "contact" not in cube.dims or {*CONTACT} - {*map(str, cube["contact"].values)}:
         hint = "run a workflow with both, contact = none,barrier"
@@ -96,6 +97,3 @@ def _draw_sizes(axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: 
         handles.append(Line2D([], [], marker="s", ms=7, ls="", color=THROUGH, label=NOTE))
     above: Look = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
     axes.legend(handles=handles, ncols=2, fontsize=6.5, **above)
-
-
-FIGURES = {"contact": FigureKind(contact_effect)}

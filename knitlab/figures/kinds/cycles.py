@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, shades
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import CYCLE, STRAIN
@@ -20,6 +20,7 @@ OVER_CYCLES = {
 """What is shown against the number of the cycle, with a factor on it."""
 
 
+@figure(dims=None, coordinates=(CYCLE,), compares=True)
 def cycles(cube: xr.Dataset) -> Figure:
     """Force during loading and unloading in every cycle, energy lost and set against its number.
 
@@ -64,6 +65,3 @@ def _draw_loops(axes: Axes, one: xr.Dataset) -> None:
     axes.set(xlabel="applied strain [%]", ylabel="reaction force [N]")
     axes.set_title("loading, and unloading dashed")
     axes.legend(loc="upper left")
-
-
-FIGURES = {"cycles": FigureKind(cycles, dims=None, coordinates=(CYCLE,))}

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from knitlab.cubes.cube_file import parameters_of
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, frame_polar, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
@@ -16,6 +16,7 @@ FEWEST = 3  # angles
 MOST = len(MARKERS)  # designs whose curves can be told apart
 
 
+@figure(coordinates=(STRAIN,), compares=True)
 def directions(cube: xr.Dataset) -> Figure:
     """Poisson's ratio and force over width against the angle of the pull, as polar plots.
 
@@ -58,6 +59,3 @@ def _draw(axes: PolarAxes, values: xr.DataArray, title: str, mirrored: bool) -> 
         curve = np.concatenate([row.values[::step] for step in order])
         axes.plot([*whole, whole[0]], [*curve, curve[0]], color=colour, marker=marker, **look)
     frame_polar(axes, title, ["0°\ncourses", "45°", "90° wales"])
-
-
-FIGURES = {"directions": FigureKind(directions, coordinates=(STRAIN,))}

@@ -10,7 +10,7 @@ from knitlab.claims.claims import TOPICS, read_claims
 from knitlab.claims.margin import Grade, signed
 from knitlab.claims.option_ranking import RankedOptions, differing, ranked_options
 from knitlab.figures.cells import cell, remove_frame
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import MINUS, TWO_COLUMNS, Look, name_rows, subplots
 from knitlab.io.errors import invalid
 
@@ -25,7 +25,8 @@ NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quar
 UNSTATED = {"drag": 0}  # labels of options that are stated only if they have an effect
 
 
-def options_figure(cubes: Sequence[xr.Dataset]) -> Figure:
+@figure(dims=None, several="any", compares=True)
+def options(cubes: Sequence[xr.Dataset]) -> Figure:
     """Which of the paper's claims each set of model options meets, the best set first."""
     claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.topic))
     ranked = ranked_options(cubes, claims)
@@ -74,6 +75,3 @@ def _head(options: RankedOptions, varied: Sequence[str]) -> str:
     lines = [each.replace("stripe_", "").replace("per_", "").replace("_", " ") for each in lines]
     lines += [f"{options.designs} designs"] if options.designs else []
     return "\n".join([*lines, f"{options.count(Grade.holds)}/{options.decided}"])
-
-
-FIGURES = {"options": FigureKind(options_figure, dims=None, several="any")}

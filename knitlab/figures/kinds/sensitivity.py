@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.figures import cells
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import Look, colour_bar, number, subplots, value_colours
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import Status
@@ -21,7 +21,8 @@ NOTE = (
 )
 
 
-def sensitivity_map(cube: xr.Dataset) -> Figure:
+@figure()
+def sensitivity(cube: xr.Dataset) -> Figure:
     """Which stripe parameter the Poisson's ratio of each design depends on.
 
     Shows the sensitivity p ∂ν/∂p of every design to every stripe parameter at the strain where its
@@ -87,6 +88,3 @@ def _at_lowest(design: xr.Dataset) -> np.ndarray:
     along = design[QUANTITY].transpose("applied_strain", "stripe_parameter").values
     at = np.flatnonzero(np.isclose(strains, lowest, 0, 1e-9))
     return along[at[0]] if at.size else np.full(along.shape[1], np.nan)
-
-
-FIGURES = {"sensitivity": FigureKind(sensitivity_map)}

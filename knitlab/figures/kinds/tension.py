@@ -11,10 +11,10 @@ from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.cells import design_name, designs_of
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import Look, colour_bar, subplots, value_colours
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import Status
+from knitlab.observables.schema import STRAIN, Status
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
@@ -25,7 +25,8 @@ COMPONENTS = {
 }
 
 
-def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
+@figure(several="experiments", coordinates=(STRAIN,))
+def tension(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain over samples between clamps (paper, Fig. "tension images").
 
     Lengths are those of the relaxed cloth, by the gauge. Shows the paper's three samples, and
@@ -83,8 +84,3 @@ def _draw_cells(axes: Axes, sample: xr.Dataset, name: str, colours: ScalarMappab
     corner = x[inner_x.start], y[inner_y.start]
     size = x[inner_x.stop] - x[inner_x.start], y[inner_y.stop] - y[inner_y.start]
     axes.add_patch(Rectangle(corner, *size, **CENTRAL))
-
-
-FIGURES = {
-    "tension": FigureKind(tension_maps, several="experiments", coordinates=("applied_strain",)),
-}

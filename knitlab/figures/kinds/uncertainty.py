@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from knitlab.cubes.uncertainty import LOWEST, PARAMETER, QUANTITIES, first_order
 from knitlab.figures import cells
-from knitlab.figures.kinds import FigureKind
-from knitlab.figures.kinds.design_map import draw_map, row_count
+from knitlab.figures.design_map import draw_map, row_count
 from knitlab.figures.kinds.sensitivity import SYMBOLS
+from knitlab.figures.registry import figure
 from knitlab.figures.style import number, subplots
 from knitlab.io.errors import invalid, unknown
 from knitlab.observables.schema import STRAIN, VARIABLES
@@ -29,7 +29,8 @@ LINE = 90  # characters
 MOST_PLACES = 4  # decimal places of a value at most
 
 
-def uncertainty_map(
+@figure(coordinates=(STRAIN,), options=("material", "of", "uncertainty_of"))
+def uncertainty(
     cube: xr.Dataset,
     material: "str | Path | Material | None" = None,
     of: str = "poisson_ratio",
@@ -73,10 +74,3 @@ def uncertainty_map(
     marked = draw_map(axes, [shown], f"{name}_halfwidth", label, text)
     cells.marks_legend(figure, marked, "no derivative, or no value", (*NOTES, *said))
     return figure
-
-
-FIGURES = {
-    "uncertainty": FigureKind(
-        uncertainty_map, coordinates=(STRAIN,), options=("material", "of", "uncertainty_of")
-    )
-}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from knitlab.cubes.cube_file import RELIABLE_WAVES
 from knitlab.figures.cells import design_name
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import invalid
 from knitlab.lab.fit_statistics import linear_fit
@@ -18,7 +18,8 @@ OTHER = {"x": "y", "y": "x"}
 PEAK = CATEGORY_COLOURS[1]
 
 
-def wavelength_figure(cube: xr.Dataset) -> Figure:
+@figure()
+def wavelength(cube: xr.Dataset) -> Figure:
     """Boundaries, their spectra, and wavelengths against n_subunit (paper, Fig. "wavelength").
 
     Lengths are in cloth, by the gauge, as in the paper. Boundary and spectrum are of the smallest
@@ -106,6 +107,3 @@ def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
     axes.legend(loc="upper left", title=title, **small)
     # Room above the lines for the legend.
     axes.set_ylim(0, (2.1 if hollow else 1.7) * axes.get_ylim()[1])
-
-
-FIGURES = {"wavelength": FigureKind(wavelength_figure)}

@@ -1,4 +1,4 @@
-"""Any variable of a cube: a grid over two dimensions, or all designs along a swept setting."""
+"""Any variable of a cube over two of its dimensions."""
 
 from math import floor, log10
 from textwrap import fill
@@ -9,22 +9,24 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cubes.cube_file import base_dims, design_dims, swept_dims
+from knitlab.cubes.cube_file import base_dims, design_dims
 from knitlab.cubes.force_control import FORCES
 from knitlab.cubes.selection import choices
 from knitlab.cubes.strain_window import with_columns
 from knitlab.figures import cells, style
-from knitlab.figures.kinds import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
+from knitlab.figures.registry import figure
+from knitlab.figures.style import Look, number, subplots
 from knitlab.io.errors import invalid, unknown
-from knitlab.observables.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
+from knitlab.observables.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, STRAIN, Status
 
 PERIODS = "periods"
-MOST_COLUMNS, MOST_ROWS = 16, 24  # of cells that still have room for a number
+MAX_COLUMNS, MAX_ROWS = 16, 24  # of cells that still have room for a number
 NO_VALUE = "no value there"
+SLICED = (STRAIN, *FORCES, "stripe_parameter")
 
 
-def value_grid(
+@figure(dims=None, coordinates=SLICED, options=("x", "y", "of"), compares=True)
+def grid(
     cube: xr.Dataset, x: str | None = None, y: str | None = None, of: str = "poisson_ratio_min"
 ) -> Figure:
     """Any variable over any two dimensions of a cube, swept settings included.
@@ -32,9 +34,7 @@ def value_grid(
     Either dimension may be ``periods`` for P = n_subunit / (2 n_stripe); without ``x`` and ``y``
     they are those with more than one value, with P in place of n_subunit.
     """
-    cube, is_number = _with_variable(cube, of)
-    if not is_number:
-        raise invalid("of", f"{of} is not a number; choose a variable with a unit")
+    cube = with_number(cube, of)
     has_periods = base_dims(cube) == DESIGN_DIMS
     # Along n_subunit most cells would be missing where both numbers of a design vary.
     both = has_periods and all(cube.sizes[n] > 1 and n in cube[of].dims for n in DESIGN_DIMS)
@@ -55,7 +55,7 @@ def value_grid(
     height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
     figure, axes = subplots(height)
     colours = style.value_colours(values.values)
-    large = values.shape[1] <= MOST_COLUMNS and values.shape[0] <= MOST_ROWS
+    large = values.shape[1] <= MAX_COLUMNS and values.shape[0] <= MAX_ROWS
     form, rgba = _same_decimals(values.values), colours.to_rgba(values.values)
     marked, look = set[Status](), Look()
     for row, column in np.ndindex(values.shape):
@@ -102,12 +102,14 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
     return designs.unstack("design", fill_value=missing)
 
 
-def _with_variable(cube: xr.Dataset, of: str) -> tuple[xr.Dataset, bool]:
-    """The cube with a variable or a reduction, and whether that is a number."""
+def with_number(cube: xr.Dataset, of: str) -> xr.Dataset:
+    """The cube with a variable, or the reduction of one, that must be a number."""
     (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
         raise invalid("of", unknown(of, map(str, cube.data_vars), "variable"))
-    return cube, of not in FLAGS and cube[of].dtype.kind in "iuf"
+    if of in FLAGS or cube[of].dtype.kind not in "iuf":
+        raise invalid("of", f"{of} is not a number; choose a variable with a unit")
+    return cube
 
 
 def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, str]:
@@ -177,54 +179,3 @@ def _same_decimals(values: np.ndarray) -> str:
     if not 1e-3 <= largest < 1e5:
         return ".3g"
     return f".{max(0, 2 - floor(log10(largest)))}f"
-
-
-def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
-    """Any variable of every design, at each value of a swept setting.
-
-    The legend counts the designs that have no value there. ``of`` may be a reduction, as in
-    queries: ``slope(capacitance, 0.1:0.3)``.
-    """
-    cube, is_number = _with_variable(cube, of)
-    swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
-    designs = base_dims(cube)
-    if not is_number or {*cube[of].dims} - {*swept, *designs}:
-        raise invalid(
-            "of", f"{of} is not a single number of a design; choose another, or reduce it"
-        )
-    if len(swept) != 1:
-        message = f"sweeps {', '.join(swept)}; select one value of all but one"
-        none = "has no swept setting; give several values of one to a workflow"
-        raise invalid("swept", f"the cube {message if swept else none}")
-    (setting,) = swept
-    if cube.sizes[setting] > len(MARKERS):
-        # More could not be distinguished.
-        raise invalid("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
-    rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
-    rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
-    names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
-    height = max(2.4, 1.1 + 0.16 * len(names))
-    figure, axes = subplots(height)
-    for k, value in enumerate(rows[setting].values):
-        one = rows.isel({setting: k})
-        values = one[of].where(one["status"] == Status.ok)
-        missing = int((values.isnull() & (one["status"] != Status.excluded)).sum())
-        label = value if isinstance(value, str) else number(float(value), ".4g")
-        label += f" ({missing} without value)" if missing else ""
-        look: Look = {"ms": 4.5, "mfc": "none", "color": CATEGORY_COLOURS[k], "label": label}
-        axes.plot(values, np.arange(len(names)), MARKERS[k], **look)
-    unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
-    style.name_rows(axes, names, fontsize=6.5)
-    axes.set(xlabel=f"{name or of} [{unit or '1'}]", ylabel=f"({', '.join(designs)})")
-    axes.grid(axis="y", color="0.9", lw=0.5)
-    axes.set_axisbelow(True)
-    axes.tick_params(axis="y", length=0)
-    figure.legend(title=setting, loc="outside right upper")
-    return figure
-
-
-SLICED = ("applied_strain", *FORCES, "stripe_parameter")
-FIGURES = {
-    "grid": FigureKind(value_grid, None, coordinates=SLICED, options=("x", "y", "of")),
-    "swept": FigureKind(swept_values, None, options=("of",)),
-}

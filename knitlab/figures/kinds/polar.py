@@ -6,15 +6,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from knitlab.figures import sheets
-from knitlab.figures.kinds import FigureKind
+from knitlab.figures.registry import figure
 from knitlab.figures.style import frame_polar, shades, subplots
 from knitlab.io.errors import invalid
+from knitlab.observables.schema import STRAIN
 
 MOST_STATES = 4
 ANGLES = np.linspace(0, 2 * np.pi, 361)
 
 
-def polar_moduli(case: xr.Dataset) -> Figure:
+@figure(dims=None, needs="position", coordinates=(STRAIN,))
+def polar(case: xr.Dataset) -> Figure:
     """Modulus and Poisson's ratio of periodic fabric along every direction, kept flat.
 
     Of small changes from the relaxed state and from stretched ones, at most four unless they are
@@ -46,8 +48,3 @@ def polar_moduli(case: xr.Dataset) -> Figure:
     figure.suptitle(sheets.design_text(case), fontsize="medium")
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
-
-
-FIGURES = {
-    "polar": FigureKind(polar_moduli, None, needs="position", coordinates=("applied_strain",)),
-}

@@ -1,0 +1,61 @@
+"""Design map of the lowest Poisson's ratio."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from knitlab.figures.cells import designs_of, marks_legend
+from knitlab.figures.design_map import draw_map, explained, row_count, value_marks
+from knitlab.figures.registry import figure
+from knitlab.figures.style import number, subplots
+from knitlab.io.errors import invalid
+from knitlab.observables.schema import STRAIN
+
+LARGE_SPREAD = 0.05  # of Poisson's ratio over perturbed copies of a design: the map states it
+SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
+NO_RATIO = "no ratio: not stretched, or a single clamped cell"
+
+
+@figure(several="experiments", coordinates=(STRAIN,))
+def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
+    """Design map: lowest Poisson's ratio of every design, and the strain at which it occurs.
+
+    With one applied strain selected, it shows Poisson's ratio there. Where ν of the siblings of a
+    design differs by more than 0.05 at any strain, the map states the difference.
+    """
+    if not any("poisson_ratio_min" in cube for cube in cubes):
+        raise invalid("auxetic", "shows Poisson's ratio, and there is none; import markers")
+    strains = np.unique(np.concatenate([cube["applied_strain"].values for cube in cubes]))
+    lowest = len(strains) > 1 or strains[0] == 0
+    if not lowest:
+        cubes = [cube.isel(applied_strain=0) for cube in cubes]
+    name = "poisson_ratio_min" if lowest else "poisson_ratio"
+    designs = [design for cube in cubes for design in designs_of(cube)]
+
+    def text(value: float, design: xr.Dataset) -> str:
+        shown = f"{number(value)}{value_marks(name, design)}"
+        if lowest:
+            shown += f"\nat {float(design['applied_strain_at_min']):.0%}"
+        spread = _spread(design)
+        return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
+
+    figure, axes = subplots(max(2.4, 1.2 + 0.5 * row_count(designs)))
+    label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
+    label += "\n(negative: auxetic)"
+    marked = draw_map(axes, cubes, name, label, text, signed=True)
+    said = "lowest ν, and the applied strain there" if lowest else "ν"
+    notes = [f"in each cell: (n_stripe, n_subunit), {said}"]
+    if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
+        notes.append(SPREAD_NOTE)
+    notes += explained([name], designs)
+    marks_legend(figure, marked, NO_RATIO, notes, cubes)
+    return figure
+
+
+def _spread(cube: xr.Dataset) -> float:
+    """Largest spread of ν over siblings, at any strain of any design; NaN without siblings."""
+    if "poisson_ratio_low" not in cube:
+        return float("nan")
+    return float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max())

@@ -1,0 +1,57 @@
+"""Samples between clamps, relaxed and stretched."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from knitlab.cubes.case_file import length_unit
+from knitlab.export.meshes.fabric import on_grid_cells
+from knitlab.figures import sheets, style
+from knitlab.figures.cells import design_name
+from knitlab.figures.kinds.tension import PAPER_DESIGNS, SHOWN_STRAIN
+from knitlab.figures.registry import figure
+from knitlab.figures.style import TWO_COLUMNS, Look
+from knitlab.io.errors import invalid
+from knitlab.observables.schema import STRAIN
+
+
+@figure(needs="position", designs=PAPER_DESIGNS, coordinates=(STRAIN,))
+def samples(cases: Sequence[xr.Dataset]) -> Figure:
+    """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
+
+    Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
+    of ``applied_strain``.
+    """
+    from knitlab.cubes.recorded_case import recorded_case
+
+    if any("length_x" in case for case in cases):
+        raise invalid("samples", "shows samples between clamps, not periodic fabric; draw shape")
+    strains = cases[0]["applied_strain"]
+    if len(strains) > 2:
+        strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")
+    states = [case.sel(applied_strain=strain) for case in cases for strain in strains.values]
+    values = np.concatenate([state["strain_xx"].values.ravel() for state in states])
+    by_strain = style.value_colours(values, signed=True)
+    spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
+    widths, heights = 1.1 * np.transpose(spans)
+    height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
+    look: Look = {"squeeze": False, "sharey": True, "width_ratios": widths}
+    figure, (grid,) = style.subplots(height, 1, len(states), **look)
+    for axes, state in zip(grid, states, strict=True):
+        nodes = state["position"].values
+        faces = sheets.faces_of(nodes - [0, nodes[..., 1].min(), 0])
+        case = recorded_case(state)
+        local = on_grid_cells(case, state["strain_xx"].values).ravel()
+        sheets.draw_faces(axes, faces, sheets.shaded(faces, by_strain.to_rgba(local)))
+        patterned = "pattern" in state.coords
+        design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
+        cells_y, cells_x = state["strain_xx"].shape
+        shown = sheets.state_text(float(state["applied_strain"]))
+        axes.set(title=f"{design}\n{cells_x} × {cells_y} cells\n{shown}", xlabel="", ylabel="")
+    grid[0].set_ylabel(f"y, warp [{length_unit(cases[0])}]")
+    figure.supxlabel(f"x, weft [{length_unit(cases[0])}]", fontsize="medium")
+    label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
+    style.colour_bar(list(grid), by_strain, label=label, shrink=0.8, aspect=30)
+    return figure
