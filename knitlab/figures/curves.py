@@ -104,7 +104,7 @@ def _draw_design(
         strain, value, *band = broken(snapped, design[STRAIN].values[recorded], *scaled)
         axes.plot(strain, value, marker="" if measured else ".", ms=3, **look)
         if band:
-            axes.fill_between(strain, *band, color=colour, alpha=BAND, lw=0)
+            axes.fill_between(strain, band[0], band[1], color=colour, alpha=BAND, lw=0)
         if int(design["status"]) == Status.not_converged and recorded.any():
             axes.plot(strain[-1], value[-1], "x", ms=6, color=colour)
 
