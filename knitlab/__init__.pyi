@@ -36,7 +36,7 @@ from .lab.experiment import import_records as import_records
 from .lab.swatch import simulated_swatches as simulated_swatches
 from .lab.tension_record import read_cycles as read_cycles
 from .lab.tension_record import read_tension_record as read_tension_record
-from .model.capacitor import Capacitor as Capacitor
+from .model.electrodes import Capacitor as Capacitor
 from .model.electrodes import ElectrodeLayout as ElectrodeLayout
 from .model.fold_friction import Friction as Friction
 from .model.settings import PlainKnit as PlainKnit
