@@ -49,14 +49,19 @@ class ContactLayers:
     Attributes:
         far: between parts that are not near each other on the grid.
         near: between parts that are.
-        near_cells: rows and columns within which nodes are near each other.
         cell: shortest side of a grid cell [mm].
+        cells_per_period: of the grid.
     """
 
     far: ContactLayer
     near: ContactLayer
-    near_cells: int
     cell: float
+    cells_per_period: int
+
+    @property
+    def near_cells(self) -> int:
+        """Rows and columns within which nodes are near each other."""
+        return NEAR_CELLS * self.cells_per_period // CELLS_PER_PERIOD
 
 
 def contact_layers(
@@ -65,15 +70,15 @@ def contact_layers(
     cell: tuple[float, float],
     cells_per_period: int = CELLS_PER_PERIOD,
 ) -> ContactLayers:
-    """Layers of a fabric by its thickness [mm], a pressure scale [N/mm²] and sides of a cell [mm].
+    """Layers of a fabric whose middle surfaces touch at a distance of its thickness [mm].
 
-    ``thickness`` is the distance of the middle surfaces of two touching plies, and ``cell`` the
-    mean sides (x, y) of a grid cell.
+    ``pressure`` is the scale of the barrier [N/mm²], and ``cell`` has the mean sides (x, y) of a
+    grid cell [mm].
     """
     force = pressure * cell[0] * cell[1]
     return ContactLayers(
         far=ContactLayer(thickness, CONTACT_RANGE * thickness, force),
         near=ContactLayer(NEAR * thickness, CONTACT_RANGE * NEAR * thickness, force),
-        near_cells=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
         cell=min(cell),
+        cells_per_period=cells_per_period,
     )

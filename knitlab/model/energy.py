@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.model.array_library import array_library
-from knitlab.model.fabric import Configuration, Fabric
+from knitlab.model.fabric import Configuration, Fabric, Unknowns
 from knitlab.model.fold_angle import (
     Each,
     HingeVectors,
@@ -62,7 +62,7 @@ COMPLETE = Stage()
 class Point:
     """A configuration, flattened [mm], and a stage, at which a fabric is evaluated."""
 
-    unknowns: Float[np.ndarray, " unknown"]
+    unknowns: Unknowns
     stage: Stage = COMPLETE
 
 

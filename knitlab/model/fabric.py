@@ -13,6 +13,8 @@ from knitlab.model.network import MeshShape, Network
 from knitlab.model.settings import FoldAngle
 from knitlab.model.spring_law import LINEAR, SpringLaw
 
+Unknowns = Float[np.ndarray, " unknown"]  # a configuration, flattened [mm], or a gradient by it [N]
+
 
 class Configuration(eqx.Module):
     """The shape of a fabric in one state, or in several along leading axes; a pytree.

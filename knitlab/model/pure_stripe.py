@@ -9,7 +9,6 @@ zigzag of the paper's 2D model.
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -17,21 +16,19 @@ from jaxtyping import Array, Float
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.spring_law import LINEAR, CurveLaw, SpringLaw
 from knitlab.model.stripe import Stripe
-from knitlab.model.zigzag import fold_tension, law_of_one
+from knitlab.model.zigzag import Zigzag, fold_tension, law_of_one
 
 NEWTON_STEPS = 15  # to the side of a cell in balance; the last ones change nothing
 
 Value = Float[Array, ""]
 
 
-class PureStripe(eqx.Module):
-    """The numbers of an endless sheet of one stripe, on a grid of square cells."""
+class PureStripe(Zigzag):
+    """The numbers of an endless sheet of one stripe, on a grid of square cells.
 
-    period: Value  # relaxed [mm]
-    k_s: Value  # of springs across the ridges [N/mm]
-    k_t: Value  # of a fold along one cell [N mm]
-    theta_0: Value  # [rad]
-    law: SpringLaw = LINEAR
+    They are those of the zigzag that a row of cells is, and of the springs along the ridges.
+    """
+
     stretch_along: Value | None = None  # of springs along the ridges; None: as across [N/mm]
     law_along: SpringLaw | CurveLaw = LINEAR
 
@@ -50,11 +47,6 @@ class PureStripe(eqx.Module):
             None if along is None else jnp.asarray(along, float),
             LINEAR if stripe.curve_along is None else CurveLaw.of(stripe.curve_along),
         )
-
-    @property
-    def cell(self) -> Value:
-        """Side of a flat cell, and width of a row [mm]."""
-        return self.period / (CELLS_PER_PERIOD * jnp.sin(self.theta_0 / 2))
 
     def forces(self, length: Value, height: Value) -> tuple[Value, Value]:
         """Forces with which a cell resists its length across and height along the ridges [N]."""

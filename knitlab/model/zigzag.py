@@ -6,7 +6,7 @@ angle θ0 alternate with joints that are straight at rest.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -23,36 +23,17 @@ from knitlab.model.stripe import Stripe, cell_length
 AS_CALIBRATED = ModelOptions(cell_size="relaxed")  # with which a measured curve is fitted
 MAX_LOG_TILT = 40.0  # largest −log(tilt / relaxed tilt) in the search for the root
 
-
 Length = Float[Array, ""]
-
-
-class Folding(Protocol):
-    """What every row of folds has, whatever resists its length."""
-
-    @property
-    def period(self) -> Length:
-        """Relaxed period [mm]."""
-
-    @property
-    def k_t(self) -> Length:
-        """Stiffness of a fold [N mm]."""
-
-    @property
-    def theta_0(self) -> Length:
-        """Rest angle of a fold [rad]."""
-
-
-Folds = TypeVar("Folds", bound=Folding)
+Folds = TypeVar("Folds", bound="Zigzag")
 
 
 class Zigzag(eqx.Module):
-    """The zigzag of one stripe: its relaxed period [mm], and its springs and hinges."""
+    """The zigzag of one stripe."""
 
-    period: Float[Array, ""]
-    k_s: Float[Array, ""]
-    k_t: Float[Array, ""]
-    theta_0: Float[Array, ""]
+    period: Float[Array, ""]  # relaxed [mm]
+    k_s: Float[Array, ""]  # of springs across the ridges [N/mm]
+    k_t: Float[Array, ""]  # of a fold [N mm]
+    theta_0: Float[Array, ""]  # rest angle of a fold [rad]
     law: SpringLaw = LINEAR
 
     @property

@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from knitlab.solvers.case import Case
 
 if TYPE_CHECKING:
@@ -16,7 +14,4 @@ def contact_of(case: Case) -> "Barrier | None":
         return None
     from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
-    _, fabric = case.assemble()
-    cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
-    sheet, refinement = case.sheet_of_network, case.options.cells_per_period
-    return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
+    return Barrier(case.mesh_shape, case.contact_layers)

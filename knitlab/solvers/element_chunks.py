@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from knitlab.model import energy
-from knitlab.model.fabric import Fabric
+from knitlab.model.fabric import Fabric, Unknowns
 from knitlab.model.fold_friction import FoldFriction
 from knitlab.model.network import LENGTHS, Elements, MeshShape, cached_by_shape, network
 from knitlab.model.settings import FoldAngle
@@ -37,7 +37,6 @@ VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS  # parameters of the energy of a c
 WORTH_SHARING = 8  # number of chunks from which a second thread pays off
 
 Indices = Int[np.ndarray, " entry"]
-Unknowns = Float[np.ndarray, " unknown"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
 """Vectors of the springs of a chunk, vectors of its hinges, and heights of its nodes [mm]."""
 Acting = Float[np.ndarray, "3"]  # fraction of rest angles, z_max [mm], wall stiffness [N/mm]

@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration, flat_sheet
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered, shaken
 
@@ -31,14 +30,6 @@ def test_the_flat_sheet_lies_on_its_grid():
     )
 
 
-def test_states_are_stacked_and_picked_out_again():
-    net, fabric = checkered(4, 1, CLAMPED)
-    states = [shaken(flat_sheet(net, fabric), 0.1, seed) for seed in range(3)]
-    together = Configuration.stacked(states)
-    np.testing.assert_array_equal(together[1].positions, states[1].positions)
-    np.testing.assert_array_equal(together[1:].lengths[0], states[1].lengths)
-
-
 def test_the_gradient_of_a_function_is_a_configuration():
     net, fabric = checkered(4, 1, CLAMPED)
     at = shaken(flat_sheet(net, fabric), 0.1)
@@ -53,12 +44,3 @@ def test_the_gradient_of_a_function_is_a_configuration():
     expected[np.unravel_index(x.argmin(), x.shape)] = [-1, 0, 0]
     np.testing.assert_array_equal(slope.positions, expected)
     assert not np.any(slope.lengths)
-
-
-@pytest.mark.slow
-def test_a_configuration_is_mapped_as_a_pytree():
-    net, fabric = checkered(4, 1, PERIODIC)
-    states = [shaken(flat_sheet(net, fabric), 0.1, seed) for seed in range(2)]
-    together = jax.vmap(lambda at: energy(net, fabric, at).total)(Configuration.stacked(states))
-    alone = [float(energy(net, fabric, state).total) for state in states]
-    np.testing.assert_allclose(together, alone, rtol=1e-12)

@@ -3,7 +3,7 @@ import pytest
 
 from knitlab.model.settings import ModelOptions
 from knitlab.model.stripe import cell_length, periods_per_patch
-from tests.fabrics import CLAMPED, cell_of, checkerboard, checkered, patterned, stripe
+from tests.fabrics import cell_of, checkerboard, checkered, patterned, stripe
 
 
 def test_a_relaxed_cell_folds_to_the_measured_period():
@@ -18,13 +18,6 @@ def test_lengths_scale_and_the_wall_does_not():
     _, ten = checkered(4, 1, ModelOptions(length_scale=10))
     assert np.allclose(ten.rest_length, 10 * one.rest_length)
     assert float(ten.z_max) == float(one.z_max)
-
-
-def test_diagonals_take_the_smaller_stiffness():
-    net, fabric = checkered(4, 1, CLAMPED)
-    diagonal = ~net.weft & ~net.warp
-    assert set(np.asarray(fabric.stretch_stiffness)[diagonal]) == {0.817}
-    assert set(np.asarray(fabric.stretch_stiffness)[net.warp]) == {4.78}
 
 
 def test_k_t_per_length_is_k_t_times_the_length_of_the_edge():

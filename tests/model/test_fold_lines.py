@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from knitlab.model.fold_lines import Ridge, fold_senses, fold_stiffness_factors
 from knitlab.model.settings import ModelOptions
-from tests.fabrics import DISTINCT_STRIPES, FINE, patch_map, pure, relaxed, stripe
+from tests.fabrics import DISTINCT_STRIPES, FINE, patch_map, pure, relaxed
 
 FINER = st.sampled_from([8, 16])
 FRACTIONS = st.floats(0.05, 1.0)
@@ -74,27 +74,6 @@ def test_a_pure_stripe_relaxes_without_energy_to_the_same_length_on_finer_grids(
     assert float(state.energy.total) == pytest.approx(0, abs=1e-12)
     axis = 0 if of.knit == "rib" else 1
     assert state.configuration.lengths[axis] == pytest.approx(of.period * of.contraction, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_rounded_ridges_tend_to_one_shape():
-    of, heights = stripe("rib", 4), []
-    for cells in (8, 16):
-        options = ModelOptions(boundary="periodic", cells_per_period=cells)
-        state = relaxed(*pure(of, options), FINE)
-        heights.append(np.ptp(state.configuration.positions[..., 2]))
-    # The limit: flanks and arcs of a quarter of the period each, with the same projected length.
-    arc = of.period / 8
-
-    def contraction(tilt):
-        return 0.5 * np.cos(tilt) + 0.5 * np.sin(tilt) / tilt
-
-    tilts = np.linspace(0.1, np.pi, 200_000)
-    tilt = tilts[np.abs(contraction(tilts) - of.contraction).argmin()]
-    limit = 2 * (arc * np.sin(tilt) + arc * (1 - np.cos(tilt)) / tilt)
-    errors = np.abs(np.array(heights) - limit)
-    assert errors[1] < 0.3 * errors[0]
-    assert errors[1] < 0.02 * limit
 
 
 def test_hinges_of_other_knits_keep_their_stiffness():

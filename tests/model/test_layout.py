@@ -6,8 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration, flat_sheet
@@ -17,14 +15,12 @@ from knitlab.model.settings import ModelOptions, PlainKnit
 from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stripe import StripePair, cell_length
 from tests.fabrics import (
-    CLAMPED,
     FINE,
     PERIODIC,
     SHEET,
     assemble_fabric,
     checkerboard,
     relaxed,
-    shaken,
     stripe,
 )
 
@@ -212,61 +208,6 @@ def test_one_and_four_repeats_of_a_map_of_three_letters_are_one_fabric():
     assert stored(many, larger, tiled) == pytest.approx(4 * float(state.energy.total), rel=1e-12)
     gradient = jax.grad(lambda of: energy(many.net, larger, of).total)(tiled)
     assert float(jnp.abs(gradient.positions).max()) < 1e-10
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("axis", [0, 1])
-def test_mirrored_patterns_of_three_letters_relax_to_mirrored_energies(axis):
-    options = replace(CLAMPED, cell_size="flat")
-    row_n, column_n, row_periods, column_periods = [4, 6], [4, 4, 8], [1, 2], [1, 2, 1]
-    fold = SingleFold(along="wale", at=2.5, theta_0=2.0, start=0, end=1)
-    rows, mirrored, other_fold = THREE, THREE[::-1], replace(fold, start=1, end=2)
-    others = [row_n[::-1], column_n, row_periods[::-1], column_periods]
-    if axis:
-        mirrored, other_fold = [row[::-1] for row in THREE], replace(fold, at=0.5)
-        others = [row_n, column_n[::-1], row_periods, column_periods[::-1]]
-    sheets = [
-        assembled(each, graded(each, *sizes), options, folds=[its_fold])
-        for each, sizes, its_fold in (
-            (rows, [row_n, column_n, row_periods, column_periods], fold),
-            (mirrored, others, other_fold),
-        )
-    ]
-    one, other = (relaxed(layout.net, fabric, FINE) for layout, fabric in sheets)
-    assert one.converged
-    assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-8)
-
-
-LETTERS = st.sampled_from("RGP")
-
-
-@st.composite
-def gradings(draw):
-    height, width = draw(st.integers(1, 3)), draw(st.integers(1, 3))
-    rows = ["".join(draw(LETTERS) for _ in range(width)) for _ in range(height)]
-    numbers = [
-        [draw(st.sampled_from([2, 4, 6, 8])) for _ in range(count)] for count in (height, width)
-    ]
-    periods = [[draw(st.integers(1, 2)) for _ in range(count)] for count in (height, width)]
-    return rows, graded(rows, *numbers, *periods)
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-@given(gradings(), st.sampled_from(["periodic", "clamped"]), st.sampled_from(["all", "fold_lines"]))
-@settings(deadline=None, max_examples=4)  # each is compiled
-def test_energy_of_any_graded_pattern_does_not_change_with_a_rigid_motion(drawn, boundary, hinges):
-    rows, grading = drawn
-    layout, fabric = assembled(rows, grading, ModelOptions(boundary=boundary, hinges=hinges))
-    flat = flat_sheet(layout.net, fabric)
-    assert flat.positions.shape[:2] == (layout.net.shape.nodes_y, layout.net.shape.nodes_x)
-    assert float(energy(layout.net, fabric, flat).stretch) == pytest.approx(0, abs=1e-20)
-    shape = shaken(flat, 0.05)
-    moved = Configuration(shape.positions + jnp.array([0.3, -0.2, 0.1]), shape.lengths)
-    assert stored(layout, fabric, moved) == pytest.approx(stored(layout, fabric, shape), rel=1e-9)
-    # Folds lie within patches of their own knit.
-    plain = layout.plain_cells[tuple(layout.net.hinge_cells.T)]
-    assert not np.asarray(fabric.rest_fold)[plain].any()
 
 
 def test_a_spring_on_the_border_of_two_knits_has_half_the_force_of_a_spring_of_each():

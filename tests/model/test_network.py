@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from knitlab.model.network import (
-    LARGE_KEPT,
     SMALL_KEPT,
     MeshShape,
     cached_by_shape,
@@ -64,20 +63,3 @@ def test_many_small_shapes_do_not_evict_the_sample_that_they_are_parts_of():
     assert nodes(LARGE) == 101 * 101
     assert nodes(MeshShape(2, 3, periodic=False)) == 12
     assert len(computed) == before
-
-
-def test_few_large_shapes_are_kept():
-    nodes, computed = counted()
-    shapes = [MeshShape(100 + more, 100, periodic=False) for more in range(LARGE_KEPT + 1)]
-    for shape in shapes:
-        nodes(shape)
-    nodes(shapes[-1])
-    assert len(computed) == len(shapes)
-    nodes(shapes[0])
-    assert len(computed) == len(shapes) + 1
-
-
-def test_other_arguments_count_too():
-    nodes, computed = counted()
-    assert (nodes(LARGE, 2), nodes(LARGE, factor=3), nodes(LARGE, 2)) == (20402, 30603, 20402)
-    assert len(computed) == 2

@@ -19,15 +19,6 @@ def test_the_number_of_folds_of_a_single_patch_follows_from_fold_phase(phase, fo
     assert (np.count_nonzero(senses, axis=1) == folds).all()
 
 
-@pytest.mark.parametrize("phase", ["stripe_border", "stripe_centre"])
-def test_periodic_stripes_fold_twice_a_period(phase):
-    senses = fold_senses(np.ones((1, 12), bool), phase, periodic=True)[0]
-    folds = senses[senses != 0]
-    assert len(folds) == 6
-    assert folds.sum() == 0
-    assert (np.diff(np.flatnonzero(senses)) == 2).all()
-
-
 @given(LINES, PHASES, st.booleans())
 def test_mountains_and_valleys_alternate_and_lie_inside_their_knit(like, phase, periodic):
     senses = fold_senses(like, phase, periodic)

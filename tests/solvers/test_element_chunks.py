@@ -53,19 +53,6 @@ def test_energy_forces_and_hessians_equal_those_without_chunks(boundary, periods
     assert min(float(part) for part in (parts.stretch, parts.fold, parts.wall)) > 0
 
 
-def test_the_incidence_of_a_translation_is_zero():
-    """Vectors are differences: a translation changes only the heights."""
-    shape = checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape
-    parts = chunks_of(shape)
-    for axis in (0, 1):
-        moved = np.zeros(shape.unknowns)
-        moved[axis:-2:3] = 1.0
-        assert not any(part.vectors(moved).any() for part in parts)
-    moved = np.zeros(shape.unknowns)
-    moved[2:-2:3] = 1.0
-    assert sum(part.vectors(moved).sum() for part in parts) == shape.nodes
-
-
 @pytest.mark.slow
 def test_threads_share_all_chunks_and_give_identical_results(shared):
     net, fabric = checkered(4, 4, ModelOptions(boundary="clamped", hinges="all"))

@@ -73,16 +73,6 @@ def test_the_second_of_two_siblings_differs_the_other_way():
         assert getattr(one.weft, name) + getattr(other.weft, name) == pytest.approx(2 * original)
 
 
-def test_siblings_differ_from_one_another():
-    case = case_of("n_stripe=4", "n_subunit=16")
-    assert len({sibling(case, number).case_id for number in range(1, 11)}) > 8
-
-
-def test_siblings_enter_the_identifier_of_a_case():
-    plain = case_of("n_stripe=4", "n_subunit=16", "robustness=0")
-    assert case_of("n_stripe=4", "n_subunit=16", "robustness=2").case_id != plain.case_id
-
-
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=8), st.data())
 def test_branches_are_the_distinct_energies(whole, data):
     noise = data.draw(st.lists(st.floats(-1, 1), min_size=len(whole), max_size=len(whole)))

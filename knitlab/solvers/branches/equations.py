@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from knitlab.model.energy import COMPLETE, Point
-from knitlab.model.fabric import Configuration
+from knitlab.model.fabric import Configuration, Unknowns
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.loading import Loading
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
@@ -60,13 +60,13 @@ class FabricEquations:
         """The relaxed fabric."""
         return self.loading.reference[self.loading.free]
 
-    def unknowns(self, u: Vector, t: float) -> Float[np.ndarray, " unknown"]:
+    def unknowns(self, u: Vector, t: float) -> Unknowns:
         """All unknowns: the free ones, and those that the strain prescribes [mm]."""
         whole = self.loading.reference.copy()
         whole[self.loading.free] = u
         return self.loading.holding(whole, t)
 
-    def gradient(self, u: Vector, t: float) -> Float[np.ndarray, " unknown"]:
+    def gradient(self, u: Vector, t: float) -> Unknowns:
         """∂V by all unknowns, held ones too [N]."""
         return np.asarray(self._system.evaluate(Point(self.unknowns(u, t))).gradient)
 
@@ -89,9 +89,7 @@ class FabricEquations:
         return (ahead - behind) / (2 * DIFFERENCE)
 
 
-def stiffness_of(
-    elements: ChunkedFabric, free: FreeStiffness, unknowns: Float[np.ndarray, " unknown"]
-) -> sp.csc_array:
+def stiffness_of(elements: ChunkedFabric, free: FreeStiffness, unknowns: Unknowns) -> sp.csc_array:
     """The whole symmetric stiffness of the free unknowns of a fabric [N/mm]."""
     lower = free.lower(free.entries(elements.element_hessians(COMPLETE, unknowns)))
     return sp.csc_array(lower + sp.tril(lower, -1).T)

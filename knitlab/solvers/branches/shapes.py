@@ -18,7 +18,7 @@ from scipy.ndimage import fourier_gaussian
 from scipy.sparse.linalg import splu
 
 from knitlab.model.energy import Point, fold_angles
-from knitlab.model.fabric import Configuration, Fabric, flat_sheet
+from knitlab.model.fabric import Configuration, Fabric, Unknowns, flat_sheet
 from knitlab.model.network import Network
 from knitlab.solvers.branches.equations import stiffness_of
 from knitlab.solvers.element_chunks import ChunkedFabric
@@ -36,8 +36,6 @@ IMAGES = 15  # of a path between two shapes
 SWEEPS = 300
 STIFFER = 0.02  # stiffness that is added for a step of a path, over the median
 DAMPING = 0.05  # share of that step that is taken
-
-Unknowns = Float[np.ndarray, " unknown"]
 
 
 @dataclass(frozen=True)

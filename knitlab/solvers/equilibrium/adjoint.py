@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
-from knitlab.model.energy import COMPLETE, Energy, Evaluation, energy
+from knitlab.model.energy import COMPLETE, energy
 from knitlab.model.fabric import Configuration, Fabric, flat_sheet
 from knitlab.model.layout import FabricLayout
 from knitlab.model.network import MeshShape, network
@@ -219,11 +219,9 @@ class Adjoint:
 
     def _pushed(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
         """Gradient of the energy of contact [N]."""
-        none = np.zeros_like(unknowns)
         if self._contact is None:
-            return none
-        bare = Evaluation(Energy(*jnp.zeros(3)), jnp.asarray(none))
-        return np.asarray(self._contact.added(bare, unknowns).gradient)
+            return np.zeros_like(unknowns)
+        return self._contact.evaluate(unknowns)[1]
 
     def _through_forces(
         self, unknowns: Float[np.ndarray, " unknown"], multipliers: Moved, by_fabric: Fabric

@@ -27,11 +27,19 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from knitlab.model.contact_layers import NEAR_CELLS, TRIANGLES, ContactLayer, contact_layers
+from knitlab.model.contact_layers import TRIANGLES, ContactLayer, ContactLayers
 from knitlab.model.energy import Evaluation
-from knitlab.model.fabric import Configuration
+from knitlab.model.fabric import Configuration, Unknowns
 from knitlab.model.network import LENGTHS, UPRIGHT, MeshShape
-from knitlab.model.pattern import CELLS_PER_PERIOD
+
+# Workers have one thread each; the library would take all cores in every one of them.
+ipctk.set_num_threads(1)
+
+MARGIN = 0.02  # motion before a new search, over the shortest side of a cell
+KEPT_FRACTION = 0.5  # of a collision-free step, that is taken: the barrier is finite after it
+MIN_CLEARANCE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
+
+Vertices = Float[np.ndarray, "vertex 3"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +50,7 @@ class ContactMesh:
     band: int  # rows and columns of images, on each side that has any
     grid: Int[np.ndarray, "vertex 2"]  # row and column (y, x) of every vertex
     faces: Int[np.ndarray, "face 3"]
-    near_reach: int  # rows and columns within which vertices are near each other
+    near_cells: int  # rows and columns within which vertices are near each other
     own: Bool[np.ndarray, " vertex"]  # nodes of the fabric itself, not images
     kept: Int[np.ndarray, " vertex"]  # vertices among those of the whole mesh
     from_unknowns: sp.csr_array  # to the coordinates of the vertices, vertex by vertex
@@ -56,7 +64,7 @@ class ContactMesh:
     def parts(self, near: bool) -> ipctk.CollisionMesh:
         """Collision mesh of the parts that are near each other on the grid, or that are not."""
         mesh = replace(self).whole  # of a copy, because a filter belongs to its mesh
-        close = cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
+        close = cKDTree(self.grid).query_pairs(self.near_cells, p=np.inf, output_type="ndarray")
         pairs = dict.fromkeys(zip(*close.T.tolist(), strict=True), near)
         mesh.can_collide = ipctk.make_sparse_filter(pairs, not near)
         return mesh
@@ -82,15 +90,15 @@ class ContactMesh:
             from_unknowns=self.from_unknowns[coordinates],
         )
 
-    def chosen(self, vertices: Float[np.ndarray, "vertex 3"]) -> Float[np.ndarray, "kept 3"]:
+    def chosen(self, vertices: Vertices) -> Float[np.ndarray, "kept 3"]:
         """Positions of its vertices, among those of the whole mesh."""
         return np.asfortranarray(vertices[self.kept])
 
-    def vertices(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "vertex 3"]:
+    def vertices(self, unknowns: Unknowns) -> Vertices:
         """Positions of the vertices in a configuration [mm]."""
         return np.asfortranarray((self.from_unknowns @ unknowns).reshape(-1, 3))
 
-    def suffices(self, unknowns: Float[np.ndarray, " unknown"], reach: float) -> bool:
+    def suffices(self, unknowns: Unknowns, reach: float) -> bool:
         """Whether images beyond the band, by their bounding box, are further away than a reach."""
         shape = self.shape
         band = self.band
@@ -112,9 +120,7 @@ class ContactMesh:
 
 
 @lru_cache(maxsize=4)
-def contact_mesh(
-    shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
-) -> ContactMesh:
+def contact_mesh(shape: MeshShape, band: int, near_cells: int) -> ContactMesh:
     """The contact mesh of a mesh shape; the band of images is at most a whole period of them."""
     corners = _cells(shape, band)[:, None, None] + TRIANGLES
     grid, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
@@ -124,7 +130,7 @@ def contact_mesh(
         band=band,
         grid=grid,
         faces=number.reshape(-1, 3).astype(np.int32),
-        near_reach=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
+        near_cells=near_cells,
         own=np.asarray(inside.all(axis=1)),
         kept=np.arange(len(grid)),
         from_unknowns=_from_unknowns(shape, grid),
@@ -164,15 +170,6 @@ def lattice(shape: MeshShape) -> Float[np.ndarray, "2 2 length"]:
     return by_lengths
 
 
-# Workers have one thread each; the library would take all cores in every one of them.
-ipctk.set_num_threads(1)
-
-MARGIN = 0.02  # motion before a new search, over the shortest side of a cell
-KEPT_FRACTION = 0.5  # of a collision-free step, that is taken: the barrier is finite after it
-MIN_CLEARANCE = 1e-12  # distance over the least allowed, less 1, below which fabric touches
-
-Unknowns = Float[np.ndarray, " unknown"]
-Vertices = Float[np.ndarray, "vertex 3"]
 Meshes = Sequence[tuple[ContactMesh, ipctk.CollisionMesh]]
 Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Vertices]
 """Pairs within reach of the barrier, their collision mesh, and the positions of its vertices."""
@@ -240,7 +237,7 @@ class PairSearch:
         """Fraction of a straight step that brings no parts as near as they may be."""
         way = self.mesh.vertices(before), self.mesh.vertices(after)
         candidates = self.close(*way).all
-        (_, parts) = self._meshes[0]
+        _, parts = self._meshes[0]
         return candidates.compute_collision_free_stepsize(
             parts, *way, self.layer.least, ipctk.AdditiveCCD()
         )
@@ -270,48 +267,33 @@ def shortened(distance: float, before: Vertices, after: Vertices) -> float:
 
 
 class Barrier:
-    """Contact of one fabric with itself, without friction.
+    """Contact of one fabric with itself, without friction."""
 
-    ``thickness`` is the distance of the middle surfaces of two touching plies [mm], ``pressure``
-    the scale of the barrier [N/mm²], and ``cell`` the mean sides (x, y) of a grid cell [mm].
-    """
-
-    def __init__(
-        self,
-        shape: MeshShape,
-        thickness: float,
-        pressure: float,
-        cell: tuple[float, float],
-        cells_per_period: int = CELLS_PER_PERIOD,
-    ) -> None:
+    def __init__(self, shape: MeshShape, layers: ContactLayers) -> None:
         self._shape = shape
-        self._cells_per_period = cells_per_period
-        self._numbers = thickness, pressure, cell, cells_per_period
-        self._layers = contact_layers(thickness, pressure, cell, cells_per_period)
+        self._layers = layers
         # Parts that are near on the grid are near their own images only.
-        self._near = self._search(self._layers.near_cells + 1, self._layers.near)
-        self._use(cells_per_period)
+        self._near = self._search(layers.near_cells + 1, layers.near)
+        self._far = self._search(layers.cells_per_period, layers.far)
 
     def on(self, shape: MeshShape) -> "Barrier":
         """The barrier of the same fabric, with the unknowns of another mesh shape."""
-        return self if shape == self._shape else Barrier(shape, *self._numbers)
-
-    def _use(self, band: int) -> None:
-        self._far = self._search(band, self._layers.far)
+        return self if shape == self._shape else Barrier(shape, self._layers)
 
     def _search(self, band: int, layer: ContactLayer) -> PairSearch:
-        mesh = contact_mesh(self._shape, band, self._cells_per_period)
+        mesh = contact_mesh(self._shape, band, self._layers.near_cells)
         return PairSearch(mesh, layer is self._layers.near, layer, self._layers.cell)
 
     def _searches(self, *configurations: Unknowns) -> tuple[PairSearch, PairSearch]:
         """Searches with a band of images that is wide enough for all configurations."""
         reach = self._layers.far.begins
         while not all(self._far.mesh.suffices(unknowns, reach) for unknowns in configurations):
-            self._use(self._far.mesh.band + self._cells_per_period)
+            band = self._far.mesh.band + self._layers.cells_per_period
+            self._far = self._search(band, self._layers.far)
         return self._far, self._near
 
-    def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
-        """An evaluation with energy and gradient of the barrier added."""
+    def evaluate(self, unknowns: Unknowns) -> tuple[float, Unknowns]:
+        """Energy of the barrier [N mm], and its gradient [N]."""
         energy = 0.0
         gradient = np.zeros(len(unknowns))
         for search in self._searches(unknowns):
@@ -319,6 +301,11 @@ class Barrier:
             for sign, mesh, touching in search.touching(unknowns):
                 energy += sign * potential(*touching)
                 gradient += sign * (mesh.from_unknowns.T @ potential.gradient(*touching))
+        return energy, gradient
+
+    def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
+        """An evaluation with energy and gradient of the barrier added."""
+        energy, gradient = self.evaluate(unknowns)
         if not energy:
             return evaluation
         total: Any = np.asarray(evaluation.gradient) + gradient

@@ -16,11 +16,8 @@ from dataclasses import replace
 from threading import Event
 from typing import TypeVar
 
-import numpy as np
-from jaxtyping import Float
-
 from knitlab.model.energy import Evaluation, Point
-from knitlab.model.fabric import Fabric
+from knitlab.model.fabric import Fabric, Unknowns
 from knitlab.model.network import MeshShape
 from knitlab.model.threads import Threads, allowed_threads
 from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
@@ -110,7 +107,7 @@ class SubdomainRounds:
     def __init__(self, search: Search) -> None:
         self.cost = 0.0
         self._search = search
-        self._last: Float[np.ndarray, " unknown"] | None = None
+        self._last: Unknowns | None = None
         self._energy = self._gain = 0.0
         self._rounds = 0
 

@@ -11,7 +11,7 @@ which nodes will touch the walls (:func:`step_between_walls`); later ones keep t
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -19,8 +19,9 @@ from scipy.linalg.blas import daxpy
 from scipy.optimize import brentq
 
 from knitlab.model.energy import Evaluation, Point
-from knitlab.model.fabric import Configuration
+from knitlab.model.fabric import Configuration, Unknowns
 from knitlab.model.network import UPRIGHT
+from knitlab.solvers.equilibrium.drag import Drag
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness
@@ -37,18 +38,6 @@ MAX_WALL_CHANGES = 50  # nodes that come to a wall or leave it, above which an u
 MAX_ACTIVE_SETS = 10
 
 Vector = Float[np.ndarray, " free"]
-
-
-@dataclass(frozen=True, eq=False)
-class Drag:
-    """Drag during one strain step: the paper's damping without inertia, c u̇ + ∇V = 0.
-
-    By implicit Euler, the state after a strain step Δε at a strain rate ε̇ is a minimum of the
-    incremental potential V(u) + ½ (c ε̇ / Δε) ‖u − u_before‖² over the free unknowns.
-    """
-
-    before: Float[np.ndarray, " unknown"]  # unknowns before the step [mm]
-    stiffness: float  # c ε̇ / Δε [N/mm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,17 +78,11 @@ class Search:
     def evaluated(self, at: Point) -> Evaluation:
         """Energy and gradient of a configuration, contact and drag included."""
         evaluation = self.system.evaluate(at)
-        contact = self.rules.contact
-        drag = self.rules.drag
-        if drag is not None:
-            moved = at.unknowns[self.dofs] - drag.before[self.dofs]
-            gradient: Any = np.array(evaluation.gradient)
-            gradient[self.dofs] += drag.stiffness * moved
-            potential = 0.5 * drag.stiffness * float(moved @ moved)
-            evaluation = Evaluation(replace(evaluation.energy, drag=potential), gradient)
-        if contact is None or not np.isfinite(at.unknowns).all():
+        if self.rules.drag is not None:
+            evaluation = self.rules.drag.added(evaluation, at.unknowns, self.dofs)
+        if self.rules.contact is None or not np.isfinite(at.unknowns).all():
             return evaluation
-        return contact.added(evaluation, at.unknowns)
+        return self.rules.contact.added(evaluation, at.unknowns)
 
     def begin(self, at: Point, evaluation: Evaluation) -> None:
         """Start, or restart, from a configuration; the cost so far is kept."""
@@ -144,7 +127,7 @@ class Search:
         """Stiffness of the walls at the current stage [N/mm]."""
         return self._k_wall * float(self.at.stage.wall)
 
-    def whole_step(self, step: Vector) -> Float[np.ndarray, " unknown"]:
+    def whole_step(self, step: Vector) -> Unknowns:
         """A step of all unknowns, which the held ones do not take."""
         whole = np.zeros(self.rules.free.shape.unknowns)
         whole[self.dofs] = step

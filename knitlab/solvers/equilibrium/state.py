@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.model.energy import Energy
-from knitlab.model.fabric import Configuration
+from knitlab.model.fabric import Configuration, Unknowns
 from knitlab.model.network import MeshShape
 from knitlab.solvers.equilibrium.loading import Loading, along_courses
 
@@ -28,9 +28,9 @@ class State:
     """A configuration and its distance from equilibrium."""
 
     shape: MeshShape
-    unknowns: Float[np.ndarray, " unknown"]  # the configuration, flattened [mm]
+    unknowns: Unknowns  # the configuration, flattened [mm]
     energy: Energy
-    gradient: Float[np.ndarray, " unknown"]  # the negative force, on held ones too [N]
+    gradient: Unknowns  # the negative force, on held ones too [N]
     outcome: Outcome
     residual: float  # largest force on a free unknown [N]
     iterations: int  # rejected ones too; time steps for dynamics

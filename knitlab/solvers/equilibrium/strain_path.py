@@ -11,9 +11,10 @@ from knitlab.model.energy import Point, Stage, folds_from_rest
 from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.fold_friction import Friction
 from knitlab.model.network import network
+from knitlab.solvers.equilibrium.drag import Drag
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium.loading import Loading
-from knitlab.solvers.equilibrium.search import Drag, SearchRules
+from knitlab.solvers.equilibrium.search import SearchRules
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness

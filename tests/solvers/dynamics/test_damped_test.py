@@ -11,7 +11,6 @@ from knitlab.model.fabric import flat_sheet
 from knitlab.model.inertia import Inertia, inertia
 from knitlab.model.network import network
 from knitlab.model.settings import ModelOptions
-from knitlab.solvers.dynamics import motion
 from knitlab.solvers.dynamics.damped_test import (
     MovingFabrics,
     relax_by_dynamics,
@@ -144,15 +143,6 @@ def test_the_history_of_a_relaxation_balances(options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("snapshots", "relax_time"), [(1, 0.1), (2, 0.1), (3, 0.005)])
-def test_few_records_reach_the_end_of_a_relaxation(snapshots, relax_time):
-    settings = replace(SETTINGS, ending="time", snapshots=snapshots, relax_time=relax_time)
-    (relaxed,) = relax_by_dynamics(moving([(8, 1)], PERIODIC, settings))
-    assert relaxed.history.time[-1] == relax_time
-    assert len(relaxed.history.snapshot_time) <= 1 + snapshots
-
-
-@pytest.mark.slow
 def test_a_given_sheet_is_released_in_place_of_the_flat_one():
     fabrics = moving([(8, 1)], PERIODIC, replace(SETTINGS, ending="time", relax_time=0.02))
     net, (fabric,) = network(fabrics.shape), fabrics.fabrics
@@ -240,16 +230,3 @@ def test_a_fabric_that_diverges_does_not_affect_others_of_its_batch():
     for one, other in zip(spoiled[1].states, honest[1].states, strict=True):
         np.testing.assert_allclose(one.unknowns, other.unknowns, atol=1e-9)
     assert [case for case, states in reported if states > 1] == [1, 1]
-
-
-def test_an_unstable_test_never_converges(monkeypatch):
-    true = motion._highest_frequencies
-
-    def much_too_low(*given):
-        square, mode = true(*given)
-        return square / 100**2, mode
-
-    monkeypatch.setattr(motion, "_highest_frequencies", much_too_low)
-    monkeypatch.setattr(motion, "HALVINGS", 0)
-    (test,) = stretch_by_dynamics(moving([(8, 1)], PERIODIC, SETTINGS), [STRAINS])
-    assert [state.outcome for state in test.states] == [Outcome.diverged]

@@ -131,33 +131,6 @@ def test_they_are_for_every_size(
     assert_equals_the_network(*checkered(options, unit_cells=(rows, columns)), [seed])
 
 
-@pytest.mark.parametrize("boundary", BOUNDARIES)
-@pytest.mark.parametrize("fold_angle", ["whole_normals", "across_edge"])
-def test_the_gradient_is_that_of_differences(boundary, fold_angle):
-    net, fabric = checkered(ModelOptions(boundary=boundary, fold_angle=fold_angle))
-    fabric = replace(fabric, z_max=jnp.asarray(LOW))
-    grid = GridFabric.of(net.shape, fabric)
-    stored = jax.jit(lambda at: grid.energy(at).total)
-    gradient = jax.jit(lambda at: grid.gradient(at))
-    flat = flat_sheet(net, fabric)
-    for seed in range(3):
-        at = on_grid(shaken(flat, 0.2, seed))
-        toward = on_grid(shaken(jax.tree.map(jnp.zeros_like, flat), 1.0, seed + 10))
-        if boundary == "clamped":
-            toward = toward._replace(lengths=jnp.zeros(2))
-        ahead, behind = (
-            stored(jax.tree.map(lambda here, by, step=step: here + step * by, at, toward))
-            for step in (1e-6, -1e-6)
-        )
-        slope = sum(
-            float(jnp.sum(one * other))
-            for one, other in zip(
-                jax.tree.leaves(gradient(at)), jax.tree.leaves(toward), strict=True
-            )
-        )
-        assert slope == pytest.approx(float(ahead - behind) / 2e-6, rel=1e-6)
-
-
 def test_walls_can_be_left_out_of_the_gradient():
     net, fabric = checkered(ModelOptions(boundary="clamped"))
     at = on_grid(shaken(flat_sheet(net, fabric), 0.2))

@@ -279,14 +279,6 @@ def test_a_step_that_may_not_be_halved_ends_a_motion_where_it_was_last_seen(misj
     np.testing.assert_array_equal(positions(found), positions(start))
 
 
-@pytest.mark.parametrize("safety", [0.8, 0.01])
-def test_a_short_step_is_not_taken_for_a_halved_one(safety):
-    settings = replace(SETTINGS, step_safety=safety)
-    found = advance(at_rest(moving([(8, 1)], PERIODIC, settings)), np.array([0.05]), settings)
-    assert found.time == 0.05
-    assert not found.diverged.any()
-
-
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_cells_that_are_crushed_for_a_moment_end_no_motion_and_slow_none_down():

@@ -2,7 +2,6 @@
 
 import jax
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,12 +31,3 @@ def test_it_does_so_in_all_quadrants_and_on_all_axes():
     angle = np.concatenate([angle, angle + 1e-9, angle - 1e-9, np.linspace(-np.pi, np.pi, 10001)])
     for size in (1e-30, 1.0, 1e30):
         assert_equals_numpy(size * np.sin(angle), size * np.cos(angle))
-
-
-@pytest.mark.parametrize(
-    ("y", "x", "angle"),
-    [(0, 1, 0), (1, 1, 0.25), (1, 0, 0.5), (0, -1, 1), (-1, 0, -0.5), (-1, -1, -0.75)],
-)
-def test_axes_and_diagonals_have_their_angles(y, x, angle):
-    found = float(COMPILED(np.float64(y), np.float64(x)))
-    assert found == pytest.approx(angle * np.pi, rel=1e-15)

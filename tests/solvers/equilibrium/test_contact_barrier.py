@@ -1,13 +1,11 @@
 """The barrier: closed forms of two plies, finite differences, and periodic fabric cut anywhere."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.model.contact_layers import NEAR
-from knitlab.model.energy import Energy, Evaluation
+from knitlab.model.contact_layers import NEAR, contact_layers
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.model.settings import CONTACT_RANGE
@@ -18,13 +16,7 @@ GAPS = st.floats(THICKNESS * 1.02, THICKNESS * (1 + CONTACT_RANGE) * 0.99)
 
 
 def barrier_on(shape):
-    return Barrier(shape, THICKNESS, PRESSURE, (CELL, CELL))
-
-
-def evaluated(barrier, unknowns):
-    bare = Evaluation(Energy(*jnp.zeros(3)), jnp.zeros(len(unknowns)))
-    found = barrier.added(bare, unknowns)
-    return float(found.energy.contact), np.asarray(found.gradient)
+    return Barrier(shape, contact_layers(THICKNESS, PRESSURE, (CELL, CELL)))
 
 
 def two_plies(gap, rows=6, columns=5):
@@ -51,7 +43,7 @@ def test_plies_repel_each_other_as_the_logarithmic_barrier_of_their_distance(one
     energies = []
     for gap in (one, other):
         shape, unknowns = two_plies(gap)
-        energy, gradient = evaluated(barrier_on(shape), unknowns)
+        energy, gradient = barrier_on(shape).evaluate(unknowns)
         upper = Configuration.of(gradient, shape).positions[7:]
         value, slope = logarithmic(gap)
         assert upper[..., 2].sum() == pytest.approx(energy * slope / value, rel=1e-9)
@@ -62,7 +54,7 @@ def test_plies_repel_each_other_as_the_logarithmic_barrier_of_their_distance(one
 def test_plies_further_apart_than_the_range_do_not_feel_each_other():
     shape, unknowns = two_plies(THICKNESS * (1 + CONTACT_RANGE) * 1.001)
     barrier = barrier_on(shape)
-    energy, gradient = evaluated(barrier, unknowns)
+    energy, gradient = barrier.evaluate(unknowns)
     assert energy == 0
     assert not gradient.any()
     assert barrier.hessian(unknowns, np.arange(len(unknowns))) is None
@@ -70,7 +62,7 @@ def test_plies_further_apart_than_the_range_do_not_feel_each_other():
 
 def test_energy_is_that_of_the_area_in_contact():
     energies = [
-        evaluated(barrier_on(shape), unknowns)[0]
+        barrier_on(shape).evaluate(unknowns)[0]
         for shape, unknowns in (
             two_plies(0.11, rows=12, columns=columns) for columns in (8, 16, 24)
         )
@@ -122,7 +114,7 @@ def test_forces_and_stiffness_are_derivatives_by_nodes_and_lattice_vectors(frame
     shape, folded = folded_periodic(frame=frame)
     unknowns, barrier = np.asarray(folded.flattened()), barrier_on(shape)
     assert barrier.holds(unknowns)
-    energy, gradient = evaluated(barrier, unknowns)
+    energy, gradient = barrier.evaluate(unknowns)
     assert energy > 0
     numbers, step = np.random.default_rng(0), 1e-7
     hessian = barrier.hessian(unknowns, np.arange(len(unknowns)), exact=True).toarray()
@@ -131,7 +123,7 @@ def test_forces_and_stiffness_are_derivatives_by_nodes_and_lattice_vectors(frame
     for place in [*lengths, *numbers.integers(0, len(unknowns), 12)]:
         moved = np.zeros_like(unknowns)
         moved[place] = step
-        ahead, behind = (evaluated(barrier, unknowns + sign * moved) for sign in (1, -1))
+        ahead, behind = (barrier.evaluate(unknowns + sign * moved) for sign in (1, -1))
         assert gradient[place] == pytest.approx(
             (ahead[0] - behind[0]) / (2 * step), rel=1e-4, abs=1e-6 * abs(gradient).max()
         )
@@ -142,7 +134,7 @@ def test_forces_and_stiffness_are_derivatives_by_nodes_and_lattice_vectors(frame
 @pytest.mark.parametrize("frame", [None, SHEARED])
 def test_energy_does_not_depend_on_where_periodic_fabric_is_cut(frame):
     shape, folded = folded_periodic(frame=frame)
-    energy, _ = evaluated(barrier_on(shape), np.asarray(folded.flattened()))
+    energy, _ = barrier_on(shape).evaluate(np.asarray(folded.flattened()))
     lengths = folded.lengths
     lattice = np.diag(lengths[:2])
     if frame is not None:
@@ -154,20 +146,20 @@ def test_energy_does_not_depend_on_where_periodic_fabric_is_cut(frame):
         last[axis] = slice(-3, None)
         turned[(*last, slice(2))] += lattice[:, component]
         cut = Configuration(turned, folded.lengths)
-        again, _ = evaluated(barrier_on(shape), np.asarray(cut.flattened()))
+        again, _ = barrier_on(shape).evaluate(np.asarray(cut.flattened()))
         assert again == pytest.approx(energy, rel=1e-9)
 
 
 def test_energy_does_not_depend_on_the_axes_that_describe_periodic_fabric():
     shape, folded = folded_periodic()
-    energy, _ = evaluated(barrier_on(shape), np.asarray(folded.flattened()))
+    energy, _ = barrier_on(shape).evaluate(np.asarray(folded.flattened()))
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     frame = turn @ np.diag(folded.lengths)
     nodes = np.asarray(folded.positions).copy()
     nodes[..., :2] = nodes[..., :2] @ turn.T
     turned = Configuration(nodes, np.array([1.0, 1.0, 0.0]))
     other = barrier_on(shape).on(MeshShape(8, 8, True, tuple(map(tuple, frame.tolist()))))
-    assert evaluated(other, np.asarray(turned.flattened()))[0] == pytest.approx(energy, rel=1e-9)
+    assert other.evaluate(np.asarray(turned.flattened()))[0] == pytest.approx(energy, rel=1e-9)
 
 
 def test_near_parts_only_keep_from_passing_through_each_other():
@@ -177,5 +169,5 @@ def test_near_parts_only_keep_from_passing_through_each_other():
         nodes[..., 0] = np.array([0, CELL, 0])
         nodes[..., 2] = np.array([0, 0, above * (1 + CONTACT_RANGE) * NEAR * THICKNESS])
         nodes[1, :, 1] = CELL
-        energy, _ = evaluated(barrier_on(shape), Configuration(nodes, np.zeros(2)).flattened())
+        energy, _ = barrier_on(shape).evaluate(Configuration(nodes, np.zeros(2)).flattened())
         assert (energy > 0) == acts

@@ -1,7 +1,5 @@
 """Subdomains of a large sample: each is a part of it, and the whole reaches equilibrium."""
 
-import gc
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +10,9 @@ from hypothesis import strategies as st
 from knitlab.model.energy import COMPLETE, Energy, Evaluation, Point
 from knitlab.model.threads import ALONE, Threads
 from knitlab.solvers.element_chunks import ChunkedFabric
-from knitlab.solvers.equilibrium import domain_decomposition, equilibrium, subdomains
+from knitlab.solvers.equilibrium import equilibrium, subdomains
 from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.solvers.equilibrium.equilibrium import (
-    MAX_EXTRAPOLATION,
     ROUNDS,
     SubdomainRounds,
     find_equilibrium,
@@ -69,26 +66,6 @@ def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains,
         np.testing.assert_allclose(
             gradient[movable], np.asarray(whole.gradient)[subdomain.dofs[movable]], atol=1e-10
         )
-
-
-def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
-    small_subdomains, sample
-):
-    net, fabric, loading = sample
-    subdomain = list(subdomains_of(free_stiffness(net.shape, loading.free)))[1]
-    whole = ChunkedFabric(net.shape, fabric)
-    own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
-    before = loading.reference
-    after = before.copy()
-    movable = subdomain.dofs[subdomain.free.dofs]
-    after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
-    costs = [
-        float(of.evaluate(COMPLETE, after[where]).energy.total)
-        - float(of.evaluate(COMPLETE, before[where]).energy.total)
-        for of, where in ((whole, slice(None)), (own, subdomain.dofs))
-    ]
-    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
-    assert costs[0] > 0
 
 
 def test_subdomains_move_every_free_unknown_and_no_held_one(small_subdomains, sample):
@@ -157,51 +134,6 @@ def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_su
     np.testing.assert_array_equal(solved.unknowns[held], start.unknowns[held])
 
 
-def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
-    net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.free)
-    found = list(subdomains_of(free))
-    system = equations(net, fabric)
-    # Only the first subdomain moves this node.
-    moved = sorted(
-        set(found[0].dofs[found[0].free.dofs].tolist()).difference(
-            *(other.dofs.tolist() for other in found[1:])
-        )
-    )
-    unknowns = loading.reference.copy()
-    unknowns[moved[-1]] += 0.02
-    at = Point(unknowns)
-    gradient = np.asarray(system.evaluate(at).gradient)
-    accepted = 0.5 * np.abs(gradient[free.dofs]).max()
-    assert [subdomain.force(gradient) > accepted for subdomain in found] == [True, *[False] * 3]
-    solved, cost = solved_by_subdomains(system, at, free, DEFAULT, force_fraction=0.5)
-    changed = np.flatnonzero(solved.unknowns != unknowns)
-    assert cost > 0
-    assert set(changed) <= set(found[0].dofs[found[0].free.dofs])
-    after = np.asarray(system.evaluate(solved).gradient)
-    assert found[0].force(after) <= accepted
-    _, cost_of_all = solved_by_subdomains(system, at, free, DEFAULT, force_fraction=0.0)
-    assert cost_of_all > cost
-
-
-def test_a_large_sample_keeps_factors_for_one_choice_of_free_unknowns(small_subdomains, sample):
-    net, fabric, loading = sample
-    system = equations(net, fabric)
-
-    def factors(free) -> weakref.ref:
-        system.assemble(Point(loading.reference), free_stiffness(net.shape, free))
-        assert system.factorise(1.0, convexified=True)
-        return weakref.ref(system._factors)
-
-    former = factors(all_free(net.shape))
-    latest = factors(loading.free)
-    gc.collect()
-    assert former() is None
-    assert latest() is not None
-    system.factorise(2.0, convexified=True)
-    assert system._factors is latest()
-
-
 def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
     small_subdomains, sample, monkeypatch
 ):
@@ -253,60 +185,6 @@ def test_a_search_that_stalls_after_its_subdomains_restarts_without_them(
     np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
 
 
-class Counting(System):
-    """A system that counts its solutions of subdomains, factorisations, and evaluations."""
-
-    def __init__(self, *args):
-        super().__init__(*args)
-        self.subdomains = CountingSubdomains(self)
-        self.divided = self.factorisations = 0
-        self.evaluated = [0]
-
-    def factorise(self, *args):
-        self.factorisations += 1
-        return super().factorise(*args)
-
-    def evaluate(self, at):
-        self.evaluated[-1] += 1
-        return super().evaluate(at)
-
-
-class CountingSubdomains(SubdomainSolver):
-    def solve(self, system, *args):
-        solved = super().solve(system, *args)
-        system.divided += 1
-        system.evaluated.append(0)
-        return solved
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("patience", [None, 3])
-def test_the_cost_of_all_rounds_is_counted(small_subdomains, sample, patience):
-    net, fabric, loading = sample
-    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
-    system = Counting(net.shape, fabric)
-    state = find_equilibrium(system, start, slow(sample), patience=patience)
-    assert state.converged
-    assert system.divided > 1
-    assert state.factorisations == system.factorisations > 1
-
-
-@pytest.mark.slow
-def test_subdomains_are_solved_again_after_too_many_iterations(small_subdomains, sample):
-    net, fabric, loading = sample
-    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
-
-    def longest_round(patience):
-        system = Counting(net.shape, fabric)
-        rules = slow(sample)
-        assert find_equilibrium(system, start, rules, patience=patience).converged
-        return max(system.evaluated)
-
-    # The state is evaluated before and after; the last step may be tried at five lengths.
-    assert longest_round(3) <= 3 + 5 + 1
-    assert longest_round(None) > 3 + 5 + 1
-
-
 class FoldedToNothing(SubdomainSolver):
     """Subdomains that collapse to one point, where no hinge has an angle."""
 
@@ -323,31 +201,6 @@ def test_collapsed_subdomains_are_discarded(small_subdomains, sample):
     assert state.outcome is Outcome.converged
     whole = whole_equilibrium(sample, start, rules)
     np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("outcome", "residual"), [(Outcome.stalled, 1e-3), (Outcome.iteration_limit, 1e5)]
-)
-def test_a_subdomain_without_a_solution_stays_as_it_was(
-    small_subdomains, sample, monkeypatch, outcome, residual
-):
-    net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.free)
-    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
-
-    def stalling(system, own, at, settings):
-        evaluation = system.evaluate(at)
-        nowhere = np.zeros_like(at.unknowns)
-        return State(
-            free.shape, nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7
-        )
-
-    monkeypatch.setattr(domain_decomposition, "solve_subdomain", stalling)
-    system = equations(net, fabric)
-    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_fraction=0.0)
-    np.testing.assert_array_equal(solved.unknowns, start.unknowns)
-    assert share > 0
 
 
 def extrapolated(sample, energy, passed, step_length=1e6, waiting=ROUNDS):
@@ -394,26 +247,6 @@ def extrapolated(sample, energy, passed, step_length=1e6, waiting=ROUNDS):
 def test_extrapolation_steps_grow_while_the_energy_falls(sample):
     # Each step is twice as long as the previous one: to 4, 8, 16, and to 32, where energy rises.
     assert extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0)) == (16.0, 4)
-
-
-def test_no_extrapolation_is_longer_than_a_few_steps(sample):
-    where, solved = extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0), step_length=0.4)
-    assert where == pytest.approx(2.0 + 18 * MAX_EXTRAPOLATION * 0.4)
-    assert solved == 19
-
-
-def test_there_is_no_extrapolation_in_the_first_rounds(sample):
-    def after(rounds):
-        return extrapolated(sample, lambda x: abs(x - 20.0), np.arange(float(rounds)), waiting=0)
-
-    assert after(ROUNDS) == (ROUNDS - 1, 0)
-    assert after(ROUNDS + 1)[1] > 0
-
-
-@given(st.floats(0.01, 0.25), st.floats(-5, 5))
-def test_where_rounds_converge_fast_nothing_is_extrapolated(sample, rate, lowest):
-    passed = [lowest + rate**n for n in range(4)]
-    assert extrapolated(sample, lambda x: (x - lowest) ** 2, passed) == (passed[-1], 0)
 
 
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=6), st.integers(0, 2**32 - 1))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from knitlab.model.contact_layers import contact_layers
 from knitlab.model.fabric import Configuration
 from knitlab.model.settings import CONTACT_RANGE, ModelOptions
 from knitlab.model.surfaces import self_intersections
@@ -27,7 +28,9 @@ class Folded:
         self.contact = None
         if pressure is not None:
             sides = self.cell, float(fabric.cell_y[0])
-            self.contact = Barrier(net.shape, THICKNESS, pressure, sides, cells_per_period)
+            self.contact = Barrier(
+                net.shape, contact_layers(THICKNESS, pressure, sides, cells_per_period)
+            )
         self.state = relax(equations(net, fabric), DEFAULT, contact=self.contact)
 
     @property

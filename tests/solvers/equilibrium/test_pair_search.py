@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
-from knitlab.solvers.equilibrium.contact_barrier import Barrier, shortened
-from tests.solvers.equilibrium.test_contact_barrier import CELL, PRESSURE, THICKNESS, evaluated
+from knitlab.solvers.equilibrium.contact_barrier import shortened
+from tests.solvers.equilibrium.test_contact_barrier import CELL, barrier_on
 
 SEEDS = st.integers(0, 2**32 - 1)
 CELLS = 12
@@ -43,15 +43,13 @@ def moved(numbers, shape, configuration):
 def test_kept_pairs_give_the_forces_and_free_steps_of_pairs_searched_anew(periodic, seed):
     numbers = np.random.default_rng(seed)
     shape, configuration = corrugated(numbers, periodic)
-    kept = Barrier(shape, THICKNESS, PRESSURE, (CELL, CELL))
+    kept = barrier_on(shape)
     for _ in range(6):
         unknowns = np.asarray(configuration.flattened())
-        fresh = Barrier(shape, THICKNESS, PRESSURE, (CELL, CELL))
+        fresh = barrier_on(shape)
         if not fresh.holds(unknowns):
             break
-        energies, gradients = zip(
-            *(evaluated(each, unknowns) for each in (kept, fresh)), strict=True
-        )
+        energies, gradients = zip(*(each.evaluate(unknowns) for each in (kept, fresh)), strict=True)
         assert energies[0] == pytest.approx(energies[1], rel=1e-9)
         np.testing.assert_allclose(*gradients, atol=1e-9 * max(1.0, abs(gradients[1]).max()))
         configuration = moved(numbers, shape, configuration)

@@ -7,8 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from knitlab.model.energy import COMPLETE, energy
@@ -17,15 +15,13 @@ from knitlab.model.layout import fabric_layout
 from knitlab.model.settings import ModelOptions, Sheet
 from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stripe import StripePair
-from knitlab.model.zigzag import Zigzag, law_of_one, tension, zigzag
+from knitlab.model.zigzag import tension, zigzag
 from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.loading import all_free
 from knitlab.solvers.equilibrium.state import Outcome
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import stretch
-from knitlab.solvers.zigzag_tension import pull_chain
 from tests.fabrics import (
     CLAMPED,
     FINE,
@@ -34,7 +30,6 @@ from tests.fabrics import (
     assemble_fabric,
     checkerboard,
     equations,
-    evaluate_whole,
     moving,
     shaken,
     stretched,
@@ -83,25 +78,6 @@ def test_gradient_and_stiffness_are_those_of_differences(law):
     np.testing.assert_allclose(
         matrix @ toward[free.dofs], np.asarray(slopes)[free.dofs], rtol=1e-6, atol=1e-5
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rib", "garter"),
-    [("stiffening", "tabulated"), ("tabulated", "stiffening"), ("stiffening", "linear")],
-)
-def test_chunks_of_elements_give_what_the_whole_network_gives(rib, garter):
-    stripes = replace(stripe("rib", 4), **LAWS[rib]), stripe("garter", 8)
-    stripes = stripes[0], replace(stripes[1], **LAWS.get(garter, {}))
-    net, fabric = assemble_fabric(checkerboard(3), *stripes, SHEET, CLAMPED)
-    at = np.asarray(shaken(flat_sheet(net, fabric), 0.05).flattened())
-    chunked, whole = ChunkedFabric(net.shape, fabric), evaluate_whole(net, fabric, COMPLETE, at)
-    parts = chunked.evaluate(COMPLETE, at)
-    assert float(parts.energy.total) == pytest.approx(float(whole.energy.total), rel=1e-12)
-    np.testing.assert_allclose(parts.gradient, whole.gradient, atol=1e-11)
-    hessians = whole_element_hessians(net, fabric, COMPLETE, jnp.asarray(at))
-    found = chunked.element_hessians(COMPLETE, at)
-    np.testing.assert_allclose(found.springs, hessians.springs, rtol=1e-9, atol=1e-11)
 
 
 @pytest.mark.slow
@@ -191,53 +167,3 @@ def test_the_zigzag_meets_its_two_balances(law, knit, n):
         strain.append(4 * length * np.cos(tilt) / of.period - 1)
         force.append(pull / np.cos(tilt))
     np.testing.assert_allclose(tension(chain, jnp.array(strain)), force, rtol=1e-8)
-
-
-@pytest.mark.slow
-@EVERY_LAW
-def test_the_zigzag_is_the_minimum_of_its_energy(law):
-    chain = zigzag(replace(stripe("rib", 4), **law))
-    states = pull_chain(chain, 2, STRAINS[::4].tolist(), tolerance=1e-10)
-    assert all(state.converged for state in states)
-    expected = tension(chain, jnp.asarray(STRAINS[::4]))
-    np.testing.assert_allclose([state.force for state in states], expected, rtol=1e-8, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_tension_has_the_slopes_that_differences_give():
-    of = stripe("garter", 8)
-    numbers = np.array([of.period, of.k_s, of.k_t, of.theta_0, 0.05])
-
-    def force(numbers):
-        return tension(Zigzag(*numbers[:4], law_of_one(numbers[4], None)), jnp.asarray(STRAINS))
-
-    compiled = jax.jit(force)
-    slopes, step = jax.jit(jax.jacfwd(force))(jnp.asarray(numbers)), 1e-5
-    for place, value in enumerate(numbers):
-        change = step * value * np.eye(5)[place]
-        expected = (compiled(numbers + change) - compiled(numbers - change)) / (2 * step * value)
-        np.testing.assert_allclose(slopes[:, place], expected, rtol=2e-6, atol=1e-7)
-
-
-TENSION = jax.jit(tension)
-
-
-@pytest.mark.slow
-@given(
-    k_s=st.floats(0.1, 10),
-    k_t=st.floats(1e-3, 0.5),
-    theta_0=st.floats(0.3, 2.5),
-    period=st.floats(0.5, 5),
-    stiffening=st.floats(0.02, 2),
-)
-def test_stiffening_tension_rises_and_is_no_less_than_the_linear(
-    k_s, k_t, theta_0, period, stiffening
-):
-    numbers, strains = (jnp.asarray(its) for its in (period, k_s, k_t, theta_0)), STRAINS[::2]
-    linear = Zigzag(*numbers)
-    chain = replace(linear, law=law_of_one(stiffening, None))
-    found, least = (np.asarray(TENSION(of, jnp.asarray(strains))) for of in (chain, linear))
-    assert (np.diff(found) > 0).all()
-    assert (found[1:] >= least[1:] * (1 - 1e-9)).all()
-    limit = replace(linear, law=law_of_one(1e6, None))
-    np.testing.assert_allclose(TENSION(limit, jnp.asarray(strains))[1:], least[1:], rtol=1e-8)

@@ -5,20 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.model.energy import COMPLETE
-from knitlab.model.fabric import Configuration, flat_sheet
+from knitlab.model.fabric import Configuration
 from knitlab.model.settings import ModelOptions
-from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium import strain_path
-from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
-from knitlab.solvers.equilibrium.loading import loading_of
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import Outcome
-from knitlab.solvers.equilibrium.strain_path import StrainPath
 from knitlab.solvers.equilibrium.tensile_test import stretch
 from tests.fabrics import (
     CLAMPED,
-    DEFAULT,
     FINE,
     PERIODIC,
     SHEET,
@@ -96,18 +90,6 @@ def test_mirrored_patterns_make_mirrored_shapes(flip):
     expected = other.configuration.positions
     offset = (expected - nodes).mean(axis=(0, 1))
     assert np.abs(nodes + offset - expected).max() < 1e-6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("n_stripe", "strains"), [(4, [0, 0.04, 0.08]), (2, [0, 0.15, 0.3, 0.45])])
-def test_one_unit_cell_and_four_are_the_same_periodic_fabric(n_stripe, strains):
-    one, four = (
-        periodic_poisson_ratio(
-            stretched(*checkered(n_stripe, 2, PERIODIC, unit_cells=cells), strains)
-        )
-        for cells in ((1, 1), (2, 2))
-    )
-    assert one == pytest.approx(four, abs=1e-4)
 
 
 @pytest.mark.slow
@@ -193,15 +175,6 @@ def test_a_rough_step_ends_where_a_smooth_one_does(options, monkeypatch):
     assert [state.iterations for state in ways[0]] != [state.iterations for state in ways[1]]
 
 
-def test_relaxation_does_not_shift_a_sample():
-    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
-    flat, folded = flat_sheet(net, fabric), relaxed(net, fabric).configuration
-    shift = np.abs(np.mean(folded.positions - flat.positions, axis=(0, 1)))
-    assert shift[:2].max() < 1e-6
-    # If it touches no wall, only the shift of the solver keeps its height.
-    assert shift[2] < 1e-2
-
-
 def test_unloading_returns_through_the_states_of_loading():
     strains = 0.0, 0.02, 0.04, 0.06
     net, fabric = checkered(4, 1, PERIODIC)
@@ -215,46 +188,3 @@ def test_unloading_returns_through_the_states_of_loading():
         centred = (shape - shape.mean(axis=(0, 1)) for shape in shapes)
         np.testing.assert_allclose(*centred, atol=1e-7)
         np.testing.assert_allclose(back.configuration.lengths, up.configuration.lengths, rtol=1e-9)
-
-
-def test_only_a_test_that_reached_its_end_is_unloaded():
-    net, fabric = checkered(4, 1, PERIODIC)
-    hasty = Solver(max_iterations=3)
-    test = stretch(equations(net, fabric), (0.0, 0.02), hasty, unload=True)
-    assert test.unloaded == ()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("shake", "parts"),
-    [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.nightly)],
-)
-def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation(
-    small_subdomains, monkeypatch, shake, parts
-):
-    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
-    loading = loading_of(net.shape, relaxed(net, fabric).configuration)
-    before, last = stretched(net, fabric, [0.0, 0.01]).states
-    # With a distant previous state the linear extrapolation is distant too, on the other side.
-    noise = np.random.default_rng(0).normal(size=net.shape.unknowns)
-    off = loading.holding(before.unknowns + shake * noise, 0.0)
-    starts = []
-
-    def found(system, start, *rest):
-        starts.append(start)
-        return find_equilibrium(system, start, *rest)
-
-    monkeypatch.setattr(strain_path, "find_equilibrium", found)
-    passed_states = [(0.0, replace(before, unknowns=off)), (0.01, last)]
-    path = StrainPath(equations(net, fabric), loading, passed_states, DEFAULT)
-    assert path.to(0.02).converged
-    passed = [(0.0, off), (0.01, last.unknowns)]
-    near, far = (loading.ahead(of, 0.02) for of in (passed[1:], passed))
-    way = far - near
-    part = float((starts[0].unknowns - near) @ way / (way @ way))
-    assert any(part == pytest.approx(one) for one in parts)
-    whole = ChunkedFabric(net.shape, fabric)
-    taken, *others = (
-        float(whole.evaluate(COMPLETE, at).energy.total) for at in (starts[0].unknowns, near, far)
-    )
-    assert taken <= min(others)

@@ -82,32 +82,6 @@ def test_no_force_is_left_in_the_model_after_the_step(
     assert curvature == pytest.approx(step @ model @ step, rel=1e-9)
 
 
-@pytest.mark.parametrize(("limit", "value"), [("MAX_WALL_CHANGES", 3), ("MAX_ACTIVE_SETS", 1)])
-def test_a_step_that_does_not_settle_ignores_nodes_that_come_to_a_wall(
-    squeezed, monkeypatch, limit, value
-):
-    monkeypatch.setattr(f"knitlab.solvers.equilibrium.search.{limit}", value)
-    unknowns = displaced(squeezed[2], 0.003, 0)
-    search, (step, curvature), solved = stepped(squeezed, unknowns, 0.1)
-    newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)
-    np.testing.assert_allclose(step, newton, rtol=0, atol=1e-9 * np.abs(newton).max())
-    assert curvature == pytest.approx(-search.gradient @ newton, rel=1e-9)
-    # Nothing of the attempt is left in the factorised stiffness.
-    np.testing.assert_allclose(solved, -newton, rtol=0, atol=1e-9 * np.abs(newton).max())
-
-
-def test_only_the_part_of_a_step_within_the_step_limit_meets_walls(squeezed):
-    """A step of a thousandth of its length brings no further node to a wall."""
-    unknowns = displaced(squeezed[2], 0.003, 0)
-    search, (whole, _), _ = stepped(squeezed, unknowns, 0.1)
-    cell = float(squeezed[1].cell_sides.min())
-    limit = 1e-3 / search.longest_fraction(whole) * LONG.step_limit
-    search, (step, _), _ = stepped(squeezed, unknowns, 0.1, Solver(step_limit=limit))
-    assert search.step_length == pytest.approx(limit * cell)
-    newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)
-    np.testing.assert_allclose(step, newton, rtol=0, atol=1e-9 * np.abs(newton).max())
-
-
 @pytest.mark.slow
 def test_searches_reach_the_same_states_with_fewer_factorisations(squeezed, monkeypatch):
     net, fabric, relaxed = squeezed
