@@ -88,49 +88,43 @@ def drawn(*rows):
 SQUARE = patch_map(["R"], 1)
 
 
-@pytest.mark.parametrize(
-    ("layout", "options", "message"),
-    [
-        (replace(RIDGES, width=8.0), PERIODIC, r"short circuit: columns 4 to 4, rows 0 to 16"),
-        (replace(RIDGES, width=9.0), PERIODIC, r"short circuit: columns 3\.75 to 4\.25"),
-        (
-            replace(RIDGES, width=40.0),
-            PERIODIC,
-            r"electrode A extends beyond the fabric: columns -8 to 12",
-        ),
-        (replace(RIDGES, width=5.0), CLAMPED, None),
-        (
-            replace(RIDGES, width=9.0),
-            CLAMPED,
-            r"electrode A extends beyond the fabric: columns -0\.25 to 4\.25, rows 0 to 16",
-        ),
-        (replace(RIDGES, ridges=(1, 3)), PERIODIC, "there is no ridge 3: its middle patch has 2"),
-        (replace(RIDGES, ridges=(1, 1)), PERIODIC, "short circuit: columns 1 to 3"),
-        (replace(RIDGES, span=(0.0, 0.5)), PERIODIC, "periodic fabric has no ends"),
-    ],
-)
-def test_an_impossible_layout_is_refused_with_its_place(layout, options, message):
-    if message is None:
-        laid(layout, options=options)
-        return
-    with pytest.raises(BadLayout, match=message):
-        laid(layout, options=options)
+def refused(layout, pattern, options):
+    with pytest.raises(BadLayout) as error:
+        place_electrodes(layout, pattern, options, stitches(pattern))
+    return str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("rows", "options", "message"),
+    ("layout", "options", "named"),
     [
-        (("A..B", "A..B", "A..B"), CLAMPED, "3 rows of 4 letters, the fabric 4 rows of 4"),
-        (("A...",) * 4, CLAMPED, "no letter B"),
-        (("A..B", "A..B", "...B", "A..B"), CLAMPED, "A is in 2 pieces, one of them at column 0"),
-        (("A..B", "A..B", "...B", "...B"), PERIODIC, "A does not continue across the boundary"),
-        (("ABBB", "A..B", "A..B", "A..B"), CLAMPED, "short circuit: columns 1 to 1, rows 3 to 4"),
-        ((".A.B", "..AB", "A..B", "A..B"), CLAMPED, "A is in 3 pieces"),
+        (replace(RIDGES, width=8.0), PERIODIC, ("short", "columns 4 to 4", "rows 0 to 16")),
+        (replace(RIDGES, width=9.0), PERIODIC, ("short", "columns 3.75 to 4.25")),
+        (replace(RIDGES, width=40.0), PERIODIC, ("electrode A", "columns -8 to 12")),
+        (replace(RIDGES, width=9.0), CLAMPED, ("electrode A", "columns -0.25 to 4.25")),
+        (replace(RIDGES, ridges=(1, 3)), PERIODIC, ("ridge 3", "has 2")),
+        (replace(RIDGES, ridges=(1, 1)), PERIODIC, ("short", "columns 1 to 3")),
+        (replace(RIDGES, span=(0.0, 0.5)), PERIODIC, ("span", "clamped")),
     ],
 )
-def test_an_impossible_mask_is_refused_with_its_place(rows, options, message):
-    with pytest.raises(BadLayout, match=message):
-        place_electrodes(drawn(*rows), SQUARE, options, stitches(SQUARE))
+def test_an_impossible_layout_is_refused_with_its_place(layout, options, named):
+    text = refused(layout, checkerboard(2), options)
+    assert all(part in text for part in named)
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "named"),
+    [
+        (("A..B", "A..B", "A..B"), CLAMPED, ("3 rows of 4", "4 rows of 4")),
+        (("A...",) * 4, CLAMPED, ("letter B",)),
+        (("A..B", "A..B", "...B", "A..B"), CLAMPED, ("electrode A", "2 pieces", "column 0")),
+        (("A..B", "A..B", "...B", "...B"), PERIODIC, ("electrode A", "boundary")),
+        (("ABBB", "A..B", "A..B", "A..B"), CLAMPED, ("short", "columns 1 to 1", "rows 3 to 4")),
+        ((".A.B", "..AB", "A..B", "A..B"), CLAMPED, ("electrode A", "3 pieces")),
+    ],
+)
+def test_an_impossible_mask_is_refused_with_its_place(rows, options, named):
+    text = refused(drawn(*rows), SQUARE, options)
+    assert all(part in text for part in named)
 
 
 @pytest.mark.parametrize("options", [CLAMPED, PERIODIC])
@@ -147,9 +141,9 @@ def test_a_drawn_electrode_need_not_be_straight(options):
 def test_strips_that_overlap_are_named():
     strips = (Strip(0, 2, 0, 4), Strip(1, 3, 1, 2)), (Strip(4, 5, 0, 4),)
     mistakes = Electrodes(strips, "wale").mistakes(MeshShape(8, 8, False))
-    assert mistakes == [
-        "electrode A overlaps itself: columns 1 to 2, rows 1 to 2 (grid cells)",
-    ]
+    assert len(mistakes) == 1
+    assert "electrode A" in mistakes[0]
+    assert "columns 1 to 2, rows 1 to 2" in mistakes[0]
 
 
 @given(st.tuples(*[st.floats(0, 3)] * 4))

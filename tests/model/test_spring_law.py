@@ -120,22 +120,22 @@ def test_the_spline_of_any_growing_table_grows(strain, force):
 
 
 @pytest.mark.parametrize(
-    ("strain", "force", "problems"),
+    ("strain", "force", "named"),
     [
-        ((0.0, 0.1), (0.0,), ["2 strains and 1 forces"]),
-        ((0.0,), (0.0,), ["at least two"]),
-        ((0.0, np.nan), (0.0, 1.0), ["not finite"]),
-        ((0.0, 0.2, 0.1), (0.0, 1.0, 1.0), ["strain does not increase from 0.2", "force does not"]),
-        ((0.1, 0.2), (0.0, 1.0), ["zero strain and zero force"]),
-        ((0.0, 0.2), (0.5, 1.0), ["zero strain and zero force"]),
-        ((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), ["above -1"]),
-        ((-0.5, 0.0), (-1.0, 0.0), ["ends at rest"]),
+        ((0.0, 0.1), (0.0,), ["2 strains", "1 forces"]),
+        ((0.0,), (0.0,), ["two"]),
+        ((0.0, np.nan), (0.0, 1.0), ["finite"]),
+        ((0.0, 0.2, 0.1), (0.0, 1.0, 1.0), ["strain", "0.2 to 0.1", "force", "1 to 1"]),
+        ((0.1, 0.2), (0.0, 1.0), ["0, 0"]),
+        ((0.0, 0.2), (0.5, 1.0), ["0, 0"]),
+        ((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), ["-1"]),
+        ((-0.5, 0.0), (-1.0, 0.0), ["tension"]),
     ],
 )
-def test_an_invalid_spring_curve_is_refused(strain, force, problems):
-    with pytest.raises(ValueError, match=problems[0]) as refused:
+def test_an_invalid_spring_curve_is_refused(strain, force, named):
+    with pytest.raises(ValueError, match=r"give|remove") as refused:
         SpringCurve(strain, force)
-    assert all(problem in str(refused.value) for problem in problems)
+    assert all(part in str(refused.value) for part in named)
 
 
 @pytest.mark.slow
@@ -155,5 +155,5 @@ def test_each_spring_has_the_law_of_its_stripe_and_diagonals_that_of_the_softer(
 
 
 def test_a_stripe_has_one_law():
-    with pytest.raises(ValueError, match="rib 4 has both"):
+    with pytest.raises(ValueError, match="rib 4"):
         replace(stripe("rib", 4), stiffening_strain=0.1, spring_curve=CURVE)

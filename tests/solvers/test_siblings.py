@@ -9,9 +9,6 @@ from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.solvers.siblings import branches, sibling, spread
 
-MULTISTABLE = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
-"""A design that has several relaxed shapes."""
-
 
 def cube_of(tmp_path, *settings, workflow="periodic"):
     return run_plan(make_plan(workflow, settings), tmp_path, RunOptions()).cube
@@ -34,14 +31,6 @@ def test_a_fabric_with_one_branch_has_little_spread(tmp_path):
         assert (cube[f"{name}_low"] <= own).all()
         assert (cube[f"{name}_high"] >= own).all()
     assert cube.attrs["random_seeds"] == "1 to 3: of the siblings of each design"
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-def test_a_multistable_fabric_has_several_branches_and_a_large_spread(tmp_path):
-    cube = cube_of(tmp_path, *MULTISTABLE, "robustness=3").squeeze()
-    assert float(cube["relaxed_branches"]) > 1
-    assert float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max()) > 0.1
 
 
 @pytest.mark.slow

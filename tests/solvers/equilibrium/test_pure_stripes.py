@@ -168,14 +168,6 @@ def test_springs_along_the_ridges_act_as_in_the_sheet_of_three_unknowns(ridges, 
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
-def test_the_sheet_of_three_unknowns_is_solved_like_by_another_solver():
-    of, strains = stripe("garter", 12), np.array([0.05, 0.8, 2.0])
-    sheet = PureStripe.of(of)
-    across, along = tension_across(sheet, strains), tension_along(sheet, strains)
-    np.testing.assert_allclose(across, [across_the_ridges(of, e)[1] for e in strains], rtol=1e-9)
-    np.testing.assert_allclose(along, [along_the_ridges(of, e)[1] for e in strains], rtol=1e-9)
-
-
 def test_a_stripe_in_rows_of_another_width_has_the_same_force_over_width():
     """A row of rib is as wide as the garter's cells are high, here 1.5 times as wide as its own."""
     rib = stripe("rib", 4)

@@ -37,28 +37,3 @@ def test_flat_and_periodic_starts_reach_the_same_state():
     assert laid.converged
     assert flat.converged
     assert float(laid.energy.total) == pytest.approx(float(flat.energy.total), rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("n_stripe", "periods", "unit_cells"),
-    [
-        (4, 2, None),
-        *(
-            pytest.param(*design, marks=[pytest.mark.slow, pytest.mark.nightly])
-            for design in [(2, 4, None), (6, 3, (2, 1))]
-        ),
-        *(
-            pytest.param(*design, marks=pytest.mark.slow)
-            for design in [(8, 4, None), (8, 2, (3, 2))]
-        ),
-    ],
-)
-def test_a_relaxation_takes_fewer_than_sixty_factorisations(n_stripe, periods, unit_cells):
-    if unit_cells is None:
-        state = relaxed(*checkered(n_stripe, periods, PERIODIC))
-    else:
-        net, fabric, start, _ = fabric_layout(n_stripe, periods, unit_cells)
-        state = relax(equations(net, fabric), DEFAULT, start)
-        assert float(state.energy.wall) > 0
-    assert state.residual <= 1e-8
-    assert state.factorisations < 60

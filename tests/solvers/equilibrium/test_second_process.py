@@ -1,6 +1,5 @@
 """The second process finds the solutions of this process, and ends with its use."""
 
-import gc
 import os
 import signal
 import subprocess
@@ -83,16 +82,6 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, divided, mon
     np.testing.assert_array_equal(left[0].unknowns, alone[0].unknowns)
     assert dead
     assert all(dead)
-
-
-@pytest.mark.slow
-def test_a_second_process_ends_when_it_is_no_longer_referenced():
-    process = SecondProcess()
-    pid = process.pid
-    assert is_there(pid)
-    del process
-    gc.collect()
-    assert not is_there(pid)
 
 
 def test_a_second_process_ends_when_its_parent_is_killed():

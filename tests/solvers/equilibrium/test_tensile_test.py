@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from knitlab.model.fabric import Configuration
-from knitlab.model.settings import ModelOptions
 from knitlab.solvers.equilibrium import strain_path
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import Outcome
@@ -15,28 +14,13 @@ from tests.fabrics import (
     CLAMPED,
     FINE,
     PERIODIC,
-    SHEET,
     checkered,
     equations,
     patch_map,
     patterned,
-    periodic_poisson_ratio,
     relaxed,
     stretched,
 )
-
-LOW_WALL = replace(SHEET, z_max=0.9)
-
-
-@pytest.mark.slow
-def test_an_active_wall_converges_and_is_pressed_on():
-    net, fabric = patterned(4, patch_map(["GRG", "RGR"], 2), CLAMPED, LOW_WALL)
-    test = stretched(net, fabric, [0.0, 0.05, 0.1])
-    assert [state.outcome for state in test.states] == [Outcome.converged] * 3
-    assert max(state.residual for state in test.states) <= 1e-8
-    heights = np.abs(test.states[0].configuration.positions[..., 2])
-    assert (heights > LOW_WALL.z_max).any()
-    assert float(test.states[0].energy.wall) > 0
 
 
 @pytest.mark.slow
@@ -100,35 +84,6 @@ def test_the_curve_does_not_depend_on_the_recorded_strains():
     # 0.1 and 0.11 lie on either side of a snap.
     for one, other in zip(coarse.states, fine.states[::4], strict=True):
         assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("n_stripe", "periods", "options", "first", "last"),
-    [
-        (4, 2, ModelOptions(cell_size="flat", fold_phase="stripe_centre"), -0.38, -0.29),
-        (2, 4, ModelOptions(cell_size="flat", fold_phase="stripe_border"), -0.08, 0.07),
-    ],
-    ids=["flat stripe_centre", "flat stripe_border"],
-)
-def test_model_options_change_poisson_ratio_as_in_the_trial_runs(
-    n_stripe, periods, options, first, last
-):
-    options = replace(options, boundary="periodic")
-    strains = list(np.linspace(0, 0.48, 9))
-    ratio = periodic_poisson_ratio(stretched(*checkered(n_stripe, periods, options), strains))
-    assert ratio[-1] == pytest.approx(last, abs=0.01)
-    assert ratio[0] == pytest.approx(first, abs=0.015)
-    assert (np.diff(ratio) > 0).all()
-
-
-@pytest.mark.slow
-def test_the_default_is_auxetic_with_a_minimum_at_intermediate_strain():
-    ratio = periodic_poisson_ratio(
-        stretched(*checkered(4, 2, PERIODIC), list(np.linspace(0, 0.45, 16)))
-    )
-    assert 0 < ratio.argmin() < len(ratio) - 1
-    assert ratio.min() == pytest.approx(-1.0, abs=0.1)
 
 
 def test_a_fabric_that_does_not_relax_is_reported():

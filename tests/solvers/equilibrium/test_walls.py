@@ -139,13 +139,3 @@ def test_the_fraction_has_the_least_energy(seed, nodes, length, part):
     fraction = lowest_fraction(z, dz, -curvature, curvature, HALF_GAP, part * STIFFNESS)
     energies = modelled(z, dz, -curvature, curvature, part)
     assert fraction == pytest.approx(FRACTIONS[np.argmin(energies)], abs=4e-4, rel=4e-3)
-
-
-def test_a_step_that_reaches_no_wall_is_taken_whole():
-    z, dz = np.array([-5.9, 0.0, 5.9]), np.array([0.05, 3.0, -0.05])
-    assert lowest_fraction(z, dz, -1.0, 1.0, HALF_GAP, STIFFNESS) == 1.0
-
-
-def test_a_step_from_wall_to_wall_is_shortened():
-    z, dz = np.array([-6.0]), np.array([20.0])
-    assert 0.55 < lowest_fraction(z, dz, -1.0, 1.0, HALF_GAP, STIFFNESS) < 0.65
