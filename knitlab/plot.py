@@ -30,7 +30,7 @@ def __getattr__(name: str) -> "Callable[..., Figure]":
     """The public function of a figure, of which only its own file is imported."""
     if name not in FIGURE_NAMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from knitlab.api.cubes import opened
+    from knitlab.api.cubes import as_cube
     from knitlab.figures.drawing import draw
     from knitlab.figures.registry import figure_kind
 
@@ -38,7 +38,7 @@ def __getattr__(name: str) -> "Callable[..., Figure]":
 
     def plot(*cubes: "Cube", **keywords: Any) -> "Figure":
         options = {key: keywords.pop(key) for key in kind.options if key in keywords}
-        return draw(name, [opened(cube) for cube in cubes], keywords, options)
+        return draw(name, [as_cube(cube) for cube in cubes], keywords, options)
 
     named = f"; and {', '.join(kind.options)}: names of dimensions and of a variable"
     plot.__name__ = plot.__qualname__ = name

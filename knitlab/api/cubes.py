@@ -1,27 +1,23 @@
-"""Cubes: their designs in tables, compared with targets, experiments and claims, and exported."""
+"""Cubes: their designs in tables, compared with targets, experiments and claims, and drawn."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import pandas as pd
 import xarray as xr
 
-from knitlab.cubes.case_file import length_unit
-from knitlab.cubes.chosen_case import reached_strains, selected_case
 from knitlab.cubes.comparison import compared
-from knitlab.cubes.cube_file import is_case, open_cube
+from knitlab.cubes.cube_file import open_cube
 from knitlab.cubes.find import Found, find_designs
-from knitlab.cubes.query import query_cubes
-from knitlab.cubes.selection import refuse_others, selected, selections_along
+from knitlab.cubes.model_line import model_lines
+from knitlab.cubes.query import formatted as formatted
+from knitlab.cubes.query import query_cubes, variables_table
+from knitlab.cubes.selection import refuse_others, select, selections_along
 from knitlab.cubes.target import Target, read_target
-from knitlab.export.meshes import formats
-from knitlab.export.meshes.fabric import fabric_meshes
-from knitlab.export.meshes.surface import SurfaceMesh, solid_of
-from knitlab.io.errors import ErrorCollector, invalid, raise_if_any, shortened
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any, shortened
 from knitlab.io.names import check_suffix
-from knitlab.observables.schema import STRAIN
+from knitlab.runs.figure_names import check_figure_suffix
 
 if TYPE_CHECKING:
     from knitlab.runs.material import Material
@@ -30,34 +26,36 @@ Cube = str | Path | xr.Dataset  # a cube, its file, or the results folder that h
 Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, or as an object
 
 
-def opened(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
+def as_cube(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
     """A cube, opened as by :func:`knitlab.open_cube` unless it is."""
     return open_cube(cube, lazily=lazily) if isinstance(cube, str | Path) else cube
 
 
-def opened_with_shapes(shapes: Cube) -> xr.Dataset:
-    """A cube that was read from a file, beside which its case files lie, or a test with shapes."""
-    cube = opened(shapes)
-    if "status" not in cube:
-        raise invalid("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
-    if is_case(cube) and "position" not in cube:
-        raise invalid("shapes", "has no node positions; give a dataset of knitlab.simulate")
-    if not is_case(cube) and "source" not in cube.encoding:
-        message = "is a cube that was not opened from a file, beside which shapes lie"
-        raise invalid("shapes", f"{message}; give its path")
-    return cube
+def models(*cubes: Cube) -> list[str]:
+    """The lines that state the models of cubes: one if they agree, else one for each cube."""
+    return model_lines([as_cube(cube, lazily=True) for cube in cubes])
 
 
 def query(
     *cubes: Cube,
     where: str | None = None,
     sort: str | Sequence[str] | None = None,
-    columns: Sequence[str] | None = None,
-    **selections: Any,
+    columns: Sequence[str] | Literal["main"] | None = None,
+    marks: bool = False,
+    selections: Mapping[str, Any] = {},
+    **named: Any,
 ) -> pd.DataFrame:
     """The designs of several cubes along the same dimensions, simulated and measured, in one table.
 
-    The other arguments are those of ``cube.knitlab.query``.
+    Args:
+        cubes: cubes, their files or results folders.
+        where: expression over the columns that the rows must meet, as of ``cube.knitlab.query``.
+        sort: column to sort by, or several; a leading minus sorts descending.
+        columns: columns to keep, or expressions over them; or ``"main"`` for the at most eight that
+            answer most questions.
+        marks: whether a last column has the signs of what not to rely on, if there are any.
+        selections: a value or a list of values for each coordinate.
+        named: further selections, as keywords: ``n_stripe=4``.
 
     Raises:
         InputError: with everything that is wrong in these arguments.
@@ -67,8 +65,19 @@ def query(
         >>> table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [8, 64]
     """
-    read = [opened(cube, lazily=True) for cube in cubes]
-    return query_cubes(read, selections, where, sort, columns)
+    read = [as_cube(cube, lazily=True) for cube in cubes]
+    return query_cubes(read, {**selections, **named}, where, sort, columns, marks)
+
+
+def variables(*cubes: Cube) -> pd.DataFrame:
+    """The variables of cubes that can be asked for: name, dimensions, unit and meaning.
+
+    Example:
+        >>> table = kl.variables("results/reference/periodic").set_index("name")
+        >>> table.loc["reaction_force", "unit"]
+        'N'
+    """
+    return variables_table([as_cube(cube, lazily=True) for cube in cubes])
 
 
 def find(
@@ -78,6 +87,7 @@ def find(
     most: int | None = None,
     material: "str | Path | Material | None" = None,
     uncertainty_of: str | None = None,
+    output: str | Path | None = None,
 ) -> Found:
     """Find the designs that come closest to targets; nothing is simulated.
 
@@ -99,6 +109,7 @@ def find(
             sensitivities counts as exact; a single value needs a tolerance.
         uncertainty_of: whether this is the probability of a new ``"swatch"`` or of the ``"mean"``
             stripe, as of :func:`knitlab.uncertainty`; ``uncertainty`` of the result says it.
+        output: figure to write, of the targets and the nearest designs, if there are any.
 
     Returns:
         The designs, the nearest first, or with a material the most probable. For target 1
@@ -115,6 +126,7 @@ def find(
         >>> nearest.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [4, 16]
     """
+    check_figure_suffix(output)
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
     stripes = None
     if uncertainty_of is not None and material is None:
@@ -124,8 +136,14 @@ def find(
         from knitlab.runs.stripe_covariance import uncertain_stripes  # which imports JAX
 
         stripes = uncertain_stripes(material, uncertainty_of)
-    read = [opened(cube, lazily=True) for cube in cubes]
-    return find_designs(read, wanted, required, most, stripes)
+    read = [as_cube(cube, lazily=True) for cube in cubes]
+    found = find_designs(read, wanted, required, most, stripes)
+    if output is not None and len(found.table):
+        from knitlab.figures.figure_files import draw_into
+        from knitlab.figures.nearest_designs import nearest_figure
+
+        draw_into(lambda: nearest_figure(found), Path(output))
+    return found
 
 
 def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
@@ -137,13 +155,16 @@ def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
     return targets
 
 
-def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.DataFrame:
+def compare(
+    cube: Cube, /, *experiments: Cube, selections: Mapping[str, Any] = {}, **named: Any
+) -> pd.DataFrame:
     """How far a simulation is from experiments, curve by curve.
 
     Args:
-        simulation: a simulated cube.
+        cube: a simulated cube.
         experiments: measured cubes, see :func:`knitlab.import_records`.
         selections: a value or a list of values for each coordinate.
+        named: further selections, as keywords: ``n_stripe=4``.
 
     Returns:
         For each design, experiment and curve the RMS difference and its uncertainty, by the
@@ -152,15 +173,21 @@ def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.Da
     Raises:
         InputError: if the cubes have no design in common, or a selection is at fault.
     """
-    cubes = [opened(cube) for cube in (simulation, *experiments)]
-    known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
+    selections = {**selections, **named}
+    cubes = [as_cube(each) for each in (cube, *experiments)]
+    known = {str(name) for each in cubes for name in each.dims if name in each.coords}
     hint = f"select along {', '.join(sorted(known))}"
     refuse_others(selections, known, f"is not a coordinate of these cubes; {hint}")
-    chosen = [selected(cube, selections_along(selections, cube.dims)) for cube in cubes]
+    chosen = [select(each, selections_along(selections, each.dims)) for each in cubes]
     return compared(chosen[0], chosen[1:])
 
 
-def claims(*cubes: str | Path, output: str | Path | None = None, **selections: Any) -> pd.DataFrame:
+def claims(
+    *cubes: str | Path,
+    output: str | Path | None = None,
+    selections: Mapping[str, Any] = {},
+    **named: Any,
+) -> pd.DataFrame:
     """Judge the paper's claims by cubes: each holds, nearly holds, fails, or is not measured.
 
     Args:
@@ -168,6 +195,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
             samples decides it.
         output: report to write, ``.md``, with its figures in a folder beside it.
         selections: a value for each swept setting.
+        named: further selections, as keywords.
 
     Returns:
         One row for each claim, with its verdict, margin, and the cube that decided it.
@@ -179,15 +207,66 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         >>> len(kl.claims("results/reference/paper"))
         39
     """
-    from knitlab.claims.claims import read_claims
-    from knitlab.claims.judgement import judged, record
+    return judge_claims(cubes, output, {**selections, **named}).table
 
+
+class JudgedClaims(NamedTuple):
+    """The claims as a table and as lines of text, the files written, and figures left out."""
+
+    table: pd.DataFrame
+    lines: str
+    files: list[Path]
+    mistakes: list[Mistake]
+
+
+def judge_claims(
+    cubes: Sequence[str | Path], output: str | Path | None, selections: Mapping[str, Any]
+) -> JudgedClaims:
+    """Judge the paper's claims by cubes, as :func:`claims`."""
+    from knitlab.claims.claims import read_claims
+    from knitlab.claims.judgement import judged, listed, record
+
+    if output is not None:
+        check_suffix(Path(output), (".md",), "a page of Markdown")
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
+    files, mistakes = list[Path](), list[Mistake]()
     if output is not None:
         from knitlab.figures.claims_page import write_page
 
-        write_page(judgements, Path(output), selections)
-    return pd.DataFrame(map(record, judgements))
+        files, mistakes = write_page(judgements, Path(output), selections)
+    return JudgedClaims(pd.DataFrame(map(record, judgements)), listed(judgements), files, mistakes)
+
+
+def draw(
+    kind: str,
+    *cubes: str | Path,
+    output: str | Path,
+    selections: Mapping[str, Any] = {},
+    **options: str | Path | None,
+) -> Path:
+    """Draw a figure of cubes into a file, unless it is up to date.
+
+    The functions of :mod:`knitlab.plot` return figures instead.
+
+    Args:
+        kind: name of the figure, one of those of :mod:`knitlab.plot`.
+        cubes: cubes or results folders; most kinds take one.
+        output: the file: ``.pdf``, ``.svg`` or ``.png``.
+        selections: a value or a list of values for each coordinate.
+        options: options of the kind, such as ``x`` and ``y``, names of dimensions.
+
+    Raises:
+        InputError: if a cube does not hold what the figure shows, or an argument is at fault.
+
+    Example:
+        >>> kl.draw("auxetic", "results/reference/periodic", output=folder / "map.png").name
+        'map.png'
+    """
+    from knitlab.figures.drawing import draw_figure
+
+    given = {name: str(value) for name, value in options.items() if value is not None}
+    paths = [Path(cube) for cube in cubes]
+    return draw_figure(kind, paths, Path(output), selections, given)
 
 
 def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
@@ -213,84 +292,4 @@ def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
     """
     from knitlab.figures.explorer.explorer import write_explorer
 
-    return write_explorer([opened(cube) for cube in cubes], Path(output))
-
-
-@dataclass(frozen=True, eq=False)
-class Exported:
-    """What was exported.
-
-    Attributes:
-        files: the files, the one that was asked for first.
-        applied_strain: the strains of the meshes [1].
-        meshes: at each, the mesh: ``nodes``, ``faces``, ``node_fields``, ``face_fields``.
-        self_intersections: at each, pairs of grid cells of a sample, or of one repeat, that pass
-            through each other [1].
-        unit: of the nodes: mm of cloth, or ``mm of network`` where the gauge says nothing.
-    """
-
-    files: tuple[Path, ...]
-    applied_strain: tuple[float, ...]
-    meshes: tuple[SurfaceMesh, ...]
-    self_intersections: tuple[int, ...]
-    unit: str = "mm"
-
-    def __repr__(self) -> str:
-        nodes = sum(len(mesh.nodes) for mesh in self.meshes)
-        return f"<Exported {self.files[0]}: {len(self.meshes)} meshes, {nodes} nodes>"
-
-
-def export(
-    shapes: Cube,
-    output: str | Path,
-    selections: Mapping[str, Any] = {},
-    *,
-    repeats: tuple[int, int] = (1, 1),
-    triangles: bool = False,
-    thickness: float | None = None,
-    **named: Any,
-) -> Exported:
-    """Write the shape of one design as a mesh that other programs read.
-
-    The mesh is the sheet of grid cells in mm, x along the courses and y along the wales, with the
-    technical face up. Faces that meet share their nodes, over the seams of repeats too.
-
-    Args:
-        shapes: dataset of :func:`knitlab.simulate`, or a cube with its case files beside it.
-        output: file to write: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or ``.glb``; a series
-            over the applied strain is ``.pvd``, with a ``.vtu`` for each in a folder beside it, or
-            ``.fold``, with a frame for each and its fold angles.
-        selections: a value for each coordinate, until one design is left. ``applied_strain`` is 0
-            if it is left out, of a series every strain that was reached.
-        repeats: how often periodic fabric is repeated along the warp (y) and the weft (x).
-        triangles: whether to divide grid cells into triangles where the format has quads too.
-        thickness: of a closed solid with the sheet in its middle [mm]; by default an open sheet.
-        named: further selections, as keywords: ``n_stripe=4``.
-
-    Returns:
-        The files and their meshes.
-
-    Raises:
-        InputError: if the suffix is unknown, not exactly one design is left, it has no shape at a
-            strain, or repeats or thickness do not fit it.
-
-    Example:
-        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.15}
-        >>> exported = kl.export("results/reference/periodic", folder / "shape.vtu", one)
-        >>> len(exported.meshes[0].faces)
-        256
-    """
-    output, selections = Path(output), {**selections, **named}
-    check_suffix(output, formats.FORMATS, "a mesh")
-    chosen = formats.FORMATS[output.suffix.lower()]
-    case_file = selected_case(opened_with_shapes(shapes), selections)
-    rows = reached_strains(case_file, selections, several=chosen.is_series)
-    meshes = fabric_meshes(case_file, rows, repeats)
-    if thickness is not None:
-        meshes = [solid_of(mesh, thickness) for mesh in meshes]
-    if triangles or not chosen.has_quads:
-        meshes = [mesh.triangulated() for mesh in meshes]
-    strains, unit = tuple(case_file[STRAIN].values[rows].tolist()), length_unit(case_file)
-    files = formats.write_meshes(formats.Shapes(meshes, strains, unit), output)
-    crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
-    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
+    return write_explorer([as_cube(cube) for cube in cubes], Path(output))

@@ -8,6 +8,7 @@ from typing import Any
 from knitlab.api.cubes import Wanted
 from knitlab.api.sweeps import RESULTS
 from knitlab.design.design import BUDGET, Designed, run_design
+from knitlab.design.design import summary as summary
 from knitlab.design.request import checked_request, read_request
 from knitlab.design.trial import ShapeFunction
 from knitlab.figures.figure_files import draw_into
@@ -61,7 +62,7 @@ def design(
         workers: number of processes on this machine; 0 simulates in this process.
         results: folder that holds a folder of results for each request.
         name: name of that folder; with ``file`` it is that of the file.
-        figures: whether to draw the targets and the results.
+        figures: whether to draw the targets and the results into ``figures/`` of that folder.
         progress: whether to draw a progress bar with the best distance so far.
         settings: settings of the workflow to replace, as for :func:`knitlab.run`.
 
@@ -70,7 +71,8 @@ def design(
         them, ``met``, and each search with its active bounds.
 
     Raises:
-        InputError: with every fault of the request, or if targets contradict each other.
+        InputError: with everything that is wrong in the request, or if targets contradict
+            each other.
 
     Example:
         >>> wanted = "poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06"
@@ -108,7 +110,7 @@ def design(
         show_progress=progress,
     )
     if figures:
-        draw(designed)
+        _draw(designed)
     return designed
 
 
@@ -125,15 +127,13 @@ def _read_budget(budget: str) -> tuple[int, float | None]:
     return (UNLIMITED, number) if timed else (int(number), None)
 
 
-def draw(designed: Designed) -> list[Path]:
+def _draw(designed: Designed) -> None:
     """Draw targets and results, and the Pareto front if two targets conflict, into ``figures/``."""
     from knitlab.figures.nearest_designs import nearest_figure, pareto_figure
 
-    drawings = {"wanted": partial(nearest_figure, designed.ranking, "candidates", bands=True)}
+    folder = designed.folder / "figures"
+    wanted = partial(nearest_figure, designed.ranking, "candidates", bands=True)
+    draw_into(wanted, folder / "wanted.png")
+    (folder / "pareto.png").unlink(missing_ok=True)
     if (conflict := designed.conflict) is not None:
-        drawings["pareto"] = partial(pareto_figure, *conflict)
-    files: list[Path] = []
-    for name, draw_one in drawings.items():
-        files.append(designed.folder / "figures" / f"{name}.png")
-        draw_into(draw_one, files[-1])
-    return files
+        draw_into(partial(pareto_figure, *conflict), folder / "pareto.png")

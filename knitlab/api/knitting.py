@@ -1,6 +1,6 @@
 """Knitting a design: its stitch chart, the program of a machine, and its specification."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,18 +9,20 @@ import xarray as xr
 
 from knitlab.api.simulation import Design, case_of_design
 from knitlab.api.single_design import SingleDesign, is_cube, single_design
+from knitlab.api.sweeps import one_of
 from knitlab.export.knitting.chart import Face
 from knitlab.export.knitting.chart_files import Edge, read_stitches
 from knitlab.export.knitting.instructions import instructions
 from knitlab.export.knitting.knitout import knitout
 from knitlab.export.knitting.machine import NOT_GIVEN, Machine, paper_yarn, read_machine, same_model
 from knitlab.export.knitting.patches import ReadChart, patches_of
+from knitlab.export.knitting.patches import pattern_name as pattern_name
 from knitlab.export.knitting.round_trip import RoundTrip, round_trip
 from knitlab.export.knitting.specification import Specification
 from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import invalid
+from knitlab.io.errors import invalid, raise_if_any
 from knitlab.io.names import check_suffix
 from knitlab.io.provenance import provenance
 from knitlab.model.electrodes import Capacitor
@@ -32,6 +34,7 @@ from knitlab.runs.figure_names import FIGURE_SUFFIXES, check_figure_suffix
 from knitlab.runs.material import Material, known_parameters
 from knitlab.runs.parameters import UNITS, defaults
 from knitlab.runs.workflow import Protocol
+from knitlab.runs.workflow_file import Overrides, read_overrides
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -106,7 +109,7 @@ class KnitSample(Specification):
             InputError: if it has another suffix, or cannot be written.
         """
         path = Path(path)
-        check_output(path)
+        check_suffix(path, (KNITOUT, TABLE, WORDS, *FIGURE_SUFFIXES), "knitout or a chart")
         suffix = path.suffix.lower()
         if suffix in FIGURE_SUFFIXES:
             draw_into(self.chart_figure, path)
@@ -139,11 +142,13 @@ class KnitSample(Specification):
 
 def knit(
     design: Design | str | Path | xr.Dataset,
+    overrides: Sequence[str] = (),
+    selections: Mapping[str, Any] = {},
     *,
     repeats: tuple[int, int] | None = None,
     needles: int | None = None,
     face: Face | None = None,
-    machine: Mapping[str, Any] | None = None,
+    machine: Overrides | None = None,
     model: ModelOptions | None = None,
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
@@ -155,6 +160,9 @@ def knit(
     Args:
         design: a design; a workflow by its name or path; or a cube, its path, or a test, which
             also predict its relaxed size and its Poisson's ratio.
+        overrides: settings of a workflow, or sizes of a stitch of a cube, as text:
+            ``"n_stripe=4"``.
+        selections: a value for each coordinate of a cube, or of the cube of a workflow.
         repeats: how often its pattern repeats along the warp (y) and the weft (x); by default as in
             the design.
         needles: in place of that, needles to fill with whole repeats, twice as long as wide.
@@ -162,7 +170,7 @@ def knit(
             which their ridges point.
         machine: the model of a machine of ``params/machine.toml``, by default that of the material
             or of the paper, and values that replace its own, such as
-            ``{"model": "Kniterate", "waste_courses": 10}``.
+            ``{"model": "Kniterate", "waste_courses": 10}``, or as text ``["model=Kniterate"]``.
         model: of a design, its model options, as for :func:`knitlab.simulate`.
         capacitor: of a design, its electrodes.
         gauge: of a design, the size of a stitch.
@@ -190,9 +198,11 @@ def knit(
             settings["material"], material = material, None
     given = tables | {"material": material}
     if isinstance(design, Design):
-        if settings:
-            message = f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
-            raise invalid(", ".join(settings), message)
+        if settings or overrides or selections:
+            names = ", ".join([*settings, *overrides, *selections])
+            raise invalid(
+                names, f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
+            )
         parameters = known_parameters(material, model).with_tables(**tables)
         plated = capacitor is not None
         case = case_of_design(design, [0.0], parameters, Protocol(), electrodes=plated)
@@ -201,12 +211,31 @@ def knit(
         )
     elif of_designs := [name for name, table in given.items() if table is not None]:
         raise invalid(", ".join(of_designs), "is of a Design; leave it out of a workflow or a cube")
-    elif is_cube(design):
-        sizes = {name: settings.pop(name) for name in declared(Gauge) if name in settings}
-        single = single_design(design, sizes, settings)
     else:
-        single = single_design(design, settings, {})
-    return knitted(single, repeats, needles, face, machine)
+        sizes = declared(Gauge) if is_cube(design) else settings
+        chosen = {name: value for name, value in settings.items() if name not in sizes}
+        changed = {name: value for name, value in settings.items() if name in sizes}
+        single = single_design(design, one_of(overrides, changed), {**selections, **chosen})
+    if repeats is not None and needles is not None:
+        raise invalid("repeats", "and needles both set the size; give one of them")
+    if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
+        raise invalid("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
+    used = read_machine(_values(machine), single.yarn)
+    if face is not None and single.case.capacitor is None:
+        raise invalid("face", f"is of electrodes, and {single.case.label} has none; leave it out")
+    chart = stitch_chart(single.case, repeats, needles, face)
+    program = knitout(chart, used)
+    assumed, differences = _assumptions(single, used)
+    return KnitSample(chart, used, single.gauge, program, single.prediction, assumed, differences)
+
+
+def _values(machine: Overrides | None) -> Mapping[str, Any] | None:
+    """The values of a machine, read if they are given as text."""
+    if machine is None or isinstance(machine, Mapping):
+        return machine
+    read, mistakes = read_overrides(machine, "machine")
+    raise_if_any(mistakes)
+    return {each.key: each.value for each in read}
 
 
 def read_chart(
@@ -238,27 +267,6 @@ def read_chart(
     path = Path(path)
     stitches, remark = read_stitches(path, first, carrier)
     return patches_of(stitches, f"{path.name} ({remark})" if remark else path.name)
-
-
-def knitted(
-    design: SingleDesign,
-    repeats: tuple[int, int] | None,
-    needles: int | None,
-    face: Face | None,
-    machine: Mapping[str, Any] | None,
-) -> KnitSample:
-    """A single design as it is knitted, as by :func:`knit`."""
-    if repeats is not None and needles is not None:
-        raise invalid("repeats", "and needles both set the size; give one of them")
-    if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
-        raise invalid("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
-    used = read_machine(machine, design.yarn)
-    if face is not None and design.case.capacitor is None:
-        raise invalid("face", f"is of electrodes, and {design.case.label} has none; leave it out")
-    chart = stitch_chart(design.case, repeats, needles, face)
-    program = knitout(chart, used)
-    assumed, differences = _assumptions(design, used)
-    return KnitSample(chart, used, design.gauge, program, design.prediction, assumed, differences)
 
 
 def _assumptions(
@@ -295,8 +303,3 @@ def _assumptions(
     rows.append(("gauge", f"a stitch of {width:.3g} × {height:.3g} mm before the fabric folds"))
     rows.append(("case", f"{case.case_id}, code {provenance()['git_commit'][:12]}"))
     return tuple(rows), tuple(differences)
-
-
-def check_output(path: Path) -> None:
-    """Raise ``InputError`` if the suffix of a file says neither knitout nor a chart."""
-    check_suffix(path, (KNITOUT, TABLE, WORDS, *FIGURE_SUFFIXES), "knitout or a chart")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.api.cubes import Cube, opened
+from knitlab.api.cubes import Cube, as_cube
 from knitlab.io.errors import invalid, naming
 from knitlab.lab.along_ridges import check_along
 from knitlab.lab.calibration import Calibration, Law
@@ -140,7 +140,7 @@ def fit(
     if isinstance(workflow, Plan) and settings:
         raise invalid("settings", "belong to workflows; plan the workflow with them")
     plan = workflow if isinstance(workflow, Plan) else make_plan(str(workflow), settings)
-    cube = opened(experiment)
+    cube = as_cube(experiment)
     case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))

@@ -6,14 +6,19 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from knitlab.api.cubes import Cube, opened_with_shapes
+from knitlab.api.cubes import Cube, as_cube
+from knitlab.api.export import cube_with_shapes
+from knitlab.api.renamed import renamed
 from knitlab.cubes.case_file import network_configurations
 from knitlab.cubes.chosen_case import for_each_design, reached_strains, selected_case
 from knitlab.cubes.cube_file import is_case
+from knitlab.cubes.query import with_marks
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import selections_along
+from knitlab.cubes.trust import marks_of_rows
 from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import invalid
@@ -21,6 +26,7 @@ from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.observables.schema import STRAIN, described
 from knitlab.runs.figure_names import check_figure_suffix
+from knitlab.sensors import selectivity as core
 from knitlab.sensors.crosstalk import cross_talk as cross_talk_of
 from knitlab.sensors.electrode_set import ElectrodeSet, electrode_set, sensor_case
 from knitlab.sensors.readings import Others, capacitance_matrices
@@ -29,8 +35,9 @@ from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import NoDerivative
 
 
+@renamed(shapes="cube")
 def capacitance_matrix(
-    shapes: Cube,
+    cube: Cube,
     electrodes: Sequence[str] = (),
     selections: Mapping[str, Any] = {},
     *,
@@ -53,7 +60,7 @@ def capacitance_matrix(
     counts as air. ``permittivity`` of the capacitor fills all space instead, an upper bound.
 
     Args:
-        shapes: a cube with its case files beside it, or a test of :func:`knitlab.simulate`.
+        cube: a cube with its case files beside it, or a test of :func:`knitlab.simulate`.
         electrodes: their names; by default every ridge of the layout's direction and face.
         selections: a value for each coordinate of a cube, that leave one design; strains.
         cloth_permittivity: relative permittivity of the cloth over that of what surrounds it [1].
@@ -76,12 +83,11 @@ def capacitance_matrix(
         [-2.018]
     """
     check_figure_suffix(output)
-    case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
+    case, capacitor, states, strains, relaxed = _states(cube, {**selections, **named})
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
-    chosen = electrode_set(case, capacitor, electrodes)
-    matrices = capacitance_matrices(chosen, states, capacitor, polarised)
-    names = list(chosen.names)
-    scaled = matrices * _lengthened(chosen, relaxed, capacitor)
+    used = electrode_set(case, capacitor, electrodes)
+    matrices = capacitance_matrices(used, states, capacitor, polarised)
+    names, scaled = list(used.names), matrices * _lengthened(used, relaxed, capacitor)
     coordinates = {STRAIN: strains, "electrode": names, "to": names}
     table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
     about = {"units": "pF", "long_name": "capacitance matrix"}
@@ -89,8 +95,9 @@ def capacitance_matrix(
     return maybe_draw(matrix_figure, table, output)
 
 
+@renamed(shapes="cube")
 def cross_talk(
-    shapes: Cube,
+    cube: Cube,
     sensors: Sequence[tuple[str, str]],
     selections: Mapping[str, Any] = {},
     *,
@@ -109,7 +116,7 @@ def cross_talk(
     charges on other electrodes.
 
     Args:
-        shapes: a cube with its case files beside it, or a test of :func:`knitlab.simulate`.
+        cube: a cube with its case files beside it, or a test of :func:`knitlab.simulate`.
         sensors: pairs of electrodes.
         selections: a value for each coordinate of a cube, that leave one design.
         pull: direction of the pull, ``"weft"`` or ``"warp"``.
@@ -145,29 +152,30 @@ def cross_talk(
         raise invalid("others", f"are {others!r}; give {' or '.join(get_args(Others))}")
     if not sensors or any(len(pair) != 2 for pair in sensors):
         raise invalid("sensors", f"are {list(sensors)}; give pairs of electrodes, as (w1, w2)")
-    case, capacitor, states, strains, relaxed = _states(shapes, {**selections, **named})
+    case, capacitor, states, strains, relaxed = _states(cube, {**selections, **named})
     if len(strains) > 1 or strains[0] != 0:
         raise invalid(STRAIN, "is 0 of parts that are pulled alone; select no strain")
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     names = list(dict.fromkeys(name for pair in sensors for name in pair))
-    chosen = electrode_set(case, capacitor, names)
+    used = electrode_set(case, capacitor, names)
     pairs = [(names.index(one), names.index(other)) for one, other in sensors]
     axis = DIRECTIONS.index(pull)
     try:
-        table = cross_talk_of(case, states[0], chosen, pairs, capacitor, axis, others, polarised)
+        table = cross_talk_of(case, states[0], used, pairs, capacitor, axis, others, polarised)
     except NoDerivative as message:
         raise invalid(
             case.label, f"{message}; take a design that relaxes to one shape"
         ) from message
     labels = ["-".join(pair) for pair in sensors]
-    table["reading"].values *= _lengthened(chosen, relaxed, capacitor)
+    table["reading"].values *= _lengthened(used, relaxed, capacitor)
     table = table.assign_coords(sensor=labels, pulled=labels)
     table.attrs |= {"design": case.label, "pull": pull, "others": others}
     return maybe_draw(cross_talk_figure, table, output)
 
 
+@renamed(shapes="cube")
 def selectivity(
-    shapes: Cube,
+    cube: Cube,
     output: str | Path | None = None,
     selections: Mapping[str, Any] = {},
     *,
@@ -185,7 +193,7 @@ def selectivity(
     tensile test.
 
     Args:
-        shapes: a cube with its case files beside it, or a test of :func:`knitlab.simulate`, of
+        cube: a cube with its case files beside it, or a test of :func:`knitlab.simulate`, of
             periodic fabric with electrodes.
         output: figure to write: maps over n_stripe and n_subunit, or bars of few designs.
         selections: a value or a list of values for each coordinate.
@@ -215,13 +223,19 @@ def selectivity(
     check_figure_suffix(output)
     if along not in DIRECTIONS:
         raise invalid("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
-    cube = opened_with_shapes(shapes)
+    opened = cube_with_shapes(cube)
     compute = partial(selectivity_of_case, along=along)
-    found = for_each_design(compute, cube, selections, where)
+    found = for_each_design(compute, opened, selections, where)
     found[STATUS] = found[STATUS].fillna("")
-    if is_case(cube):
-        found.attrs["design"] = recorded_case(cube).label
+    if is_case(opened):
+        found.attrs["design"] = recorded_case(opened).label
     return maybe_draw(selectivity_figure, found, output)
+
+
+def selectivity_table(found: xr.Dataset, cube: Cube, *, free: bool, marks: bool) -> pd.DataFrame:
+    """The states of :func:`selectivity` as rows, held or free, perhaps with their marks."""
+    table = core.selectivity_table(found, "free" if free else "held")
+    return with_marks(table, marks_of_rows(as_cube(cube, lazily=True), table)) if marks else table
 
 
 def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> float:
@@ -237,10 +251,10 @@ def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> f
 
 
 def _states(
-    shapes: Cube, selections: Mapping[str, Any]
+    cube: Cube, selections: Mapping[str, Any]
 ) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
     """One design with electrodes, its states and strains, and relaxed, in mm of the network."""
-    case_file = selected_case(opened_with_shapes(shapes), selections)
+    case_file = selected_case(cube_with_shapes(cube), selections)
     along = selections_along(selections, [STRAIN])
     chosen = reached_strains(case_file, along, several=STRAIN in along)
     case, capacitor = sensor_case(case_file)
@@ -249,8 +263,8 @@ def _states(
     return case, capacitor, every[chosen], strains, every[0]
 
 
-def _lengthened(chosen: ElectrodeSet, relaxed: Configuration, capacitor: Capacitor) -> float:
+def _lengthened(used: ElectrodeSet, relaxed: Configuration, capacitor: Capacitor) -> float:
     """Stated length of electrodes over that of one period, 1 of a sample."""
-    if chosen.axis is None:
+    if used.axis is None:
         return 1.0
-    return capacitor.electrode_length / float(relaxed.lengths[chosen.axis])
+    return capacitor.electrode_length / float(relaxed.lengths[used.axis])

@@ -12,7 +12,7 @@ import xarray as xr
 
 from knitlab.cubes.cube_file import CUBE, cube_path, is_case, open_cube
 from knitlab.cubes.recorded_case import recorded_case
-from knitlab.cubes.selection import selected
+from knitlab.cubes.selection import only_design
 from knitlab.export.knitting.specification import Prediction
 from knitlab.export.knitting.stitch_chart import is_turned
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
@@ -25,8 +25,6 @@ from knitlab.runs.reproduce import find_case
 from knitlab.runs.workflow_file import Overrides, read_overrides
 from knitlab.runs.yarn import YarnOnMachine
 from knitlab.solvers.case import Case
-
-MOST_NAMED = 6  # designs that a message lists
 
 
 class SingleDesign(NamedTuple):
@@ -71,7 +69,7 @@ def _of_workflow(
     plan = make_plan(workflow, overrides)
     designs = pd.MultiIndex.from_tuples(plan.designs.values(), names=plan.dims)
     ids = pd.Series([*plan.cases], designs, name="case_id").to_xarray().fillna("").to_dataset()
-    case_id = _only_one(ids, plan.workflow, selections)["case_id"].item()
+    case_id = only_design(ids, selections, plan.workflow)["case_id"].item()
     return SingleDesign(plan.cases[case_id], plan.gauge, material=plan.material, yarn=plan.yarn)
 
 
@@ -83,29 +81,12 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     if is_case(cube):
         case = recorded_case(cube)
         return SingleDesign(case, gauge, _prediction(cube, case, "test"), material, yarn)
-    design = _only_one(cube, "the cube", selections)
+    design = only_design(cube, selections)
     source = cube.encoding.get("source")
     folder = None if source is None else cube_path(source).parent
     name = str(cube.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
     return SingleDesign(case, gauge, _prediction(design, case, name), material, yarn)
-
-
-def _only_one(cube: xr.Dataset, title: str, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The one design of a cube that selections leave; InputError if there is none, or several."""
-    dims = cube["case_id"].dims
-    kept = selected(cube, selections).stack(design=dims)
-    kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
-    if not (count := kept.sizes["design"]):
-        raise invalid("selections", f"no design of {title} is left; select fewer values")
-    if count > 1:
-        some = [
-            " ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
-            for labels in kept["design"].values[:MOST_NAMED]
-        ]
-        listed = ", ".join([*some, "…"] if count > MOST_NAMED else some)
-        raise invalid("selections", f"{title} has {count} designs; select one of {listed}")
-    return kept.isel(design=0)
 
 
 def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:

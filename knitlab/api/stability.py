@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.api.single_design import single_design
+from knitlab.api.sweeps import one_of
 from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import invalid, shown
@@ -71,7 +72,7 @@ def branches(
         >>> bool((path["lowest_eigenvalue"] > 0).all())
         True
     """
-    case = _single(workflow, overrides or settings, output)
+    case = _single(workflow, one_of(overrides, settings), output)
     net, fabric = case.assemble()
     with one_thread_of_blas():
         system = System(net.shape, fabric)
@@ -190,7 +191,7 @@ def shapes(
     """
     if not 1 <= starts <= MOST_STARTS:
         raise invalid("starts", f"is {shown(starts)}; give 1 to {MOST_STARTS:,}")
-    case = _single(workflow, overrides or settings, output)
+    case = _single(workflow, one_of(overrides, settings), output)
     net, fabric = case.assemble()
     known, failed = relaxed_shapes(net, fabric, case.equilibrium_solver, starts)
     if not known:

@@ -1,17 +1,20 @@
 """Sweeps: planning, running and merging workflows."""
 
 import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
 from knitlab.cubes.cube_file import CUBE, with_derived
-from knitlab.io.errors import Mistake
-from knitlab.runs.batches import Shard
-from knitlab.runs.merge import merge_folders
-from knitlab.runs.plan import Plan, make_plan
-from knitlab.runs.run import Run, RunOptions, run_plan
+from knitlab.io.errors import Mistake, invalid
+from knitlab.runs.workflow_file import Overrides
+
+if TYPE_CHECKING:  # these import JAX
+    from knitlab.runs.merge import Merge
+    from knitlab.runs.plan import Plan
 
 RESULTS = Path("results")  # default folder for the results folders of all workflows
 
@@ -22,6 +25,7 @@ class NotAllOk(UserWarning):
 
 def run(
     workflow: str | Path,
+    overrides: Sequence[str] = (),
     *,
     results: str | Path = RESULTS,
     workers: int = 0,
@@ -39,6 +43,7 @@ def run(
 
     Args:
         workflow: name of a shipped workflow, such as ``"preview"``, or path of a TOML file.
+        overrides: settings to replace as text, ``"n_stripe=4"``, in place of ``settings``.
         results: folder that holds a folder of results for each workflow.
         workers: number of processes on this machine; 0 simulates in this process. A script that
             uses workers needs the guard ``if __name__ == "__main__":``, as they are spawned.
@@ -59,8 +64,8 @@ def run(
         last shard to end writes ``cube.nc`` with the designs of all.
 
     Raises:
-        InputError: with every fault of the workflow and its settings, or if the folder is in use
-            or its cube has other dimensions.
+        InputError: with everything that is wrong in the workflow and its settings, or if the
+            folder is in use or its cube has other dimensions.
 
     Warns:
         NotAllOk: if a case is not ok, stale or unfinished.
@@ -70,39 +75,132 @@ def run(
         >>> cube["status"].item() == 1
         True
     """
-    options = RunOptions(
+    result = run_and_draw(
+        workflow,
+        one_of(overrides, settings),
+        Path(results),
+        figures=figures,
+        again=True,
+        warn=lambda text: warnings.warn(text, UserWarning, stacklevel=3),
         workers=workers,
         scheduler=scheduler,
         retries=retries,
         fail_fast=fail_fast,
         case_timeout=case_timeout,
         refresh=refresh,
-        shard=None if shard is None else Shard(*shard),
+        shard=shard,
         show_progress=progress,
     )
-    made = plan(workflow, **settings)
-    for warning in made.warnings:
-        warnings.warn(warning, UserWarning, stacklevel=2)
-    done, folder, _, mistakes = carried_out(made, Path(results), options, figures)
-    for remark in [*done.remarks(made.dims, folder), *map(str, mistakes)]:
+    for remark in [*result.remarks, *map(str, result.mistakes)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
     if shard is None:
-        done.cube.encoding["source"] = str(folder / CUBE)
-    return with_derived(done.cube)
+        result.cube.encoding["source"] = str(result.folder / CUBE)
+    return with_derived(result.cube)
 
 
-def carried_out(
-    made: Plan, results: Path, options: RunOptions, figures: bool = True
-) -> tuple[Run, Path, list[Path], list[Mistake]]:
-    """A run of a plan, its folder, the figures that it drew, and why others cannot be drawn."""
-    folder = results / made.workflow
-    done = run_plan(made, folder, options)
-    if options.shard is not None or not figures:
-        return done, folder, [], []
-    # Matplotlib is imported only to draw.
-    from knitlab.figures.drawing import draw_figures
+@dataclass(frozen=True)
+class RunResult:
+    """What a run did."""
 
-    return done, folder, *draw_figures(made.figures, folder)
+    folder: Path
+    cube: xr.Dataset
+    excluded: list[str]  # impossible designs, with the reasons
+    simulated: int  # cases
+    reused: int  # cases that were there
+    all_ok: bool = True
+    joined: bool = True  # whether the cube was written: other shards may still run
+    figures: Sequence[Path] = ()
+    mistakes: Sequence[Mistake] = ()  # why some figures cannot be drawn
+    remarks: Sequence[str] = ()  # on cases that are not ok, stale or unfinished
+
+
+def run_and_draw(
+    workflow: str | Path,
+    overrides: Overrides,
+    results: Path,
+    *,
+    figures: bool = True,
+    again: bool = False,
+    warn: Callable[[str], None],
+    shard: "tuple[int, int] | str | None" = None,
+    **options: Any,
+) -> RunResult:
+    """Run a workflow and draw its figures; the ``options`` are those of ``RunOptions``.
+
+    If there is nothing to run or draw, what exists is returned, unless the cube is to be built
+    ``again``. ``warn`` is called with each warning of the plan.
+    """
+    if shard is None and not again:
+        finished = _finished(str(workflow), overrides, results)
+        if finished is not None:
+            return finished
+    from knitlab.runs.batches import Shard
+    from knitlab.runs.plan import make_plan
+    from knitlab.runs.results_folder import CaseState
+    from knitlab.runs.run import RunOptions, run_plan
+
+    own = Shard.of(shard) if isinstance(shard, str) else shard and Shard(*shard)
+    run_options = RunOptions(**options, shard=own)
+    plan = make_plan(str(workflow), overrides)
+    for warning in plan.warnings:
+        warn(warning)
+    folder = results / plan.workflow
+    done = run_plan(plan, folder, run_options)
+    drawn, mistakes = list[Path](), list[Mistake]()
+    if figures and own is None:
+        from knitlab.figures.drawing import draw_figures  # imports matplotlib
+
+        drawn, mistakes = draw_figures(plan.figures, folder)
+    return RunResult(
+        folder,
+        done.cube,
+        excluded_designs(plan.dims, plan.excluded),
+        len(done.simulated),
+        len(done.left_in(CaseState.done, CaseState.stale_code)),
+        done.all_ok,
+        done.joined,
+        drawn,
+        mistakes,
+        done.remarks(plan.dims, folder),
+    )
+
+
+def _finished(workflow: str, overrides: Overrides, results: Path) -> RunResult | None:
+    """What exists, if there is nothing to run or draw; without importing JAX or matplotlib."""
+    from knitlab.figures.figure_files import is_drawn, requested_figures
+    from knitlab.runs.results_folder import finished_plan
+
+    finished = finished_plan(workflow, overrides, results)
+    if finished is None:
+        return None
+    record, cube = finished
+    folder = results / record["workflow"]
+    figures, mistakes = requested_figures(record["figures"], cube, folder)
+    if not all(is_drawn(figure.output, figure.fingerprint) for figure in figures):
+        return None
+    excluded = {tuple(design): reason for *design, reason in record["excluded"]}
+    files = [figure.output for figure in figures]
+    lines = excluded_designs(record["dims"], excluded)
+    cases = len(record["cases"])
+    return RunResult(folder, cube, lines, 0, cases, figures=files, mistakes=mistakes)
+
+
+def one_of(overrides: Overrides, settings: Mapping[str, Any]) -> Overrides:
+    """The settings to replace, as text or as keywords; InputError if both are given."""
+    if overrides and settings:
+        raise invalid(
+            ", ".join(settings), "is given beside overrides; give all settings in one way"
+        )
+    return overrides or settings
+
+
+def excluded_designs(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str]) -> list[str]:
+    """Lines that name the designs that are excluded, and say why."""
+    lines = []
+    for design, reason in excluded.items():
+        labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
+        lines.append(f"{labels}: {reason}")
+    return lines
 
 
 def merge(
@@ -131,25 +229,55 @@ def merge(
         >>> kl.merge("results/reference/periodic", results=folder).sizes["n_stripe"]
         4
     """
-    done = merge_folders([Path(each) for each in folders], Path(results), any_code=any_code)
-    for path in done.damaged:
+    merged = merge_folders(folders, results, any_code=any_code)
+    for path in merged.damaged:
         warnings.warn(f"damaged, and left out: {path}", NotAllOk, stacklevel=2)
-    done.cube.encoding["source"] = str(done.folder / CUBE)
-    return with_derived(done.cube)
+    merged.cube.encoding["source"] = str(merged.folder / CUBE)
+    return with_derived(merged.cube)
 
 
-def plan(workflow: str | Path, **settings: Any) -> Plan:
+def merge_folders(folders: Sequence[str | Path], results: str | Path, *, any_code: bool) -> "Merge":
+    """Join results folders, as :func:`merge`; returned is what was done."""
+    from knitlab.runs import merge
+
+    paths = [Path(folder) for folder in folders]
+    return merge.merge_folders(paths, Path(results), any_code=any_code)
+
+
+def plan(
+    workflow: str | Path,
+    overrides: Sequence[str] = (),
+    *,
+    results: str | Path | None = None,
+    **settings: Any,
+) -> "Plan":
     """Resolve a workflow and settings, as for :func:`run`, into the cases that it would run.
+
+    Args:
+        workflow: name or path of the workflow.
+        overrides: settings to replace as text, ``"n_stripe=4"``, in place of ``settings``.
+        results: folder that holds a folder of results for each workflow, into which ``plan.json``
+            is written; by default nothing is written.
+        settings: settings of the workflow to replace.
 
     Returns:
         The plan, with its ``cases``, ``excluded`` designs, and ``batches`` with estimates of
         time [s] and memory [byte].
 
     Raises:
-        InputError: with every fault of the workflow and its settings.
+        InputError: with everything that is wrong in the workflow and its settings.
 
     Example:
         >>> len(kl.plan("preview").cases)
         10
     """
-    return make_plan(str(workflow), settings)
+    from knitlab.io.lock import held
+    from knitlab.runs.plan import make_plan
+    from knitlab.runs.results_folder import PLAN
+
+    made = make_plan(str(workflow), one_of(overrides, settings))
+    if results is not None:
+        folder = Path(results) / made.workflow
+        with held(folder):
+            made.write(folder / PLAN)
+    return made

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from knitlab.api.cubes import Cube, opened
+from knitlab.api.cubes import Cube, as_cube
 from knitlab.cubes.sampled import sampled_uncertainty
 from knitlab.cubes.uncertainty import first_order
 from knitlab.io.errors import invalid, shortened
@@ -62,7 +62,7 @@ def uncertainty(
     """
     if not cubes:
         raise invalid("cubes", "none is given; name a cube or its results folder")
-    read = [opened(cube) for cube in cubes]
+    read = [as_cube(cube) for cube in cubes]
     cube = joined_cubes(read) if len(read) > 1 else read[0]
     if SAMPLE in cube.dims:
         if uncertainty_of is not None:

@@ -12,7 +12,7 @@ from knitlab.claims.claims import Claim
 from knitlab.claims.margin import CheckResult, Grade, signed
 from knitlab.claims.samples import JudgedSamples, preference
 from knitlab.cubes.cube_file import open_cube, swept_dims
-from knitlab.cubes.selection import choices, refuse_others, selected, selections_along
+from knitlab.cubes.selection import choices, refuse_others, select, selections_along
 from knitlab.cubes.trust import pulled_without_pause
 from knitlab.io.errors import invalid
 
@@ -66,7 +66,7 @@ def judged(
     slices = []
     for path, cube in opened:
         swept = swept_dims(cube)
-        cube = selected(cube, selections_along(selections, swept))
+        cube = select(cube, selections_along(selections, swept))
         if several := [dim for dim in swept if cube.sizes[dim] > 1]:
             raise invalid(str(path), f"has swept settings; select {choices(cube, several)}")
         slices.append((path, cube.isel(dict.fromkeys(swept, 0))))

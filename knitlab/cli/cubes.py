@@ -1,15 +1,15 @@
 """Of cubes: ``query``, ``find``, ``compare``, ``map``, ``claims``, ``plate``, ``explore``."""
 
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
+import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
-from knitlab.runs.figure_names import FIGURE_NAMES, check_figure_suffix
+from knitlab.runs.figure_names import FIGURE_NAMES
 
 uncertainty_of = option(
     "--uncertainty-of",
@@ -41,26 +41,21 @@ def query(
     A table has the columns that answer most questions, and those of conditions; csv and json have
     all.
     """
-    from knitlab.cubes.cube_file import open_cube
-    from knitlab.cubes.query import main_columns, marks_of_all, query_cubes, variables_table
-
+    if listed:
+        options.show(kl.variables(*cubes), style)
+        return
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     parts = re.findall(r"(?:\([^)]*\)?|[^,(])+", columns or "")
-    names = [*dict.fromkeys(part.strip() for part in parts)]
-    opened = [open_cube(cube, lazily=True) for cube in cubes]
-    if listed:
-        options.show(variables_table(opened), style)
-        return
-    shown = None if names in ([], ["all"]) else names
-    table = query_cubes(opened, selections, where, sort, shown)
-    if not names and style == "table":
-        asked = re.findall(r"\w+", f"{where or ''} {' '.join(sort)}")
-        table = table[main_columns(table, [name for name in asked if name in table])]
-    marks: Iterable[str] = ()
-    if style == "table":
-        marks = marks_of_all(opened, selections, list(table.columns))[table.index]
-    options.show_models(opened)
-    options.show(table, style, marks=marks)
+    names: Any = list(dict.fromkeys(part.strip() for part in parts))
+    is_table = style == "table"
+    if names == ["all"]:
+        names = None
+    elif not names:
+        names = "main" if is_table else None
+    table = kl.query(
+        *cubes, where=where, sort=sort, columns=names, marks=is_table, selections=selections
+    )
+    options.show(table, style)
 
 
 @click.command()
@@ -86,26 +81,17 @@ def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any
     min, max, slope, linearity or spread. VALUE ± TOLERANCE gives the unit of distance; by default
     that is the scatter among the designs.
     """
-    from knitlab.api import cubes as api
-
-    check_figure_suffix(output)
-    opened = [api.opened(cube, lazily=True) for cube in cubes]
-    nearest = api.find(*opened, **wanted)
-    options.show_models(opened)
-    if style == "table":
-        for number, reached in enumerate(nearest.reached, start=1):
+    found = kl.find(*cubes, output=output, **wanted)
+    is_table = style == "table"
+    if is_table:
+        for number, reached in enumerate(found.reached, start=1):
             click.echo(f"target {number}: {reached.target.text}")
-    if nearest.uncertainty:
-        click.echo(f"probability: {nearest.uncertainty}", err=style != "table")
-    options.show(nearest.table, style, marks=nearest.marks)
-    for reason, count in nearest.passed_over.items():
+    if found.uncertainty:
+        click.echo(f"probability: {found.uncertainty}", err=not is_table)
+    drawn = output if len(found.table) else None
+    options.show(found.marked_table if is_table else found.table, style, drawn)
+    for reason, count in found.excluded.items():
         click.echo(f"{count} designs {reason}", err=True)
-    if output is not None and len(nearest.table):
-        from knitlab.figures.figure_files import draw_into
-        from knitlab.figures.nearest_designs import nearest_figure
-
-        draw_into(lambda: nearest_figure(nearest), output)
-        click.echo(f"figure  {output}", err=True)
 
 
 @click.command()
@@ -121,9 +107,7 @@ def compare(
     The uncertainty is that of the RMS difference, from the scatter of the records; the noise
     is the RMS difference expected for equal curves.
     """
-    from knitlab.api import cubes as api
-
-    options.show(api.compare(simulation, *experiments, **selections), style)
+    options.show(kl.compare(simulation, *experiments, selections=selections), style)
 
 
 @click.command(
@@ -149,12 +133,8 @@ def draw_map(
     **shown: str | Path | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
-    from knitlab.cubes.cube_file import open_cube
-    from knitlab.figures.drawing import draw_figure
-
-    chosen = {name: str(value) for name, value in shown.items() if value is not None}
-    path = draw_figure(kind, cubes, output, selections, chosen)
-    options.show_models([open_cube(cube, lazily=True) for cube in cubes])
+    path = kl.draw(kind, *cubes, output=output, selections=selections, **shown)
+    options.show_models(cubes)
     click.echo(f"figure  {path}")
 
 
@@ -170,19 +150,13 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
     it: clamped before periodic, then with more of the designs, then with more unit cells. Claims
     about relaxed fabric are decided by fabric at rest, if there is any.
     """
-    from knitlab.claims.claims import read_claims
-    from knitlab.claims.judgement import judged, listed
-    from knitlab.figures.claims_page import check_suffix, write_page
+    from knitlab.api.cubes import judge_claims
 
-    if output is not None:
-        check_suffix(output)
-    judgements = judged(read_claims(), cubes, selections)
-    click.echo(listed(judgements))
-    if output is not None:
-        files, mistakes = write_page(judgements, output, selections)
-        for path in files:
-            click.echo(f"{'page' if path == output else 'figure':6}  {path}")
-        options.echo_report([], warnings=mistakes)
+    judged = judge_claims(cubes, output, selections)
+    click.echo(judged.lines)
+    for path in judged.files:
+        click.echo(f"{'page' if path == output else 'figure':6}  {path}")
+    options.echo_report([], warnings=judged.mistakes)
 
 
 @click.command()
@@ -194,11 +168,9 @@ def explore(cubes: tuple[Path, ...], output: Path) -> None:
     It shows a design map, curves with their bands, and shapes that turn; designs without a case
     file beside their cube have no shape. Its other tab is the report of the run.
     """
-    from knitlab.api import cubes as api
-
-    opened = [api.opened(cube) for cube in cubes]
-    options.show_models(opened)
-    click.echo(f"page    {api.explore(*opened, output=output)}")
+    page = kl.explore(*cubes, output=output)
+    options.show_models(cubes)
+    click.echo(f"page    {page}")
     click.echo(f"{output.stat().st_size / 1e6:.1f} MB", err=True)
 
 
@@ -220,13 +192,10 @@ def plate(
     width. csv and json have all entries and the forces in the state.
     Exit code 1 if a state has no positive definite stiffness.
     """
-    from knitlab.api.plates import plate_stiffness
-    from knitlab.export.plates.shell_cards import MAIN_COLUMNS, plates_table
+    from knitlab.api.export import plates_table
 
-    table = plates_table(plate_stiffness(cube, output, selections, where=where))
-    if style == "table":
-        first = list(table.columns[: list(table.columns).index("status") + 1])
-        table = table[[*first, *MAIN_COLUMNS]]
+    plates = kl.plate_stiffness(cube, output, selections, where=where)
+    table = plates_table(plates, main=style == "table")
     options.show(table, style, output, "card")
     options.exit_unless(bool((table["status"] == "ok").all()))
 

@@ -260,13 +260,13 @@ def fit(
     """
     from knitlab.api import laboratory as api
     from knitlab.cubes.cube_file import cube_name, open_cube
-    from knitlab.cubes.selection import selected
+    from knitlab.cubes.selection import select
     from knitlab.figures.fits import fit_figure
     from knitlab.lab.fit import fitted_material, report
     from knitlab.runs.plan import make_plan
 
     check_suffix(output, TOML, "a material")
-    cube = selected(open_cube(experiment), selections)
+    cube = select(open_cube(experiment), selections)
     began = time.monotonic()
 
     def report_step(tests: int, chi_squared: float) -> None:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import click
 
+import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
 
@@ -28,27 +29,28 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     run again.
     Exit code 1 if no candidate meets all targets.
     """
-    from knitlab.api import design as api
-    from knitlab.cubes.cube_file import CUBE
-    from knitlab.design.design import summary
+    from knitlab.api.design import summary
 
     try:
-        designed = api.design(file, budget=budget, workers=workers, results=results, progress=True)
+        designed = kl.design(
+            file, budget=budget, workers=workers, results=results, figures=True, progress=True
+        )
     except KeyboardInterrupt:
         click.echo("stopped: finished simulations are kept; run again to continue", err=True)
         sys.exit(options.SOME_CASE_NOT_OK)
-    if style == "table":
+    is_table = style == "table"
+    if is_table:
         for number, target in enumerate(designed.request.wanted, start=1):
             kind = "target" if number <= len(designed.request.targets) else "subject to"
             click.echo(f"{kind} {number}: {target.text}")
-    options.show_models([designed.cube])
-    options.show(designed.table, style, marks=designed.ranking.marks)
+    options.show(designed.ranking.marked_table if is_table else designed.table, style)
     for line in summary(designed):
-        click.echo(line, err=style != "table")
-    click.echo(f"cube    {designed.folder / CUBE}", err=True)
-    for kind, paths in {"workflow": designed.workflows, "figure": api.draw(designed)}.items():
-        for path in paths:
-            click.echo(f"{kind}  {path}", err=True)
+        click.echo(line, err=not is_table)
+    click.echo(f"cube    {designed.folder / 'cube.nc'}", err=True)
+    for path in designed.workflows:
+        click.echo(f"workflow  {path}", err=True)
+    for path in sorted((designed.folder / "figures").glob("*.png")):
+        click.echo(f"figure  {path}", err=True)
     options.exit_unless(designed.met)
 
 
@@ -66,7 +68,6 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
 @repeatable(
     "--machine KEY=VALUE",
     "Machine of params/machine.toml, such as model=Kniterate, or a value of it, such as end=drop.",
-    callback=options.machine_values,
 )
 @repeatable(
     "-o --output outputs",
@@ -90,17 +91,13 @@ def knit(
 
     DESIGN is a workflow, by its name or file, that --set and --select narrow to one design. A CUBE
     also predicts the relaxed size and the Poisson's ratio of the sheet.
-    Exit code 1 if the check finds a fault.
+    Exit code 1 if the check finds a mistake.
     """
-    from knitlab.api.knitting import check_output, knitted
-    from knitlab.api.single_design import single_design
-    from knitlab.runs.figure_names import check_figure_suffix
-
     for path in outputs:
-        check_output(path)
+        options.check_suffix(path, (".k", ".csv", ".txt", *options.FIGURES))
     for path in sheets:
-        check_figure_suffix(path)
-    sample = knitted(single_design(design, settings, selections), **sample_options)
+        options.check_suffix(path, options.FIGURES)
+    sample = kl.knit(design, overrides=settings, selections=selections, **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
     for warning in sample.warnings:
@@ -117,7 +114,7 @@ def knit(
     checked = sample.check()
     for note in checked.notes:
         click.echo(f"{'check':13} {note}")
-    options.echo_first([f"knitlab: {fault}" for fault in checked.mistakes], err=True)
+    options.echo_first([f"knitlab: {mistake}" for mistake in checked.mistakes], err=True)
     options.exit_unless(not checked.mistakes)
 
 
@@ -140,12 +137,10 @@ def read(
     image with one pixel a stitch in two colours, the darker purl, or knitout (.k).
     Exit code 1 if it has stitches that the model cannot represent; they are named.
     """
-    from knitlab.api.knitting import read_chart
-    from knitlab.export.knitting.patches import pattern_name
-    from knitlab.runs.parameters import defaults
+    from knitlab.api.knitting import pattern_name
 
-    chart_read = read_chart(chart, first=first, carrier=carrier)
-    for name, value in chart_read.summary(defaults().gauge):
+    chart_read = kl.read_chart(chart, first=first, carrier=carrier)
+    for name, value in chart_read.summary(kl.defaults().gauge):
         click.echo(f"{name:13} {value}")
     if output is not None:
         click.echo(f"{'pattern':13} {chart_read.save_pattern(output)}")
@@ -181,9 +176,7 @@ def export(
     Shapes are in the case files beside a cube. Of a single file the strain is 0 unless it is
     selected; a series has every strain that was reached.
     """
-    from knitlab.api import cubes as api
-
-    exported = api.export(cube, output, selections, repeats=repeats or (1, 1), **surface)
+    exported = kl.export(cube, output, selections, repeats=repeats or (1, 1), **surface)
     for strain, mesh, crossing in zip(
         exported.applied_strain, exported.meshes, exported.self_intersections, strict=True
     ):

@@ -22,16 +22,16 @@ from knitlab.io.names import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
-    import xarray as xr
     from matplotlib.figure import Figure
 
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
 LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
 """Errors of a machine without files, memory, processes or space left."""
 WITHOUT_JAX = ("query", "find", "status")  # commands that need little memory
-LEAST_BYTES = 3e9
+MIN_BYTES = 3e9  # of address space, for JAX
 SETTINGS = "knitlab.settings"  # key of settings that have options of their own, in a context
-MOST_LINES = 20  # largest number of cases that a command lists
+MAX_LINES = 20  # cases that a command lists
+FIGURES = (".pdf", ".svg", ".png")  # suffixes
 
 
 class EncodedPath(click.Path):
@@ -42,7 +42,7 @@ class EncodedPath(click.Path):
         try:
             os.path.realpath(value).encode(sys.getfilesystemencoding())
         except UnicodeEncodeError as error:
-            problem = f"{value!a}: its path is no text in {error.encoding}"
+            problem = f"{value!a}: its path cannot be written in {error.encoding}"
             self.fail(f"{problem}; rename it, or set LC_ALL=C.UTF-8", *about)
         return super().convert(value, *about)
 
@@ -87,9 +87,9 @@ class CommandGroup(click.Group):
             import resource  # not on Windows
 
             limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-            if found[0] not in WITHOUT_JAX and 0 <= limit < LEAST_BYTES:
+            if found[0] not in WITHOUT_JAX and 0 <= limit < MIN_BYTES:
                 problem = f"may have {limit / 1e9:.1f} GB of address space, and JAX needs some"
-                raise invalid("a process", f"{problem} {LEAST_BYTES / 1e9:.0f} GB; raise ulimit -v")
+                raise invalid("a process", f"{problem} {MIN_BYTES / 1e9:.0f} GB; raise ulimit -v")
         cache = "" if found[0] in WITHOUT_JAX else os.environ.get(VARIABLE, "")
         if problem := problem_of_cache(cache):
             os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
@@ -131,39 +131,35 @@ def echo_report(lines: Iterable[str], warnings: Iterable[object] = ()) -> None:
 
 def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool = False) -> None:
     """Print the first lines, and how many more there are."""
-    for line in lines[:MOST_LINES]:
+    for line in lines[:MAX_LINES]:
         click.echo(indent + one_line(line), err=err)
-    if len(lines) > MOST_LINES:
-        click.echo(f"{indent}… and {len(lines) - MOST_LINES} more{more}", err=err)
+    if len(lines) > MAX_LINES:
+        click.echo(f"{indent}… and {len(lines) - MAX_LINES} more{more}", err=err)
 
 
-def show(
-    table: "pd.DataFrame",
-    style: str,
-    output: Path | None = None,
-    what: str = "",
-    marks: Iterable[str] = (),
-) -> None:
-    """Print a table, and on the error stream the file, of some sort, that was written too.
+def show(table: "pd.DataFrame", style: str, output: Path | None = None, what: str = "") -> None:
+    """Print a table; on the error stream, its models, and the file that was written and what."""
+    from knitlab.api.cubes import formatted
 
-    ``marks`` of its rows are a column of a table for people, if there are any.
-    """
-    from knitlab.cubes.query import formatted
-    from knitlab.cubes.trust import COLUMN
-
-    if style == "table" and any(signs := list(marks)):
-        table = table.assign(**{COLUMN: signs})
+    for line in table.attrs.get("models", ()):
+        click.echo(one_line(line), err=True)
     click.echo(formatted(table, style))
     if output is not None:
         click.echo(f"{what or 'figure':6}  {output}", err=True)
 
 
-def show_models(cubes: "Sequence[xr.Dataset]") -> None:
+def show_models(cubes: Iterable[Path]) -> None:
     """Print on the error stream of which model the numbers of cubes are."""
-    from knitlab.cubes.model_line import model_lines
+    from knitlab.api.cubes import models
 
-    for line in model_lines(cubes):
+    for line in models(*cubes):
         click.echo(one_line(line), err=True)
+
+
+def check_suffix(output: Path, known: Sequence[str]) -> None:
+    """Fail before any work if the suffix of a file to write is not a known one."""
+    if output.suffix.lower() not in known:
+        raise click.BadParameter(f"output {output}: give it one of the suffixes {', '.join(known)}")
 
 
 def exit_unless(ok: bool) -> None:
@@ -215,20 +211,11 @@ def _number_or_label(text: str) -> float | str:
 
 
 def _two_counts(text: str) -> tuple[int, int]:
-    """The counts of ``--repeats``; InputError if the text is of another form."""
+    """The counts of ``--repeats``; InputError if the text is not two counts."""
     match = re.fullmatch(r"(\d{1,6})\s*[x×,]\s*(\d{1,6})", text.strip())
     if match is None:
         raise invalid("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
     return int(match[1]), int(match[2])
-
-
-def machine_values(_: object, __: object, texts: tuple[str, ...]) -> dict[str, Any]:
-    """The values of ``--machine`` by key; InputError with every text that is not ``KEY=VALUE``."""
-    from knitlab.runs.workflow_file import read_overrides
-
-    read, mistakes = read_overrides(texts, "machine")
-    raise_if_any(mistakes)
-    return {each.key: each.value for each in read}
 
 
 def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:

@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
+import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import PATH, flag, option, repeatable
-from knitlab.io.errors import invalid
 
 
 @click.command()
@@ -49,35 +49,30 @@ def sensing(
     (c1, …), joined by +, or grid cells (columns 0:4 / rows 2:6).
     Exit code 1 if nothing is known of a state.
     """
-    from knitlab.api import sensing as of
-    from knitlab.cubes.cube_file import open_cube
-    from knitlab.cubes.trust import marks_of_rows
-    from knitlab.sensors.selectivity import selectivity_table
-
     if electrodes and sensors:
-        raise invalid("electrodes", "gives one table and --sensor another; give one of them")
+        raise click.UsageError("--electrode and --sensor give a table each; give one of them")
     if (electrodes or sensors) and where:
-        raise invalid("where", "is of a table of designs; select one design")
-    marks: list[str] = []
+        raise click.UsageError("--where is for a table of designs; select one design instead")
     if electrodes:
-        found = of.capacitance_matrix(cube, electrodes, selections, output=output, **cloth)
-        wide = found["capacitance"].to_dataframe()["capacitance"].unstack("to")
+        matrix = kl.capacitance_matrix(cube, electrodes, selections, output=output, **cloth)
+        wide = matrix["capacitance"].to_dataframe()["capacitance"].unstack("to")
         table = wide[list(electrodes)].reindex(list(electrodes), level="electrode").reset_index()
-        known = bool(found["capacitance"].notnull().all())
+        known = bool(matrix["capacitance"].notnull().all())
     elif sensors:
         pairs = [(one, other) for one, _, other in (each.partition("-") for each in sensors)]
         others: Any = "grounded" if grounded else "floating"
-        found = of.cross_talk(
+        readings = kl.cross_talk(
             cube, pairs, selections, pull=pull, others=others, output=output, **cloth
         )
-        table = found.to_dataframe().reset_index()
-        known = bool(found["reading"].notnull().all())
+        table = readings.to_dataframe().reset_index()
+        known = bool(readings["reading"].notnull().all())
     else:
-        found = of.selectivity(cube, output, selections, along=along, where=where)
-        table = selectivity_table(found, "free" if free else "held")
+        from knitlab.api.sensing import selectivity_table
+
+        found = kl.selectivity(cube, output, selections, along=along, where=where)
+        table = selectivity_table(found, cube, free=free, marks=style == "table")
         known = bool((table["status"] == "ok").all())
-        marks = marks_of_rows(open_cube(cube, lazily=True), table)
-    options.show(table, style, output, marks=marks)
+    options.show(table, style, output)
     options.exit_unless(known)
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, option
 
@@ -22,9 +23,7 @@ def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path 
     WORKFLOW is periodic by default.
     A row for each branch, limit point and branch point; csv and json have all points.
     """
-    from knitlab.api.stability import branches as follow
-
-    points = follow(workflow, settings, output=output).to_dataframe()
+    points = kl.branches(workflow, settings, output=output).to_dataframe()
     if style == "table":
         last = ~points["branch"].duplicated(keep="last") | ~points["branch"].duplicated()
         points = points[last | (points["kind"] != "regular")]
@@ -46,9 +45,7 @@ def shapes(
 
     Exit code 1 if a start did not converge.
     """
-    from knitlab.api.stability import shapes as relax_all
-
-    atlas = relax_all(workflow, settings, starts=starts, output=output)
+    atlas = kl.shapes(workflow, settings, starts=starts, output=output)
     table = atlas.drop_vars(["height", "barrier", "to"]).to_dataframe().reset_index()
     table.insert(2, "above_lowest", table["energy"] - table["energy"].min())
     for other in atlas["to"].values:

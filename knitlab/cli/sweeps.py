@@ -1,19 +1,16 @@
 """Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT_OR_ZERO, FOLDER, PATH, POSITIVE, flag, option
 from knitlab.io.names import one_line
-
-if TYPE_CHECKING:
-    from knitlab.runs.plan import Plan
-
 
 scale = option(
     "--scale",
@@ -30,35 +27,31 @@ scale = option(
 @options.results
 def plan(workflow: str, settings: tuple[str, ...], results: Path) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
-    from knitlab.io.lock import held
-    from knitlab.runs.plan import make_plan
-    from knitlab.runs.results_folder import PLAN, folder_status
+    from knitlab.api.sweeps import excluded_designs
 
-    made = make_plan(workflow, settings)
-    _echo_warnings(made)
-    folder = results / made.workflow
-    with held(folder):
-        made.write(folder / PLAN)
-    status = folder_status(folder, made.dims, made.designs, check=False)
+    made = kl.plan(workflow, settings, results=results)
+    status = kl.status(made.workflow, results=results)
+    for warning in made.warnings:
+        click.echo(f"warning: {warning}", err=True)
     click.echo(made.title)
-    for number, batch in enumerate(made.batches[: options.MOST_LINES], start=1):
+    for number, batch in enumerate(made.batches[: options.MAX_LINES], start=1):
         click.echo(
             f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
             f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
         )
-        lines = [
-            f"{case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}"
-            for case_id, case in ((case_id, made.cases[case_id]) for case_id in batch.cases)
-        ]
+        lines = []
+        for case_id in batch.cases:
+            case = made.cases[case_id]
+            lines.append(f"{case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}")
         options.echo_first(lines, indent="  ")
-    if len(made.batches) > options.MOST_LINES:
-        click.echo(f"… and {len(made.batches) - options.MOST_LINES} more batches")
-    _echo_excluded(made.dims, made.excluded)
+    if len(made.batches) > options.MAX_LINES:
+        click.echo(f"… and {len(made.batches) - options.MAX_LINES} more batches")
+    _echo_excluded(excluded_designs(made.dims, made.excluded))
     strains = made.applied_strain
     time = _duration(sum(batch.estimated_seconds for batch in made.batches))
     click.echo(
         f"{len(made.cases)} cases, {len(strains)} strains from 0 to {strains[-1]:g},"
-        f" about {time} on one core; plan in {folder / PLAN}"
+        f" about {time} on one core; plan in {results / made.workflow / 'plan.json'}"
     )
     click.echo(_counted(status.counts))
 
@@ -73,21 +66,9 @@ def _counted(counts: dict[str, int]) -> str:
     return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
-def _echo_warnings(made: "Plan") -> None:
-    for warning in made.warnings:
-        click.echo(f"warning: {warning}", err=True)
-
-
-def _echo_excluded(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str]) -> None:
-    for design, reason in excluded.items():
-        labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
-        click.echo(f"excluded: {labels}: {reason}")
-
-
-def _echo_files(folder: Path, figures: Iterable[Path]) -> None:
-    from knitlab.cubes.cube_file import CUBE
-
-    options.echo_report([f"cube    {folder / CUBE}", *(f"figure  {path}" for path in figures)])
+def _echo_excluded(excluded: Iterable[str]) -> None:
+    for line in excluded:
+        click.echo(f"excluded: {line}")
 
 
 @click.command()
@@ -123,52 +104,30 @@ def run(
 
     The last of several shards to end builds the cube; then run WORKFLOW without it for the figures.
     """
-    if shard is None and _is_finished(workflow, settings, results):
-        return
-    from knitlab.api.sweeps import carried_out
-    from knitlab.runs.batches import Shard
-    from knitlab.runs.plan import make_plan
-    from knitlab.runs.results_folder import CaseState
-    from knitlab.runs.run import RunOptions
+    from knitlab.api.sweeps import run_and_draw
 
-    own_shard = None if shard is None else Shard.of(shard)
-    made = make_plan(workflow, settings)
-    _echo_warnings(made)
-    run_options |= {"fail_fast": not keep_going, "shard": own_shard, "show_progress": True}
-    done, folder, drawn, mistakes = carried_out(made, results, RunOptions(**run_options))
-    _echo_excluded(made.dims, made.excluded)
-    of_shard = f" in shard {own_shard}" if own_shard else ""
-    reused = len(done.left_in(CaseState.done, CaseState.stale_code))
-    click.echo(f"{len(done.simulated)} cases simulated, {reused} already there{of_shard}")
-    if done.joined:
-        _echo_files(folder, drawn)
+    result = run_and_draw(
+        workflow,
+        settings,
+        results,
+        warn=lambda text: click.echo(f"warning: {text}", err=True),
+        fail_fast=not keep_going,
+        shard=shard,
+        show_progress=True,
+        **run_options,
+    )
+    _echo_excluded(result.excluded)
+    where = f" in shard {shard}" if shard else ""
+    click.echo(f"{result.simulated} cases simulated, {result.reused} already there{where}")
+    if result.joined:
+        figures = [f"figure  {path}" for path in result.figures]
+        options.echo_report([f"cube    {result.folder / 'cube.nc'}", *figures])
     else:
         click.echo("other shards still run; the last one to end writes the cube")
-    options.echo_report([], warnings=mistakes)
-    for line in done.remarks(made.dims, folder):
+    options.echo_report([], warnings=result.mistakes)
+    for line in result.remarks:
         click.echo(one_line(line), err=True)
-    options.exit_unless(done.all_ok)
-
-
-def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
-    """Whether there is nothing to run or draw; if so, print what exists."""
-    from knitlab.figures.figure_files import is_drawn, requested_figures
-    from knitlab.runs.results_folder import finished_plan
-
-    finished = finished_plan(workflow, settings, results)
-    if finished is None:
-        return False
-    record, cube = finished
-    folder = results / record["workflow"]
-    figures, mistakes = requested_figures(record["figures"], cube, folder)
-    if not all(is_drawn(figure.output, figure.fingerprint) for figure in figures):
-        return False
-    excluded = {tuple(design): reason for *design, reason in record["excluded"]}
-    _echo_excluded(record["dims"], excluded)
-    click.echo(f"0 cases simulated, {len(record['cases'])} already there")
-    _echo_files(folder, (figure.output for figure in figures))
-    options.echo_report([], warnings=mistakes)
-    return True
+    options.exit_unless(result.all_ok)
 
 
 @click.command()
@@ -186,15 +145,14 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     Each folder holds the results of a workflow, or is one that a run had as its results. Folders
     that contradict each other are refused.
     """
-    from knitlab.cubes.cube_file import CUBE
-    from knitlab.runs.merge import merge_folders
+    from knitlab.api.sweeps import merge_folders
 
     done = merge_folders(folders, results, any_code=any_code)
     for path in done.damaged:
         click.echo(f"damaged, and left out: {one_line(path)}", err=True)
     click.echo(f"{len(done.sources)} folders, {len(done.copied)} case files copied")
     click.echo(f"{sum(done.counts.values())} designs: {_counted(done.counts)}")
-    click.echo(f"cube    {done.folder / CUBE}")
+    click.echo(f"cube    {done.folder / 'cube.nc'}")
     options.exit_unless(not done.damaged)
 
 
@@ -208,9 +166,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.runs import results_folder
-
-    state = results_folder.status(workflow, results=results, check=check)
+    state = kl.status(workflow, results=results, check=check)
     if as_json:
         click.echo(json.dumps(state.record(), indent=1))
         return
@@ -234,9 +190,7 @@ def reproduce(case_id: str, results: Path) -> None:
     CASE_ID may be the first characters of an identifier. The results are compared with the case
     file, if there is one.
     """
-    from knitlab.runs import reproduce as case_again
-
-    options.exit_unless(case_again.reproduce(case_id, results=results, report=click.echo))
+    options.exit_unless(kl.reproduce(case_id, results=results, report=click.echo))
 
 
 COMMANDS = (plan, run, merge, status, reproduce)

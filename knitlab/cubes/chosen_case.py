@@ -12,10 +12,10 @@ from knitlab.cubes.case_file import StoredCase, check_case_file, in_cloth, read_
 from knitlab.cubes.cube_file import design_dims, is_case, is_measured, source_of
 from knitlab.cubes.query import query_cubes
 from knitlab.cubes.selection import (
-    choices,
     chosen_indices,
+    only_design,
     refuse_others,
-    selected,
+    select,
     selections_along,
 )
 from knitlab.io.errors import ErrorCollector, invalid, raise_if_any
@@ -31,21 +31,11 @@ def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset
         refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
         return in_cloth(cube, cube)
     dims = _dims_of_shapes(cube, selections)
-    left = selected(cube, {dim: selections[dim] for dim in dims if dim in selections})
-    designs = left[["status", "case_id"]].stack(design=dims)
-    designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
-    if not (count := designs.sizes["design"]):
-        raise invalid("selections", "leave no design of this cube; choose others")
-    if count > 1:
-        labels = {str(dim): np.unique(designs[dim]) for dim in dims}
-        several = {dim: values for dim, values in labels.items() if len(values) > 1}
-        listed = choices(xr.Dataset(coords=several), several)
-        raise invalid("selections", f"leave {count} designs; select {listed}")
-    design = dict(zip(dims, designs["design"].values[0], strict=True))
-    name = ", ".join(f"{dim} = {value}" for dim, value in design.items())
-    case_id, folder = str(designs["case_id"].item()), Path(cube.encoding["source"]).parent
-    stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
-    status = Status(designs["status"].item())
+    design = only_design(cube, selections_along(selections, dims))
+    name = ", ".join(f"{dim} = {design[dim].item()}" for dim in dims)
+    case_id, folder = str(design["case_id"].item()), Path(cube.encoding["source"]).parent
+    stored = check_case_file(folder, case_id)
+    status = Status(design["status"].item())
     if stored is StoredCase.damaged:
         raise invalid(name, f"has a damaged case file {case_id}.nc; run the design again")
     if stored is StoredCase.nothing and status is Status.failed:
@@ -55,8 +45,7 @@ def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset
     if stored is StoredCase.nothing:
         missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
         raise invalid(name, f"{missing}; run the design into this folder")
-    sizes = left.sel({dim: [value] for dim, value in design.items()}).squeeze(drop=True)
-    return in_cloth(read_case(folder, case_id), sizes)
+    return in_cloth(read_case(folder, case_id), design)
 
 
 def _dims_of_shapes(cube: xr.Dataset, selections: Mapping[str, Any]) -> tuple[str, ...]:
@@ -87,7 +76,7 @@ def for_each_design(
         return compute(selected_case(cube, selections), strains)
     dims = _dims_of_shapes(cube, selections)
     chosen_indices({STRAIN: cube[STRAIN].values}, strains)
-    left = selected(cube, selections_along(selections, dims))
+    left = select(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
     if rows.empty:
         raise invalid("where" if where else "selections", "leaves no design; choose others")

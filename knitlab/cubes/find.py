@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from knitlab.cubes.condition import computed
 from knitlab.cubes.cube_file import design_dims
+from knitlab.cubes.model_line import model_lines
 from knitlab.cubes.probability import (
     DEVIATES,
     check_tolerance,
@@ -19,7 +20,7 @@ from knitlab.cubes.probability import (
     numbers_of,
     with_deviations,
 )
-from knitlab.cubes.query import designs_of_all, marks_of_all
+from knitlab.cubes.query import designs_of_all, marks_of_all, with_marks
 from knitlab.cubes.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
 from knitlab.cubes.target import MOST_TARGETS, Target, check_window
 from knitlab.cubes.uncertainty import Stripes
@@ -77,12 +78,17 @@ class Found:
 
     table: pd.DataFrame
     reached: tuple[Reached, ...]  # for each target, in the order of the table
-    passed_over: dict[str, int]  # designs that were not considered, by reason
+    excluded: dict[str, int]  # designs that were not considered, by reason
     marks: tuple[str, ...] = ()  # of the rows of the table: the signs of what not to rely on
     uncertainty: str = ""  # what probabilities are of, in a sentence
 
     def __repr__(self) -> str:
         return f"<Found: {len(self.table)} designs, {len(self.reached)} targets>"
+
+    @property
+    def marked_table(self) -> pd.DataFrame:
+        """The table with its marks as the last column, if there are any."""
+        return with_marks(self.table, self.marks)
 
 
 def find_designs(
@@ -135,7 +141,7 @@ def find_designs(
         allowed = np.full(len(designs), True)
     ranked = np.lexsort((np.where(allowed & known, distance, np.inf), -probability))
     order = ranked[(allowed & known)[ranked]][:most]
-    passed_over = {
+    excluded = {
         "not ok": int((~ok).sum()),
         "do not meet what they are subject to": int((~allowed).sum()),
         "have no value at the strains of a target": int((allowed & ~known).sum()),
@@ -154,7 +160,8 @@ def find_designs(
     for constraint in required:
         table[constraint.target.label] = constraint.obtained[order]
     table.attrs["units"] = _units(designs.attrs["units"], targets, subject_to)
-    counted = {reason: count for reason, count in passed_over.items() if count}
+    table.attrs["models"] = model_lines(cubes)
+    counted = {reason: count for reason, count in excluded.items() if count}
     note = "" if stripes is None else stripes.note
     return Found(table, ordered, counted, tuple(marks[ok].iloc[order]), note)
 

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ from pandas.api.types import is_numeric_dtype
 
 from knitlab.cubes.condition import computed, holds, no_column
 from knitlab.cubes.cube_file import cube_name, design_dims, model_options, source_path, with_derived
-from knitlab.cubes.model_line import model_line
-from knitlab.cubes.selection import refuse_others, selectable, selected, selections_along
+from knitlab.cubes.model_line import model_line, model_lines
+from knitlab.cubes.selection import refuse_others, select, selectable, selections_along
 from knitlab.cubes.strain_window import with_columns
 from knitlab.cubes.trust import COLUMN, legend, marks_of, with_marks_only
 from knitlab.io.errors import Mistake, raise_if_any
@@ -33,7 +33,7 @@ MAIN_COLUMNS = (
     *("applied_strain_at_min", "intersections_at_min", "sensitivity", "working_range"),
     *("knit_cell_x", "knit_cell_y"),
 )  # that the command line shows unless asked for others, after what tells rows apart
-MOST_MAIN_COLUMNS = 8
+MAX_MAIN_COLUMNS = 8
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a text begins that a spreadsheet computes
 ON_REQUEST = [name for name, variable in VARIABLES.items() if variable.of == "stripes"] + [COLUMN]
 """Columns that a table has only if they are asked for."""
@@ -76,7 +76,7 @@ class KnitlabAccessor:
             >>> cube.knitlab.select(n_stripe=8).sizes["n_stripe"]
             1
         """
-        return selected(self._cube, selections)
+        return select(self._cube, selections)
 
     def query(
         self,
@@ -119,18 +119,37 @@ def query_cubes(
     where: str | None = None,
     sort: str | Sequence[str] | None = None,
     columns: Sequence[str] | None = None,
+    marks: bool = False,
 ) -> pd.DataFrame:
     """The designs of cubes along the same dimensions as one table, filtered and sorted.
 
-    Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``.
-    InputError has every fault of the arguments.
+    Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``,
+    or ``"main"``. With ``marks`` the last column has the marks of the rows, if there are any. The
+    attribute ``models`` has lines that state the models of the cubes. InputError has every mistake
+    in the arguments.
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
-    known = with_columns(cubes, [where or "", *keys, *(columns or ())])
+    listed = () if isinstance(columns, str) or columns is None else tuple(columns)
+    asked = " ".join((where or "", *keys, *listed))
+    known = with_columns(cubes, [where or "", *keys, *listed])
     table = designs_of_all(known, selections)
-    if re.search(rf"\b{COLUMN}\b", f"{where or ''} {' '.join((*keys, *(columns or ())))}"):
-        table[COLUMN] = marks_of_all(cubes, selections, columns or list(table.columns))
-    return queried(table, where, keys, columns)
+    if re.search(rf"\b{COLUMN}\b", asked):
+        table[COLUMN] = marks_of_all(cubes, selections, listed or list(table.columns))
+    table = queried(table, where, keys, listed)
+    if columns == "main":
+        sorted_by = " ".join((where or "", *keys))
+        table = table[main_columns(table, re.findall(r"\w+", sorted_by))]
+    if marks:
+        of_rows = marks_of_all(cubes, selections, list(table.columns))
+        table = with_marks(table, of_rows[table.index])
+    table.attrs["models"] = model_lines(cubes)
+    return table
+
+
+def with_marks(table: pd.DataFrame, marks: Iterable[str]) -> pd.DataFrame:
+    """The table with the marks of its rows as the last column, if there are any."""
+    signs = list(marks)
+    return table.assign(**{COLUMN: signs}) if any(signs) else table
 
 
 def marks_of_all(
@@ -152,7 +171,7 @@ def designs_table(
     With ``marked`` columns there are the marks that concern them, see :func:`marks_of_all`.
     """
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
-    chosen = selected(cube, selections)
+    chosen = select(cube, selections)
     if marked is not None:
         chosen = chosen.assign({COLUMN: marks_of(chosen, marked, each_strain=STRAIN in rows)})
     shown = [name for name, each in chosen.data_vars.items() if set(each.dims) <= set(rows)]
@@ -236,9 +255,10 @@ def main_columns(table: pd.DataFrame, asked: Sequence[str] = ()) -> list[str]:
     """
     first = [str(name) for name in table.loc[:, :"status"]]
     varying = [name for name in first if name not in ("cube", SOURCE) or table[name].nunique() > 1]
+    asked = [name for name in asked if name in table.columns]
     wanted = [*varying, *asked, *MAIN_COLUMNS]
     present = dict.fromkeys(name for name in wanted if name in table.columns)
-    return list(present)[: max(MOST_MAIN_COLUMNS, len(varying) + len(asked))]
+    return list(present)[: max(MAX_MAIN_COLUMNS, len(varying) + len(asked))]
 
 
 def queried(

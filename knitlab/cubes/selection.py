@@ -18,21 +18,21 @@ from knitlab.cubes.force_control import (
     under_force_ratio,
 )
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any, unknown
-from knitlab.observables.schema import LOAD_RATIO, STRAIN
+from knitlab.observables.schema import LOAD_RATIO, STRAIN, Status
 
-MOST_CHOICES = 30  # values of a coordinate that a message lists at most
-MOST_VALUES = 10_000  # selected along a coordinate
+MAX_CHOICES = 30  # values of a coordinate that a message lists
+MAX_VALUES = 10_000  # selected along a coordinate
 
 
-def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+def select(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """Keep the selected values of coordinates and all dimensions; InputError if one is not there.
 
     Curves are linear between two strains; codes and counts are missing unless both agree. Under a
     selected force, that is a dimension in place of the applied strain.
     """
     for name, value in selections.items():
-        if (number := len(_values(value))) > MOST_VALUES:
-            message = f"has {number:,} values; give at most {MOST_VALUES:,}"
+        if (number := len(_values(value))) > MAX_VALUES:
+            message = f"has {number:,} values; give at most {MAX_VALUES:,}"
             raise invalid(f"selections {name}", message)
     if FORCE_RATIO in selections and FORCE_RATIO in controllable(cube):
         _check_single(selections, (FORCE_RATIO, LOAD_RATIO))
@@ -45,6 +45,24 @@ def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
         cube = _with_strains(cube, _values(selections[STRAIN]))
     coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
     return cube.isel(chosen_indices(coordinates, selections))
+
+
+def only_design(cube: xr.Dataset, selections: Mapping[str, Any], title: str = "") -> xr.Dataset:
+    """The one design that selections leave, its labels as coordinates; InputError if not one."""
+    left = select(cube, selections)
+    exists = left["case_id"] != ""
+    if "status" in left:
+        exists = exists & (left["status"] != Status.excluded)
+    dims, found = exists.dims, np.argwhere(exists.values)
+    where = f" of {title}" if title else ""
+    if not len(found):
+        raise invalid("selections", f"leave no design{where}; choose others")
+    if len(found) > 1:
+        labels = {dim: left[dim][np.unique(found[:, axis])] for axis, dim in enumerate(dims)}
+        several = [dim for dim, values in labels.items() if values.size > 1]
+        listed = choices(xr.Dataset(coords=labels), several)
+        raise invalid("selections", f"leave {len(found)} designs{where}; select {listed}")
+    return left.isel(dict(zip(dims, found[0].tolist(), strict=True)))
 
 
 def _check_single(selections: Mapping[str, Any], names: Collection[str]) -> None:
@@ -101,7 +119,7 @@ def refuse_others(selections: Mapping[str, Any], known: Iterable[str], message: 
     raise_if_any([Mistake(f"selections {text}", message) for text in as_given(others)])
 
 
-def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
+def choices(cube: xr.Dataset, dims: Iterable[Hashable]) -> str:
     """The values of dimensions of a cube, as text."""
     return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)
 
@@ -137,8 +155,8 @@ def _indices(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> li
             raise invalid(path, f"{one!r} is not a number; give one") from None
         if not matches.any():
             shown = [str(choice) if words else f"{choice:g}" for choice in present]
-            more = ", …" if len(shown) > MOST_CHOICES else ""
-            listed = ", ".join(shown[:MOST_CHOICES]) + more
+            more = ", …" if len(shown) > MAX_CHOICES else ""
+            listed = ", ".join(shown[:MAX_CHOICES]) + more
             raise invalid(path, f"the cube has no {name} = {one}; choose from {listed}")
         indices.append(int(matches.argmax()))
     if not indices:

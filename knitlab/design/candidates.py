@@ -111,7 +111,7 @@ def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
     in_order = tuple(each.in_order(order) for each in nearest.reached)
     table = table.iloc[order].reset_index(drop=True)
     marks = tuple(nearest.marks[row] for row in order)
-    return Found(table, in_order, nearest.passed_over, marks), described(cube)
+    return Found(table, in_order, nearest.excluded, marks), described(cube)
 
 
 def write_workflow(

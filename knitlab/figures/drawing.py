@@ -17,8 +17,8 @@ from knitlab.cubes.selection import (
     as_given,
     choices,
     refuse_others,
+    select,
     selectable,
-    selected,
     selections_along,
 )
 from knitlab.cubes.trust import with_doubts
@@ -99,7 +99,7 @@ def draw(
     dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
     _refuse_others(selections, (*dims, *kind.coordinates), name)
     folder = Path(cubes[0].encoding.get("source", "")).parent
-    cubes = [selected(cube, selections_along(selections, selectable(cube))) for cube in cubes]
+    cubes = [select(cube, selections_along(selections, selectable(cube))) for cube in cubes]
     stated = dict[str, None]()
     if not kind.compares:
         for cube in cubes:
@@ -147,7 +147,7 @@ def _draw_cases(
     kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
 ) -> Figure:
     """Draw the selected strains of cases, of which their files must hold the shapes."""
-    sliced = [selected(case, selections) for case in cases]
+    sliced = [select(case, selections) for case in cases]
     for case, shown in zip(cases, sliced, strict=True):
         kept = case[STRAIN].values[has_shape(case)]
         if selections and not np.isin(shown[STRAIN].values, kept).all():

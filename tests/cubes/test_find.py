@@ -84,7 +84,7 @@ def test_the_spread_contains_targets_within_its_band():
 def test_constraints_leave_designs_out_and_report_it():
     found = kl.find(cube(), targets=CURVE, subject_to=["knit_cell_x < 15"])
     assert designs(found) == [(4, 24), (4, 16)]
-    assert found.passed_over["do not meet what they are subject to"] == 2
+    assert found.excluded["do not meet what they are subject to"] == 2
     none = kl.find(cube(), targets=CURVE, subject_to=["knit_cell_x < 1"])
     assert none.table.empty
 
@@ -92,7 +92,7 @@ def test_constraints_leave_designs_out_and_report_it():
 def test_a_design_without_a_value_in_the_window_is_skipped():
     found = kl.find(cube(), targets="poisson_ratio < 0 @ 0.1:0.4")
     assert found.table.empty
-    assert found.passed_over == {"have no value at the strains of a target": 4}
+    assert found.excluded == {"have no value at the strains of a target": 4}
 
 
 def test_cubes_on_other_strains_are_searched_together():

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 import knitlab as kl
 from knitlab.cubes.cube_file import with_derived
 from knitlab.cubes.force_control import under_force
-from knitlab.cubes.selection import selected
+from knitlab.cubes.selection import select
 from knitlab.io.errors import InputError
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration
@@ -62,7 +62,7 @@ def test_a_state_that_is_missing_is_not_bridged():
 def test_the_force_at_the_strain_that_is_read_is_the_one_selected(steps, fraction):
     force = np.concatenate([[0], np.cumsum(steps)])
     wanted = fraction * force[-1]
-    read = selected(cube_of(force), {"reaction_force": wanted}).sel(n_stripe=2)
+    read = select(cube_of(force), {"reaction_force": wanted}).sel(n_stripe=2)
     np.testing.assert_allclose(np.interp(read["applied_strain"], STRAINS, force), wanted, atol=1e-9)
 
 
@@ -79,7 +79,7 @@ def test_the_force_at_the_strain_that_is_read_is_the_one_selected(steps, fractio
 )
 def test_forces_that_cannot_be_selected_are_refused(selections):
     with pytest.raises(InputError, match="force"):
-        selected(cube_of(STRAINS), selections)
+        select(cube_of(STRAINS), selections)
 
 
 def stiff_sheet(ratios):
@@ -106,7 +106,7 @@ RATIOS = [0.8, 0.85, 0.9]  # around that of a plain pull of (4, 16)
 def test_biaxial_tests_hold_those_at_a_ratio_of_forces():
     """N_x = k N_y gives ε_x / ε_y in closed form; without force across it is a plain pull."""
     cube, wanted = stiff_sheet(np.linspace(-0.5, 1, 61)), np.array([0.0, 0.5, 1.2])
-    read = selected(cube, {"force_ratio": [*wanted, 9.0]})
+    read = select(cube, {"force_ratio": [*wanted, 9.0]})
     ratio = np.append((wanted * C22 - C12) / (C11 - wanted * C12), np.nan)
     np.testing.assert_allclose(read["load_ratio"][1:], [ratio] * 4, atol=1e-4)
     np.testing.assert_allclose(
@@ -116,7 +116,7 @@ def test_biaxial_tests_hold_those_at_a_ratio_of_forces():
     np.testing.assert_allclose(read["tangent_stiffness"][1:-1], [stiffness] * 3, rtol=1e-4)
     assert not read["reaction_force"][0].any(), "what rests is at rest under every ratio"
     assert "case_id" not in read, "no test is at this ratio"
-    both = selected(cube, {"force_ratio": 0.5, "force_per_width": 0.3})
+    both = select(cube, {"force_ratio": 0.5, "force_per_width": 0.3})
     np.testing.assert_allclose(both["applied_strain"], 0.3 / stiffness[1], rtol=1e-4)
 
 
@@ -125,7 +125,7 @@ def test_biaxial_tests_hold_those_at_a_ratio_of_forces():
 )
 def test_ratios_that_cannot_be_selected_are_refused(selections):
     with pytest.raises(InputError, match="force_ratio"):
-        selected(stiff_sheet(np.array([0.0, 1.0])), selections)
+        select(stiff_sheet(np.array([0.0, 1.0])), selections)
 
 
 @pytest.mark.slow
@@ -138,7 +138,7 @@ def test_without_force_across_a_biaxial_test_is_a_pull_along_the_warp():
 
     tests = [strained(load="biaxial", load_ratio=ratio) for ratio in RATIOS]
     cube = with_derived(xr.concat(tests, xr.Variable("load_ratio", RATIOS)))
-    read, pull = selected(cube, {"force_ratio": 0.0}), strained()
+    read, pull = select(cube, {"force_ratio": 0.0}), strained()
     for name in ("mean_strain_xx", "reaction_force"):
         np.testing.assert_allclose(read[name].squeeze()[1:], pull[name].squeeze()[1:], rtol=1e-3)
 

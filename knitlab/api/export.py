@@ -1,0 +1,181 @@
+"""Shapes and plates for other programs: meshes, and stiffness as a shell."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from knitlab.api.cubes import Cube, as_cube
+from knitlab.api.renamed import renamed
+from knitlab.cubes.case_file import length_unit
+from knitlab.cubes.chosen_case import reached_strains, selected_case
+from knitlab.cubes.cube_file import is_case
+from knitlab.export.meshes import formats
+from knitlab.export.meshes.fabric import fabric_meshes
+from knitlab.export.meshes.surface import SurfaceMesh, solid_of
+from knitlab.io.errors import invalid
+from knitlab.io.names import check_suffix
+from knitlab.observables.schema import STRAIN
+
+
+def cube_with_shapes(cube: Cube) -> xr.Dataset:
+    """A cube that was read from a file, beside which its case files lie, or a test with shapes."""
+    cube = as_cube(cube)
+    if "status" not in cube:
+        raise invalid("cube", "is not a cube or a test; give one of knitlab.run or simulate")
+    if is_case(cube) and "position" not in cube:
+        raise invalid("cube", "has no node positions; give a dataset of knitlab.simulate")
+    if not is_case(cube) and "source" not in cube.encoding:
+        message = "was not opened from a file, beside which its shapes lie; give its path"
+        raise invalid("cube", message)
+    return cube
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """What was exported.
+
+    Attributes:
+        files: the files, the one that was asked for first.
+        applied_strain: the strains of the meshes [1].
+        meshes: at each, the mesh: ``nodes``, ``faces``, ``node_fields``, ``face_fields``.
+        self_intersections: at each, pairs of grid cells of a sample, or of one repeat, that pass
+            through each other [1].
+        unit: of the nodes: mm of cloth, or ``mm of network`` where the gauge says nothing.
+    """
+
+    files: tuple[Path, ...]
+    applied_strain: tuple[float, ...]
+    meshes: tuple[SurfaceMesh, ...]
+    self_intersections: tuple[int, ...]
+    unit: str = "mm"
+
+    def __repr__(self) -> str:
+        nodes = sum(len(mesh.nodes) for mesh in self.meshes)
+        return f"<Exported {self.files[0]}: {len(self.meshes)} meshes, {nodes} nodes>"
+
+
+@renamed(shapes="cube")
+def export(
+    cube: Cube,
+    output: str | Path,
+    selections: Mapping[str, Any] = {},
+    *,
+    repeats: tuple[int, int] = (1, 1),
+    triangles: bool = False,
+    thickness: float | None = None,
+    **named: Any,
+) -> Exported:
+    """Write the shape of one design as a mesh that other programs read.
+
+    The mesh is the sheet of grid cells in mm, x along the courses and y along the wales, with the
+    technical face up. Faces that meet share their nodes, over the seams of repeats too.
+
+    Args:
+        cube: dataset of :func:`knitlab.simulate`, or a cube with its case files beside it.
+        output: file to write: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or ``.glb``; a series
+            over the applied strain is ``.pvd``, with a ``.vtu`` for each in a folder beside it, or
+            ``.fold``, with a frame for each and its fold angles.
+        selections: a value for each coordinate, until one design is left. ``applied_strain`` is 0
+            if it is left out, of a series every strain that was reached.
+        repeats: how often periodic fabric is repeated along the warp (y) and the weft (x).
+        triangles: whether to divide grid cells into triangles where the format has quads too.
+        thickness: of a closed solid with the sheet in its middle [mm]; by default an open sheet.
+        named: further selections, as keywords: ``n_stripe=4``.
+
+    Returns:
+        The files and their meshes.
+
+    Raises:
+        InputError: if the suffix is unknown, not exactly one design is left, it has no shape at a
+            strain, or repeats or thickness do not fit it.
+
+    Example:
+        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.15}
+        >>> exported = kl.export("results/reference/periodic", folder / "shape.vtu", one)
+        >>> len(exported.meshes[0].faces)
+        256
+    """
+    output, selections = Path(output), {**selections, **named}
+    check_suffix(output, formats.FORMATS, "a mesh")
+    chosen = formats.FORMATS[output.suffix.lower()]
+    case_file = selected_case(cube_with_shapes(cube), selections)
+    rows = reached_strains(case_file, selections, several=chosen.is_series)
+    meshes = fabric_meshes(case_file, rows, repeats)
+    if thickness is not None:
+        meshes = [solid_of(mesh, thickness) for mesh in meshes]
+    if triangles or not chosen.has_quads:
+        meshes = [mesh.triangulated() for mesh in meshes]
+    strains, unit = tuple(case_file[STRAIN].values[rows].tolist()), length_unit(case_file)
+    files = formats.write_meshes(formats.Shapes(meshes, strains, unit), output)
+    crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
+    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
+
+
+@renamed(shapes="cube")
+def plate_stiffness(
+    cube: Cube,
+    output: str | Path | None = None,
+    selections: Mapping[str, Any] = {},
+    *,
+    where: str | None = None,
+    **named: Any,
+) -> xr.Dataset:
+    """The stiffness of periodic fabric as a plate, at every state: membrane, coupling, bending.
+
+    To first order from a state, forces over width are N = N0 + A e + B κ and moments
+    M = M0 + Bᵀ e + D κ, with strain and curvature in the order xx, yy, 2 xy. x is along the courses
+    (weft), y along the wales (warp), which tests pull by default, and z to the technical face.
+    Curvature is positive where the side at +z gets longer. The nodes of one unit cell are condensed
+    out; ``docs/explanation/plate.md`` says what the forces in a state add. Lengths are in mm of
+    cloth where the gauge says how long that is.
+
+    Args:
+        cube: a cube with its case files beside it, or a test of :func:`knitlab.simulate`.
+        output: file to write: ``.csv`` a table, ``.json`` all states, ``.inp`` one state as
+            ``*SHELL GENERAL SECTION`` of Abaqus.
+        selections: a value or a list of values for each coordinate.
+        where: condition on the designs, as of :func:`knitlab.query`.
+        named: further selections, as keywords: ``n_stripe=4``.
+
+    Returns:
+        ``membrane_stiffness`` A, ``coupling_stiffness`` B and ``bending_stiffness`` D along ``row``
+        and ``column``, ``membrane_force`` N0 and ``moment`` M0 along ``row``; ``modulus_x``,
+        ``poisson_ratio_y`` and others that follow from A; and ``plate_status`` of every state: ok,
+        singular, negative (of these numbers are known), unstable, not_converged or no_shape.
+
+    Raises:
+        InputError: if no design that is left has a periodic shape, a design is a clamped sample, a
+            selection or the suffix is at fault, or a card asks for a state that is not ok.
+
+    Example:
+        >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": [0.06, 0.15]}
+        >>> plates = kl.plate_stiffness("results/reference/periodic", selections=one)
+        >>> plates["poisson_ratio_y"].values.round(2).ravel().tolist()
+        [-0.8, -0.71]
+    """
+    # They import JAX.
+    from knitlab.export.plates.plate_stiffness import plates_of
+    from knitlab.export.plates.shell_cards import CARDS
+
+    selections = {**selections, **named}
+    if output is not None:
+        check_suffix(output := Path(output), CARDS, "a card or table")
+    plates = plates_of(cube_with_shapes(cube), selections, where)
+    if output is not None:
+        CARDS[output.suffix.lower()](plates, output)
+    return plates
+
+
+def plates_table(plates: xr.Dataset, *, main: bool = False) -> pd.DataFrame:
+    """The states of :func:`plate_stiffness` that have a shape as rows; or ``main`` columns only."""
+    from knitlab.export.plates import shell_cards
+
+    table = shell_cards.plates_table(plates)
+    if not main:
+        return table
+    labels = list(table.columns[: list(table.columns).index("status") + 1])
+    return table[[*labels, *shell_cards.MAIN_COLUMNS]]
