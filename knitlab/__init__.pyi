@@ -51,7 +51,7 @@ from .runs.parameters import Model as Model
 from .runs.parameters import defaults as defaults
 from .runs.patterns import Pattern as Pattern
 from .runs.reproduce import reproduce as reproduce
-from .runs.results_folder import status as status
+from .runs.status import status as status
 from .runs.workflow import Protocol as Protocol
 from .solvers.dynamics.settings import Dynamics as Dynamics
 from .solvers.equilibrium.settings import Solver as Solver

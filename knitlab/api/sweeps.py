@@ -168,7 +168,7 @@ def run_and_draw(
 def _finished(workflow: str, overrides: Overrides, results: Path) -> RunResult | None:
     """What exists, if there is nothing to run or draw; without importing JAX or matplotlib."""
     from knitlab.figures.figure_files import is_drawn, requested_figures
-    from knitlab.runs.results_folder import finished_plan
+    from knitlab.runs.status import finished_plan
 
     finished = finished_plan(workflow, overrides, results)
     if finished is None:
@@ -271,13 +271,13 @@ def plan(
         >>> len(kl.plan("preview").cases)
         10
     """
-    from knitlab.io.lock import held
+    from knitlab.io.lock import locked
     from knitlab.runs.plan import make_plan
     from knitlab.runs.results_folder import PLAN
 
     made = make_plan(str(workflow), one_of(overrides, settings))
     if results is not None:
         folder = Path(results) / made.workflow
-        with held(folder):
+        with locked(folder):
             made.write(folder / PLAN)
     return made

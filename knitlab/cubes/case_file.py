@@ -1,11 +1,9 @@
-"""Case files: for each case a netCDF file and its checksum. Needs no JAX."""
+"""Case files: a netCDF file for each case, which ends with its checksum. Needs no JAX."""
 
-import hashlib
 import math
-import os
+import shutil
 from collections.abc import Collection
 from contextlib import suppress
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,16 +12,17 @@ import numpy as np
 import xarray as xr
 
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.checksum import append_checksum, has_checksum
 from knitlab.io.errors import invalid
 from knitlab.io.names import inside
-from knitlab.io.provenance import model_of
+from knitlab.io.provenance import file_digest, model_of
 from knitlab.io.text_file import plain_file
-from knitlab.observables.schema import INTEGERS, MISSING, VARIABLES, encoding
+from knitlab.observables.schema import INTEGERS, MISSING, encoding
 
 if TYPE_CHECKING:  # imports JAX
     from knitlab.model.fabric import Configuration
 
-NETCDF, CHECKSUM = ".nc", ".sha256"  # suffixes of a case file and of its checksum
+NETCDF = ".nc"
 LENGTH_FACTOR = "mm_of_cloth_per_mm_of_network"  # attribute of a case with shapes in mm of cloth
 SHAPES = (
     *("position", "length_x", "length_y", "length_shear"),
@@ -35,68 +34,59 @@ UNREADABLE = (OSError, RuntimeError, ValueError, TypeError, AttributeError, Look
 """What netCDF and xarray raise of a file that they cannot read."""
 
 
-class StoredCase(Enum):
-    """Whether a results folder has the file of a case."""
-
-    nothing = "pending"
-    sound = "sound"
-    damaged = "damaged"
-
-
 def case_path(results: Path, case_id: str) -> Path:
     """Path of the file of a case in a results folder."""
     return inside(results / "cases", f"{case_id}{NETCDF}")
 
 
-def checksum_path(results: Path, case_id: str) -> Path:
-    """Path of its checksum, in the format of ``sha256sum --check``."""
-    return case_path(results, case_id).with_suffix(CHECKSUM)
-
-
-def stored_cases(results: Path) -> dict[str, StoredCase]:
-    """The cases that have a file in a results folder; without a checksum beside it, damaged."""
-    names: list[str] = []
+def stored_cases(results: Path) -> set[str]:
+    """Identifiers of the cases that have a file in a results folder."""
     with suppress(FileNotFoundError, NotADirectoryError):
-        names = [entry.name for entry in os.scandir(results / "cases")]
-    checked = {name.removesuffix(CHECKSUM) for name in names if name.endswith(CHECKSUM)}
-    files = (name.removesuffix(NETCDF) for name in names if name.endswith(NETCDF))
-    return {each: StoredCase.sound if each in checked else StoredCase.damaged for each in files}
+        return {path.stem for path in (results / "cases").iterdir() if path.suffix == NETCDF}
+    return set()
 
 
 def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
-    """Write a case file and its checksum, each atomically; CannotWrite if that fails."""
+    """Write a case file, which ends with its checksum, atomically; CannotWrite if that fails."""
     # The classic format: in HDF5 each of some fifty small variables costs more than its numbers.
     stored = encoding(dataset, compressed=False)
     contents = bytes(dataset.to_netcdf(engine="scipy", format="NETCDF3_64BIT", encoding=stored))
-    path = case_path(results, case_id)
-    checksum = f"{hashlib.sha256(contents).hexdigest()}  {path.name}\n".encode()
-    # The checksum is first, so that a case file without one is damaged.
-    for file, written in ((checksum_path(results, case_id), checksum), (path, contents)):
-        with atomic_write(file) as temporary:
-            temporary.write_bytes(written)
+    with atomic_write(case_path(results, case_id)) as temporary:
+        temporary.write_bytes(contents)
+        append_checksum(temporary)
 
 
-def check_case_file(results: Path, case_id: str) -> StoredCase:
-    """Compare a case file with its checksum, and the case that it holds with its name."""
+def copy_case_file(source: Path, target: Path, case_id: str) -> None:
+    """Copy an undamaged case file into another results folder; CannotWrite if that fails."""
+    with atomic_write(case_path(target, case_id)) as temporary:
+        shutil.copyfile(case_path(source, case_id), temporary)
+        if not has_checksum(temporary):
+            append_checksum(temporary)
+
+
+def is_undamaged(results: Path, case_id: str) -> bool:
+    """Whether a case file is as it was written, and holds the case that it is named after."""
     path = case_path(results, case_id)
     try:
-        stated = plain_file(path.with_suffix(CHECKSUM)).read_bytes().split(b" ")[0]
-        contents = plain_file(path).read_bytes()
-    except FileNotFoundError:
-        return StoredCase.damaged if path.exists() else StoredCase.nothing
-    except OSError:
-        return StoredCase.damaged
-    # To open the file would take far longer; another case has no such identifier in it.
-    sound = hashlib.sha256(contents).hexdigest().encode() == stated and case_id.encode() in contents
-    return StoredCase.sound if sound else StoredCase.damaged
+        # To open the file would take far longer; another case has no such identifier in it.
+        known = has_checksum(path) or _has_checksum_beside(path)
+        return known and case_id.encode() in path.read_bytes()
+    except (OSError, ValueError):
+        return False
 
 
-def read_code(results: Path, case_id: str) -> str | None:
-    """The model that computed a case; None if the file is not a case file."""
+def _has_checksum_beside(path: Path) -> bool:
+    """Whether a file beside a case file has its checksum; until version 0.1 they were written."""
+    beside = path.with_suffix(".sha256")
+    return beside.is_file() and beside.read_bytes().split(b" ")[0] == file_digest(path).encode()
+
+
+def read_code(results: Path, case_id: str) -> str:
+    """The model that computed a case; empty if the file is not a case file."""
     try:
         return model_of(str(read_values(case_path(results, case_id), ["code"])["code"]))
     except UNREADABLE:
-        return None
+        return ""
 
 
 def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
@@ -116,17 +106,11 @@ def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
 def read_case(results: Path, case_id: str) -> xr.Dataset:
     """Read a case file into memory; InputError if it is not as it was written."""
     path = case_path(results, case_id)
-    if check_case_file(results, case_id) is not StoredCase.sound:
+    if not is_undamaged(results, case_id):
         message = "is damaged, or not the case that it is named after; run its workflow again"
         raise invalid(str(path), message)
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as dataset:
-            for name in {*VARIABLES} & {*dataset}:
-                if strange := {*dataset[name].dims} - {*VARIABLES[name].dims}:
-                    raise LookupError(strange)
-            return dataset.load()
-    except UNREADABLE as error:  # damaged before its checksum was written
-        raise invalid(str(path), "is no case file; run its workflow again") from error
+    with xr.open_dataset(path, engine="netcdf4") as dataset:
+        return dataset.load()
 
 
 def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:

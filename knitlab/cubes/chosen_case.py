@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool
 
-from knitlab.cubes.case_file import StoredCase, check_case_file, in_cloth, read_case
+from knitlab.cubes.case_file import case_path, in_cloth, read_case
 from knitlab.cubes.cube_file import design_dims, is_case, is_measured, source_of
 from knitlab.cubes.query import query_cubes
 from knitlab.cubes.selection import (
@@ -34,15 +34,12 @@ def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset
     design = only_design(cube, selections_along(selections, dims))
     name = ", ".join(f"{dim} = {design[dim].item()}" for dim in dims)
     case_id, folder = str(design["case_id"].item()), Path(cube.encoding["source"]).parent
-    stored = check_case_file(folder, case_id)
-    status = Status(design["status"].item())
-    if stored is StoredCase.damaged:
-        raise invalid(name, f"has a damaged case file {case_id}.nc; run the design again")
-    if stored is StoredCase.nothing and status is Status.failed:
-        raise invalid(name, "failed and has no shape; knitlab status says why")
-    if stored is StoredCase.nothing and status is Status.pending:
-        raise invalid(name, "is planned but has not run; run it first")
-    if stored is StoredCase.nothing:
+    if not case_path(folder, case_id).exists():
+        status = Status(design["status"].item())
+        if status is Status.failed:
+            raise invalid(name, "failed and has no shape; knitlab status says why")
+        if status is Status.pending:
+            raise invalid(name, "is planned but has not run; run it first")
         missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
         raise invalid(name, f"{missing}; run the design into this folder")
     return in_cloth(read_case(folder, case_id), design)

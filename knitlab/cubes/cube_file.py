@@ -13,10 +13,10 @@ from pydantic import BaseModel
 
 from knitlab.cubes.case_file import UNREADABLE
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.checksum import append_checksum, has_checksum
 from knitlab.io.errors import InputError, Mistake, invalid
 from knitlab.io.json_file import json_table
 from knitlab.io.lock import is_locked
-from knitlab.io.seal import has_seal, seal
 from knitlab.observables import schema
 from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
 
@@ -159,13 +159,13 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     path = cube_path(path)
     try:
         try:
-            sealed = has_seal(path)
+            complete = has_checksum(path)
         except ValueError:
             _check_unlocked(path)
             raise
         cube = _opened(path)
-        # One without a seal may be damaged anywhere.
-        if not (lazily and sealed):
+        # One without a checksum may be damaged anywhere.
+        if not (lazily and complete):
             with cube:
                 cube.load()
     except FileNotFoundError as error:
@@ -241,7 +241,7 @@ def write_cube(cube: xr.Dataset, path: Path) -> None:
         except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
             # HDF5 locks a file that it writes, but not one in memory, where it sorts the variables.
             temporary.write_bytes(cube.to_netcdf(engine="netcdf4", encoding=encoding))
-        seal(temporary)
+        append_checksum(temporary)
 
 
 def _opened(path: Path) -> xr.Dataset:

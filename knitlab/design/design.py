@@ -30,9 +30,9 @@ from knitlab.design.search_space import DesignLabels, SearchSpace, search_space
 from knitlab.design.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
-from knitlab.io.lock import held
+from knitlab.io.lock import locked
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import labelled
+from knitlab.runs.results_folder import label_text
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.workers import interrupted_by_signals
 from knitlab.runs.workflow import PATTERN
@@ -105,7 +105,7 @@ def run_design(
         message = "holds the design of another request; name another results folder, or remove it"
         raise invalid(str(folder), message)
     # The run that tests the candidates locks the folder itself.
-    with held(folder / SEARCHES), interrupted_by_signals():
+    with locked(folder / SEARCHES), interrupted_by_signals():
         starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
             temporary.write_bytes(request.text.encode())
@@ -208,7 +208,7 @@ def summary(designed: Designed) -> Iterator[str]:
     for number, search in searches:
         best = search.winner.values if search.winner else {}
         values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
-        yield f"candidate {number}: {labelled(dims, search.design)}  {values}".rstrip()
+        yield f"candidate {number}: {label_text(dims, search.design)}  {values}".rstrip()
         how = " then ".join(search.methods) or "as it is"
         yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
         if crossings is not None and crossings[number] > 0:
@@ -239,5 +239,5 @@ def summary(designed: Designed) -> Iterator[str]:
         hint = f"; vary {both}, if both are knitted alike" if both else ""
         yield f"{', '.join(one_knit)} change one knit alone, but yarn and stitch size both{hint}"
     if designed.unknown:
-        labels = "; ".join(labelled(dims, design) for design in designed.unknown)
+        labels = "; ".join(label_text(dims, design) for design in designed.unknown)
         yield f"not considered, as no cube has results of them: {labels}"

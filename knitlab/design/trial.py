@@ -21,7 +21,7 @@ from knitlab.model.network import MeshShape
 from knitlab.model.stitches import Gauge
 from knitlab.observables import sensitivity
 from knitlab.observables.schema import STRAIN, Status
-from knitlab.runs.cube import known_in_advance, sizes_of
+from knitlab.runs.cube import cloth_sizes, input_values
 from knitlab.runs.simulate import simulated
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import Adjoint, Measure
@@ -77,7 +77,7 @@ class Trial:
         if name in self.results:
             return np.atleast_1d(np.asarray(self.results[name], float))
         numbers = {str(key): array.values for key, array in self.results.data_vars.items()}
-        further = known_in_advance(self.case) | sizes_of(self.case, numbers, self.gauge)
+        further = input_values(self.case) | cloth_sizes(self.case, numbers, self.gauge)
         return np.atleast_1d(float(further[name]))
 
     @property
@@ -166,7 +166,7 @@ def measure_of(
 def run_trial(folder: Path, case: Case, gauge: Gauge, own: ShapeFunctions = ()) -> Trial:
     """Simulate a case, or read its file in a folder if the same code has simulated it before."""
     name = case.case_id
-    sound = case_file.check_case_file(folder, name) is case_file.StoredCase.sound
-    if not sound or case_file.read_code(folder, name) != MODEL:
+    kept = case_file.is_undamaged(folder, name)
+    if not kept or case_file.read_code(folder, name) != MODEL:
         case_file.write_case_file(folder, name, simulated(case, lambda name, states: None))
     return Trial(case, gauge, case_file.read_case(folder, name), own)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from knitlab.io.limits import MAX_CHOICES, MAX_LISTED, MAX_SHOWN
+
 
 @dataclass(frozen=True)
 class Mistake:
@@ -20,9 +22,6 @@ class Mistake:
         return f"{self.path}: {self.message}"
 
 
-MAX_LISTED = 200  # mistakes of a file that a message lists
-MAX_SHOWN = 500  # characters of a value that a message shows
-MAX_NAMES = 20  # largest number of names that a message lists
 SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
 """Pydantic's error types for values that should be a single one."""
 
@@ -144,6 +143,6 @@ def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
     nearest = difflib.get_close_matches(name.casefold(), by_case, n=2)
     if nearest:
         return f"{message}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
-    if len(names) > MAX_NAMES:
+    if len(names) > MAX_CHOICES:
         return f"{message}; it is not one of the {len(names)} known ones; check its spelling"
     return f"{message}; choose from {', '.join(names)}"

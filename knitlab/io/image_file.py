@@ -9,8 +9,7 @@ from knitlab.io.errors import invalid
 from knitlab.io.text_file import plain_file
 
 FORMATS = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
-"""Formats that are read; a damaged file of others, such as ICNS, may be read for ever."""
-MOST_PIXELS = 10_000_000  # more stitches than a machine knits
+"""Formats that are read; a damaged file of others, such as ICNS, may be read without end."""
 
 
 def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
@@ -19,9 +18,6 @@ def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
 
     try:
         with Image.open(plain_file(path), formats=FORMATS) as image:
-            if image.width * image.height > MOST_PIXELS:
-                message = f"has {image.width} x {image.height} pixels, above {MOST_PIXELS:,}; make"
-                raise invalid(str(path), f"{message} it smaller, with one for each patch or stitch")
             return np.asarray(image.convert("RGBA"))
     # A damaged image raises many types.
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:

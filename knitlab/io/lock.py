@@ -1,8 +1,9 @@
 """Locks of a results folder: one run at a time, or several shards side by side. Needs no JAX.
 
-A run holds ``.lock`` until it ends, a shard a lock of its own. The gate is a lock that is held for
-moments: while a run checks which others run, and while a shard writes what all shards share. On a
-file system without locks nothing is held, and a shard refuses a folder where another one ran.
+A run holds a lock until it ends, as does each shard of a plan; a run without shards is the only one
+of 1. The brief lock is held while a run checks which others run, and while a shard writes what all
+share. On a file system without locks nothing is held, and a shard refuses a folder where another
+one ran.
 """
 
 import errno
@@ -20,55 +21,56 @@ from filelock import FileLock, Timeout
 from knitlab.io.errors import CannotWrite, InputError, Mistake, invalid
 from knitlab.io.text_file import plain_file
 
-LOCK_NAME = ".lock"
-GATE_NAME = ".lock-gate"
-SHARD_LOCK = re.compile(r"\.lock-shard-(\d+)-of-(\d+)")
+SHARD_LOCK = re.compile(r"\.lock-(\d+)-of-(\d+)")
 NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
 """Errors of a file system without locks."""
-GATE_SECONDS = 900.0  # longest time to wait for the gate; its holder writes a cube at most
+BRIEF_SECONDS = 900.0  # longest time to wait for the brief lock, whose holder may write a cube
+Shard = tuple[int, int]  # number, from 1 on, and count
 
 
 @contextmanager
-def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
-    """Lock a results folder for a run, or for a shard (number, count) beside the others.
+def locked(folder: Path, shard: Shard = (1, 1)) -> Iterator[None]:
+    """Lock a results folder for a run, or for a shard beside the others of the same plan.
 
-    The lock ends with the process. InputError if another run, the same shard or another split runs,
-    or if there are no locks and another shard ran here.
+    The lock ends with the process. InputError if another run, the same shard or another number of
+    shards runs, or if there are no locks and another shard ran here.
     """
-    with gate(folder) as locks:
-        if not locks and shard is not None:
-            own = _holder_path(folder, _shard_lock(*shard))
-            if {*folder.glob(_holder_path(folder, f"{LOCK_NAME}-shard-*").name)} - {own}:
-                message = "is on a file system without locks, and another shard ran in it; give"
-                raise invalid(str(folder), f"{message} each a folder of its own and merge them")
-        if shard is not None:
-            with _acquired(folder, LOCK_NAME):
-                pass
-        for number, count in running_shards(folder):
-            if shard is None or count != shard[1]:
-                raise _in_use(folder, _shard_lock(number, count))
-        lock = _acquired(folder, LOCK_NAME if shard is None else _shard_lock(*shard))
+    path = folder / ".lock-{}-of-{}".format(*shard)
+    with brief_lock(folder) as locks:
+        others = {*folder.glob(".lock-*.holder")} - {_holder_file(path)}
+        if not locks and shard[1] > 1 and others:
+            message = "is on a file system without locks, and another shard ran in it; give"
+            raise invalid(str(folder), f"{message} each a folder of its own and merge them")
+        for other in running_shards(folder):
+            if other[1] != shard[1]:
+                raise _in_use(folder / ".lock-{}-of-{}".format(*other))
+        lock = _acquired(path)
+        holder = f"process {os.getpid()} of {getpass.getuser()} on {socket.gethostname()}"
+        holder += f" since {datetime.now().isoformat(timespec='seconds')}"
+        holder += " (shard {} of {})".format(*shard) if shard[1] > 1 else ""
+        with suppress(OSError):  # the lock works without the file that names its holder
+            plain_file(_holder_file(path)).write_text(holder, encoding="utf-8")
     with lock:
         yield
 
 
-def gate(folder: Path) -> AbstractContextManager[object]:
+def brief_lock(folder: Path) -> AbstractContextManager[object]:
     """Exclude the other processes of a results folder for a moment; errors as of a lock."""
-    return _acquired(folder, GATE_NAME, GATE_SECONDS)
+    return _acquired(folder / ".lock-brief", BRIEF_SECONDS)
 
 
-def running_shards(folder: Path) -> list[tuple[int, int]]:
-    """The shards (number, count) that run in a folder."""
+def running_shards(folder: Path) -> list[Shard]:
+    """The shards that run in a folder."""
     running = []
-    for path in sorted(folder.glob(".lock-shard-*")):
+    for path in sorted(folder.glob(".lock-*")):
         if shard := SHARD_LOCK.fullmatch(path.name):
             try:
-                with FileLock(path, blocking=False):
+                with _acquired(path):
                     pass
-            except Timeout:
+            except CannotWrite:
+                raise
+            except InputError:
                 running.append((int(shard[1]), int(shard[2])))
-            except OSError as error:
-                _refuse_unless_without_locks(folder, error)
     return running
 
 
@@ -86,42 +88,28 @@ def is_locked(path: Path) -> bool:
     return False
 
 
-def _shard_lock(number: int, count: int) -> str:
-    return f"{LOCK_NAME}-shard-{number}-of-{count}"
-
-
-def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AbstractContextManager[object]:
-    """A lock of a folder within some time [s]; None, as a context, if the file system has none."""
-    lock: AbstractContextManager[object] = nullcontext()
+def _acquired(path: Path, seconds: float = 0.0) -> AbstractContextManager[object]:
+    """A lock, acquired within some time [s]; None, as a context, if the file system has none."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / name).acquire(timeout=seconds)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return FileLock(path).acquire(timeout=seconds)
     except Timeout:
-        raise _in_use(folder, name) from None
+        raise _in_use(path) from None
     except OSError as error:
-        _refuse_unless_without_locks(folder, error)
-    shard = SHARD_LOCK.fullmatch(name)
-    holder = f"process {os.getpid()} of {getpass.getuser()} on {socket.gethostname()}"
-    holder += f" since {datetime.now().isoformat(timespec='seconds')}"
-    holder += f" (shard {shard[1]} of {shard[2]})" if shard else ""
-    with suppress(OSError):  # the lock works without the file that names its holder
-        plain_file(_holder_path(folder, name)).write_text(holder, encoding="utf-8")
-    return lock
-
-
-def _refuse_unless_without_locks(folder: Path, error: OSError) -> None:
-    if error.errno not in NO_LOCKS:
+        if error.errno in NO_LOCKS:
+            return nullcontext()
         message = f"cannot be written ({error.strerror}); choose another folder"
-        raise CannotWrite([Mistake(str(folder), message)]) from error
+        raise CannotWrite([Mistake(str(path.parent), message)]) from error
 
 
-def _in_use(folder: Path, name: str) -> InputError:
-    by = "another process"
+def _in_use(path: Path) -> InputError:
+    holder = "another process"
     with suppress(OSError, ValueError):
-        by = plain_file(_holder_path(folder, name)).read_text(encoding="utf-8") or by
-    return invalid(str(folder), f"is held by {by}; wait for it, or name another results folder")
+        holder = plain_file(_holder_file(path)).read_text(encoding="utf-8") or holder
+    message = f"is held by {holder}; wait for it, or name another results folder"
+    return invalid(str(path.parent), message)
 
 
-def _holder_path(folder: Path, name: str) -> Path:
+def _holder_file(path: Path) -> Path:
     """The file beside a lock that names its holder; a locked file is not readable on Windows."""
-    return folder / f"{name}.holder"
+    return path.with_name(f"{path.name}.holder")

@@ -9,14 +9,13 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from knitlab.io.errors import invalid, shown
+from knitlab.io.limits import MAX_LINE, MAX_NAME
 
-LONGEST = 100  # characters of a name; file systems take 255 bytes
-NAME = re.compile(rf"(?=.{{1,{LONGEST}}}\Z)\w(?:[\w .-]*[\w-])?")
+NAME = re.compile(rf"(?=.{{1,{MAX_NAME}}}\Z)\w(?:[\w .-]*[\w-])?")
 RULE = (
-    f"is not a name of at most {LONGEST} letters, digits, '.', '_', '-' and spaces, which begins"
+    f"is not a name of at most {MAX_NAME} letters, digits, '.', '_', '-' and spaces, which begins"
     " with a letter or a digit; choose another name"
 )
-LONGEST_LINE = 500  # characters of a title, or of the name of a material
 CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t\n\r"}}
 CONTROLS |= {
     code: f"\\u{code:04x}"
@@ -52,7 +51,7 @@ def _line(text: str) -> str:
 
 Name = Annotated[str, AfterValidator(_name)]
 """A name of a user, which may become that of a folder or a label."""
-Line = Annotated[str, Field(min_length=1, max_length=LONGEST_LINE), AfterValidator(_line)]
+Line = Annotated[str, Field(min_length=1, max_length=MAX_LINE), AfterValidator(_line)]
 """A line of text, as a title."""
 
 

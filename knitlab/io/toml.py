@@ -13,7 +13,6 @@ from knitlab.io.errors import invalid, naming
 from knitlab.io.text_file import read_text
 
 TOML = (".toml",)  # suffix
-MOST_CHARACTERS = 5_000_000
 Schema = TypeVar("Schema", bound=BaseModel)
 
 
@@ -26,8 +25,6 @@ class StrictModel(BaseModel):
 def read_toml(path: Path) -> dict[str, Any]:
     """The table in a TOML file; InputError if it cannot be read, or is not TOML."""
     text = read_text(path)
-    if len(text) > MOST_CHARACTERS:
-        raise invalid(str(path), f"has more than {MOST_CHARACTERS:,} characters; make it shorter")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # the second of nested lists
@@ -35,7 +32,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_checked(schema: type[Schema], path: Path, named_by: str = "") -> Schema:
-    """The contents of a TOML file that a setting names; InputError has every fault of the file."""
+    """The contents of a TOML file that a setting names; InputError has all its mistakes."""
     with naming(f"{named_by}: {path}" if named_by else str(path)):
         return schema.model_validate(read_toml(path))
 

@@ -23,9 +23,9 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.checksum import append_checksum, has_checksum
 from knitlab.io.errors import invalid
 from knitlab.io.provenance import MODEL_VERSION
-from knitlab.io.seal import has_seal, seal
 from knitlab.lab.calibration import ENTRY_UNITS
 from knitlab.lab.curves import (
     QUANTITIES,
@@ -167,14 +167,14 @@ class _Search:
             return simulated_test(case, near)
         path = self.kept / f"{self.tests:03d}-{case.case_id}-{MODEL_VERSION}.npy"
         with suppress(OSError, ValueError):  # it is not there, or damaged
-            if has_seal(path):
+            if has_checksum(path):
                 states = np.load(path)
                 return SimulatedTest(case, states) if states.size else None
         test = simulated_test(case, near)
         with atomic_write(path) as temporary:
             # The unknowns of its states, none if it did not converge.
             np.save(temporary, np.zeros(0) if test is None else test.unknowns)
-            seal(temporary)
+            append_checksum(temporary)
         return test
 
     def from_start(self, point: Logarithms) -> _Optimum:

@@ -16,6 +16,7 @@ import numpy as np
 import psutil
 
 from knitlab.io.errors import invalid
+from knitlab.io.limits import MAX_CASES
 from knitlab.solvers.case import Case, Method, by_test
 from knitlab.solvers.dynamics.settings import Dynamics
 
@@ -30,7 +31,6 @@ CONTACT = 4.0  # how much longer a fabric with contact takes
 PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
 BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}  # to 30 %
 BATCHES_OF_SHARD = 8  # batches of each shard, at least, if their cases are small enough
-MOST_SHARDS = 100_000  # as many as a plan has cases at most
 DIGITS = 6  # of the estimated times that balance shards, whatever the machine
 
 
@@ -53,9 +53,9 @@ class Shard:
 
     def __post_init__(self) -> None:
         integers = all(type(value) is int for value in (self.number, self.count))
-        if not (integers and 1 <= self.number <= self.count <= MOST_SHARDS):
+        if not (integers and 1 <= self.number <= self.count <= MAX_CASES):
             message = "is not a part of a plan; give a whole number from 1 to the number of shards,"
-            raise invalid(f"shard {self}", f"{message} which are at most {MOST_SHARDS:,}")
+            raise invalid(f"shard {self}", f"{message} which are at most {MAX_CASES:,}")
 
     @classmethod
     def of(cls, text: str) -> "Shard":

@@ -30,7 +30,7 @@ from knitlab.runs.declared_fields import declared
 from knitlab.runs.material import SCALED, STITCH
 from knitlab.runs.parameters import KNITS, UNITS, Parameters
 from knitlab.runs.patterns import Pattern, PatternFile
-from knitlab.runs.results_folder import Design
+from knitlab.runs.results_folder import Labels
 from knitlab.runs.workflow import (
     CHANGES,
     LARGEST_STRAIN,
@@ -56,7 +56,7 @@ ANOTHER = 0.05  # part by which the stitches of a stripe and of the gauge may di
 FAR = 10.0  # factor beyond the values of the tables from which a value is unusual
 Table = TypeVar("Table")
 Pair = tuple[int, int]
-Designs = dict[Design, str | None]  # by labels along the dimensions, with why one is impossible
+Designs = dict[Labels, str | None]  # by labels along the dimensions, with why one is impossible
 Source = Callable[[str], str]  # names where a `section.key` comes from, for a fault
 
 

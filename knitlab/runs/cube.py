@@ -32,7 +32,7 @@ from knitlab.observables.knit_size import ALONG_X, ALONG_Y, at_gauge, knit_sizes
 from knitlab.observables.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.observables.schema import VARIABLES, Status, described
 from knitlab.runs.plan import Plan
-from knitlab.runs.results_folder import CaseState, Cell, Design, cells
+from knitlab.runs.results_folder import CaseState, CubeDesign, Labels, cube_designs
 from knitlab.solvers.case import Case
 
 MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
@@ -58,7 +58,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     if not path.exists():
         return None
     try:
-        cube = stored_in(read_cube(path), path)
+        cube = validated_cube(read_cube(path), path)
     except Damaged:
         path.replace(path.with_name(DAMAGED_CUBE))
         return None
@@ -66,7 +66,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     if dims != plan.dims:
         message = f"has the dimensions {', '.join(dims)}, but the workflow has"
         raise invalid(str(path), f"{message} {', '.join(plan.dims)}; name another results folder")
-    others = set(cells(cube)) - set(plan.designs.values())
+    others = set(cube_designs(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
     listed = "; ".join(str(change) for change in changed if change.key[0] not in MAY_DIFFER)
     if others and listed:
@@ -76,7 +76,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     return cube
 
 
-def stored_in(cube: xr.Dataset, path: Path) -> xr.Dataset:
+def validated_cube(cube: xr.Dataset, path: Path) -> xr.Dataset:
     """What a run stores of the simulated cube of a path; InputError if it lacks what all have."""
     cube = of_schema(cube)
     if not {*UNIT_CELLS, "code"} <= set(cube):
@@ -97,7 +97,7 @@ def build_cube(
     cube, else those of its design in the old cube, else it is ``failed`` or ``pending``. Other
     cells of the old cube are kept; combinations never requested are ``excluded``.
     """
-    known = cells(old)
+    known = cube_designs(old)
     entries = {} if old is None else _entries_of(old, known)
     if old is not None and (gauge := gauge_of(old.attrs)):
         for entry in entries.values():
@@ -113,10 +113,10 @@ def build_cube(
         has_results = cell is not None and cell.has_results
         if cell and has_results and state is CaseState.done and cell.case_id == case_id:
             continue
-        values, path = known_in_advance(case), case_path(results, case_id)
+        values, path = input_values(case), case_path(results, case_id)
         if state is not CaseState.damaged and path.is_file():
             values |= read_values(path, variables)
-            values |= sizes_of(case, values, plan.gauge)
+            values |= cloth_sizes(case, values, plan.gauge)
         elif has_results:
             continue
         else:
@@ -146,7 +146,9 @@ def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
     attributes are those of the first cube; ``parameters`` are those that all share.
     """
     first, rank_of = cubes[0], {Status.pending: 0, Status.failed: 1}
-    entries = [pair for cube in cubes[::-1] for pair in _entries_of(cube, cells(cube)).items()]
+    entries = [
+        pair for cube in cubes[::-1] for pair in _entries_of(cube, cube_designs(cube)).items()
+    ]
     entries.sort(key=lambda pair: rank_of.get(pair[1].values["status"], 2))  # the last is taken
     labels = {
         dim: [label for cube in cubes for label in cube[dim].values.tolist()]
@@ -160,7 +162,7 @@ def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
     return joined
 
 
-def _entries_of(cube: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
+def _entries_of(cube: xr.Dataset, known: Mapping[Labels, CubeDesign]) -> dict[Labels, Entry]:
     arrays = {str(name): array.values for name, array in cube.data_vars.items()}
     strains = tuple(cube["applied_strain"].values.tolist())
     return {
@@ -170,7 +172,7 @@ def _entries_of(cube: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, 
 
 
 def _attributes(
-    plan: Plan, old: xr.Dataset | None, entries: Mapping[Design, Entry]
+    plan: Plan, old: xr.Dataset | None, entries: Mapping[Labels, Entry]
 ) -> dict[str, str]:
     """Attributes of a cube: its provenance, and the parameters that all of its designs share."""
     common = plan.common
@@ -190,7 +192,7 @@ def _attributes(
     return provenance() | seeds | attributes | options
 
 
-def known_in_advance(case: Case) -> Values:
+def input_values(case: Case) -> Values:
     """Sample size, periods and stripe parameters of a case, under the registry's names."""
     sizes = dict(zip(UNIT_CELLS, case.cell_grid.count, strict=True))
     stripes = {
@@ -202,7 +204,7 @@ def known_in_advance(case: Case) -> Values:
     return {"periods": case.periods, "case_id": case.case_id, **sizes, **stripes}
 
 
-def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:
+def cloth_sizes(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:
     """Knit sizes [mm] of a simulated case at a gauge; a pure stripe has none."""
     if case.pure:
         return {}
@@ -226,7 +228,7 @@ def gauge_of(attributes: Mapping[Any, Any]) -> Gauge | None:
 
 
 def _gridded(
-    labels: Mapping[str, Iterable[Any]], names: Collection[str], entries: Mapping[Design, Entry]
+    labels: Mapping[str, Iterable[Any]], names: Collection[str], entries: Mapping[Labels, Entry]
 ) -> xr.Dataset:
     """Entries on the grid of labels by dimension: numbers ascend, texts are in order of appearance.
 

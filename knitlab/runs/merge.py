@@ -1,6 +1,6 @@
 """Merging: results folders of one workflow become one, unless they contradict each other."""
 
-import shutil
+import filecmp
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,19 +11,19 @@ import xarray as xr
 
 from knitlab.cubes import case_file, cube_file
 from knitlab.cubes.cube_file import CUBE, differences, parameters_of
-from knitlab.io.atomic_write import atomic_write, clear_unfinished
+from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.lock import held
+from knitlab.io.limits import MAX_CASES_NAMED
+from knitlab.io.lock import locked
 from knitlab.io.names import named_folder
 from knitlab.observables.schema import Status
 from knitlab.runs import results_folder
-from knitlab.runs.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes, stored_in
+from knitlab.runs.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes, validated_cube
 from knitlab.runs.plan import joined_plan
 from knitlab.runs.reproduce import CURVES, comparison
-from knitlab.runs.results_folder import PLAN, Cell, Design, Failure
+from knitlab.runs.results_folder import PLAN, CubeDesign, Failure, Labels
 
 CASES = "cases"
-MOST_NAMED = 5  # largest number of cases that a message names
 
 
 class Merge(NamedTuple):
@@ -47,7 +47,7 @@ class FolderContents:
     cube: xr.Dataset | None
     dims: tuple[str, ...]  # of its designs; empty if it states none
     parameters: dict[str, Any]  # settings that its designs share, and its gauge
-    cells: dict[Design, Cell]  # of its cube, with results
+    cells: dict[Labels, CubeDesign]  # of its cube, with results
     sound: frozenset[str]
     damaged: tuple[Path, ...]
 
@@ -59,7 +59,7 @@ class FolderContents:
         if cube is not None:
             if cube_file.is_measured(cube):
                 raise invalid(str(path), "holds an experiment; only simulations are merged")
-            cube = stored_in(cube, path / CUBE)
+            cube = validated_cube(cube, path / CUBE)
             workflow, dims = str(cube.attrs.get("workflow", workflow)), cube_file.design_dims(cube)
             gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
             parameters = parameters_of(cube) | gauge
@@ -67,15 +67,15 @@ class FolderContents:
         if record is not None:
             workflow = record["workflow"]
             dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
-        known = results_folder.cells(cube).items()
+        known = results_folder.cube_designs(cube).items()
         cells = {design: cell for design, cell in known if cell.has_results}
-        names, intact = case_file.stored_cases(path), case_file.StoredCase.sound
-        sound = {name for name in names if case_file.check_case_file(path, name) is intact}
-        damaged = tuple(case_file.case_path(path, name) for name in sorted(names.keys() - sound))
+        names = case_file.stored_cases(path)
+        sound = {name for name in names if case_file.is_undamaged(path, name)}
+        damaged = tuple(case_file.case_path(path, name) for name in sorted(names - sound))
         return cls(path, workflow, record, cube, dims, parameters, cells, frozenset(sound), damaged)
 
     @cached_property
-    def results(self) -> dict[str, Cell | None]:
+    def results(self) -> dict[str, CubeDesign | None]:
         """The cases that it has results of, and their cells if they are in its cube."""
         return dict.fromkeys(self.sound) | {cell.case_id: cell for cell in self.cells.values()}
 
@@ -103,7 +103,7 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
             "folders", f"hold results of several workflows ({listed}); merge one at a time"
         )
     target = named_folder(results, next(iter(names))).resolve()
-    with held(target):
+    with locked(target):
         clear_unfinished(target)
         merged = [source for source in sources if source.path != target]
         if _holds_results(target):
@@ -116,10 +116,7 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
             owners |= dict.fromkeys(source.sound, source.path)
         copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
         for case_id, owner in copied.items():
-            # The checksum first, as where a case is simulated.
-            for path in (case_file.checksum_path, case_file.case_path):
-                with atomic_write(path(target, case_id)) as temporary:
-                    shutil.copyfile(path(owner, case_id), temporary)
+            case_file.copy_case_file(owner, target, case_id)
         cube = _joined(merged, target, failures)
         cube_file.write_cube(cube, target / CUBE)
         bad = cube["status"].isin([Status.not_converged, Status.failed]).values
@@ -163,8 +160,10 @@ def _joined(
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    states = results_folder.survey(plan.designs, target, results_folder.cells(old), check=False)
-    return build_cube(plan, target, old, states, results_folder.without_results(failures))
+    states = results_folder.case_states(
+        plan.designs, target, results_folder.cube_designs(old), check=False
+    )
+    return build_cube(plan, target, old, states, results_folder.failed_cases(failures))
 
 
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
@@ -184,7 +183,7 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
     codes: dict[str, Path] = {}
     for folder in folders if not any_code else ():
         for case_id, cell in folder.results.items():
-            code = cell.code if cell else case_file.read_code(folder.path, case_id) or ""
+            code = cell.code if cell else case_file.read_code(folder.path, case_id)
             codes.setdefault(code, folder.path)
     if len(codes) > 1:
         listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
@@ -198,13 +197,13 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
 def _contradictions(folders: Sequence[FolderContents]) -> list[Mistake]:
     """Faults of designs that are another case, or the same case with other numbers."""
     mistakes: dict[str, Mistake] = {}
-    of_design: dict[Design, tuple[FolderContents, Cell]] = {}
+    of_design: dict[Labels, tuple[FolderContents, CubeDesign]] = {}
     of_case: dict[str, FolderContents] = {}
     for folder in folders:
         for design, cell in folder.cells.items():
             owner, known = of_design.setdefault(design, (folder, cell))
             if known.case_id != cell.case_id:
-                labels = results_folder.labelled(folder.dims, design)
+                labels = results_folder.label_text(folder.dims, design)
                 message = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
                 message += f" {known.case_id}, computed with other settings;"
                 message += " merge it into another folder"
@@ -214,8 +213,8 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Mistake]:
             if owner is folder or case_id in mistakes:
                 continue
             if case_id in owner.sound & folder.sound:
-                files = (case_file.checksum_path(each.path, case_id) for each in (owner, folder))
-                if len({file.read_bytes() for file in files}) == 1:
+                one, other = (case_file.case_path(each.path, case_id) for each in (owner, folder))
+                if filecmp.cmp(one, other, shallow=False):
                     continue
             agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:
@@ -223,7 +222,7 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Mistake]:
                 message += f" ({sentence.partition(':')[0]});"
                 message += " compute it alone with knitlab reproduce, and remove the wrong one"
                 mistakes[case_id] = Mistake(f"case {case_id}", message)
-    named = list(mistakes.values())[:MOST_NAMED]
-    if len(mistakes) > MOST_NAMED:
+    named = list(mistakes.values())[:MAX_CASES_NAMED]
+    if len(mistakes) > MAX_CASES_NAMED:
         named.append(Mistake("folders", f"contradict each other in {len(mistakes)} cases in all"))
     return named

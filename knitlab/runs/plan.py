@@ -14,6 +14,7 @@ from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import ErrorCollector, InputError, Mistake, invalid
 from knitlab.io.json_file import with_checksum
+from knitlab.io.limits import MAX_CASES
 from knitlab.io.provenance import MODEL, file_digests, package_digest, text_digest
 from knitlab.io.shipped import shipped
 from knitlab.model.stitches import Gauge
@@ -33,10 +34,10 @@ from knitlab.runs.cases import (
 from knitlab.runs.declared_fields import FACTOR
 from knitlab.runs.material import MATERIAL, with_material_file
 from knitlab.runs.parameters import Parameters, read_parameters
-from knitlab.runs.results_folder import Design
+from knitlab.runs.results_folder import Labels
 from knitlab.runs.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.runs.workflow_file import Overrides, workflow_file
-from knitlab.runs.workflow_text import MOST_CASES, WorkflowText
+from knitlab.runs.workflow_text import WorkflowText
 from knitlab.runs.yarn import YarnOnMachine
 from knitlab.solvers.case import Case
 
@@ -53,7 +54,7 @@ class Plan:
     figures: tuple[str, ...]
     cases: dict[str, Case]
     batches: tuple[Batch, ...]
-    excluded: dict[Design, str]  # impossible designs of the grid, with the reason
+    excluded: dict[Labels, str]  # impossible designs of the grid, with the reason
     coordinates: dict[str, Variable]  # of the settings that are given as lists
     overrides: dict[str, Any]  # values that replace the workflow's, by the name of their setting
     inputs: dict[str, str]  # SHA-256 of every file that the plan was made from, by path
@@ -73,7 +74,7 @@ class Plan:
         return tuple(next(iter(self.cases.values())).design)
 
     @property
-    def designs(self) -> dict[str, Design]:
+    def designs(self) -> dict[str, Labels]:
         """Labels of the cases, by identifier."""
         return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
 
@@ -147,8 +148,8 @@ def make_plan(
     with mistakes:
         if parameters and read and not mistakes.all:
             sets = math.prod(len(axes[name]) for name in {*axes} - {*text.paired[1:]})
-            if (number := len(designs) * sets) > MOST_CASES:
-                message = f"asks for {number:,} cases, above {MOST_CASES:,}; give shorter lists"
+            if (number := len(designs) * sets) > MAX_CASES:
+                message = f"asks for {number:,} cases, above {MAX_CASES:,}; give shorter lists"
                 raise invalid(str(text.path), message)
             made = {
                 case.case_id: case

@@ -15,6 +15,7 @@ from knitlab.cubes.case_file import case_path, read_case, stored_cases
 from knitlab.cubes.cube_file import parameters_of
 from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.errors import InputError, invalid
+from knitlab.io.limits import MAX_CASES_NAMED
 from knitlab.io.provenance import MODEL
 from knitlab.observables.measurement import measured
 from knitlab.runs.results_folder import FAILURES, PLAN, earlier_failures, read_plan
@@ -28,7 +29,6 @@ HEADER = (
 AGREES = 1e-3  # difference up to which results agree, in the units of `largest_differences`
 CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capacitance"}
 """Curves that are compared, and their names in messages."""
-MOST_NAMED = 5  # largest number of identifiers that a message lists
 
 
 class RecordedCase(NamedTuple):
@@ -57,8 +57,8 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
         raise invalid(case_id, where)
     if len(matches) > 1 and case_id not in matches:
-        some = ", ".join(list(matches)[:MOST_NAMED])
-        more = ", …" if len(matches) > MOST_NAMED else ""
+        some = ", ".join(list(matches)[:MAX_CASES_NAMED])
+        more = ", …" if len(matches) > MAX_CASES_NAMED else ""
         raise invalid(
             case_id, f"{len(matches)} cases begin so ({some}{more}); give more characters"
         )

@@ -14,7 +14,8 @@ from knitlab.cubes.case_file import case_path, read_case
 from knitlab.cubes.cube_file import CUBE, differences, parameters_of, write_cube
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.lock import gate, held, running_shards
+from knitlab.io.limits import MAX_CASE_TIMEOUT
+from knitlab.io.lock import brief_lock, locked, running_shards
 from knitlab.io.provenance import MODEL, model_of
 from knitlab.observables.schema import Status
 from knitlab.runs import results_folder, workers
@@ -27,15 +28,14 @@ from knitlab.runs.results_folder import (
     PLAN,
     CaseState,
     Failure,
-    cells,
+    case_states,
+    cube_designs,
     earlier_failures,
-    survey,
 )
 from knitlab.runs.simulate import simulate_batch
 from knitlab.runs.workers import BatchError, SchedulerLost, Simulate, Task
 from knitlab.solvers.case import Case
 
-LONGEST = 1e6  # time for one case [s]; timers take no more for a batch of many
 ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
 
 
@@ -64,8 +64,8 @@ class RunOptions:
             for name, number in (("workers", self.workers or 0), ("retries", self.retries))
             if not isinstance(number, int) or number < 0
         ]
-        if self.case_timeout is not None and not 0 < self.case_timeout <= LONGEST:
-            message = f"is not above 0 and at most {LONGEST:,.0f} s; change it, or leave it out"
+        if self.case_timeout is not None and not 0 < self.case_timeout <= MAX_CASE_TIMEOUT:
+            message = f"is not above 0 and at most {MAX_CASE_TIMEOUT:,.0f} s; change or remove it"
             mistakes.append(Mistake(f"case_timeout {self.case_timeout}", message))
         raise_if_any(mistakes)
 
@@ -104,7 +104,7 @@ class Run:
         """One line for each case that is not ok, then on damaged, stale and unfinished ones."""
         lines = []
         for entry in self.failures:
-            label = results_folder.labelled(dims, [entry[name] for name in dims])
+            label = results_folder.label_text(dims, [entry[name] for name in dims])
             lines.append(f"{entry['status']}: {label}: {entry['reason']}")
         for case_id, state in self.states_before.items():
             if state is CaseState.damaged:
@@ -141,22 +141,17 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         workers.connected(options.scheduler).close()  # before anything is written
     shard = options.shard
     share = plan if shard is None else plan.share(shard)
-    with held(results, None if shard is None else (shard.number, shard.count)):
-        with gate(results):
-            there = (results / CUBE).exists()
+    with locked(results, (1, 1) if shard is None else (shard.number, shard.count)):
+        with brief_lock(results):
+            was_there = (results / CUBE).exists()
             old = previous_cube(plan, results / CUBE)
-            # Another shard that has its lock may still wait at the gate, without a plan written.
-            if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
-                recorded = results_folder.read_plan(results)
-                other_model = model_of(recorded.get("code", "")) != MODEL
-                if other_model or recorded["cases"].keys() != plan.cases.keys():
-                    message = "is that of the shards that run in this folder, and has other cases"
-                    message += " or another model; wait for them, or name another results"
-                    raise invalid(str(results / PLAN), f"{message} folder")
+            # Another shard that has its lock may still wait to write its plan.
+            if (results / PLAN).exists() and _others_run(results, shard):
+                _check_same_plan(plan, results)
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        states = survey(share.designs, results, cells(old), check=True)
+        states = case_states(share.designs, results, cube_designs(old), check=True)
         missing = {
             case_id: share.cases[case_id]
             for case_id, state in states.items()
@@ -165,39 +160,49 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         }
         with workers.interrupted_by_signals() as asked:
             done = _simulate(share, results, missing, options, asked)
-        if joined := shard is None:
+        if shard is None:
             cube, failures = _join(plan, results, old, states, done)
+            joined = True
         else:
-            shown, after = share, states | dict.fromkeys(done.ended, CaseState.pending)
-            if not share.cases:  # with more shards than cases: a cube without results
-                shown, after = plan, dict.fromkeys(plan.cases, CaseState.damaged)
-            cube = build_cube(shown, results, None, after, done.failed)
-            failures = _failures(share, results, cube, done)
-            with gate(results):
-                of_others = earlier_failures(results)
-                others = [entry for name, entry in of_others.items() if name not in share.cases]
-                results_folder.write_failures(results, [*others, *failures])
-                if joined := not _others_run(results, shard):
+            cube, failures = _cube_of_share(plan, share, results, states, done)
+            with brief_lock(results):
+                others = earlier_failures(results).items()
+                kept = [entry for case_id, entry in others if case_id not in share.cases]
+                results_folder.write_failures(results, [*kept, *failures])
+                joined = not _others_run(results, shard)
+                if joined:
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
-                    states_now = survey(plan.designs, results, cells(now), check=True)
-                    _join(plan, results, now, states_now, done)
-    changed = () if old is None else map(str, differences(parameters_of(old), plan.common))
-    simulated = tuple(sorted(done.ended))
+                    after = case_states(plan.designs, results, cube_designs(now), check=True)
+                    _join(plan, results, now, after, done)
+    changed = () if old is None else differences(parameters_of(old), plan.common)
     return Run(
         cube,
-        simulated,
-        states,
-        failures,
-        done.stopped,
-        tuple(changed),
-        joined,
-        there and old is None,
+        simulated=tuple(sorted(done.ended)),
+        states_before=states,
+        failures=failures,
+        stopped=done.stopped,
+        changed=tuple(map(str, changed)),
+        joined=joined,
+        rebuilt=was_there and old is None,
     )
 
 
-def _others_run(results: Path, shard: Shard) -> bool:
+def _others_run(results: Path, shard: Shard | None) -> bool:
+    """Whether other shards run in a folder."""
+    if shard is None:
+        return False
     return any(other != (shard.number, shard.count) for other in running_shards(results))
+
+
+def _check_same_plan(plan: Plan, results: Path) -> None:
+    """InputError if the shards that run in a folder have another plan."""
+    recorded = results_folder.read_plan(results)
+    same_model = model_of(recorded.get("code", "")) == MODEL
+    if not same_model or recorded["cases"].keys() != plan.cases.keys():
+        message = "is that of the shards that run in this folder, and has other cases or another"
+        hint = "wait for them, or name another results folder"
+        raise invalid(str(results / PLAN), f"{message} model; {hint}")
 
 
 @dataclass
@@ -281,13 +286,26 @@ def _join(
     done: _Simulated,
 ) -> tuple[xr.Dataset, tuple[Failure, ...]]:
     """Write the cube and the failures of a folder, with the states of its cases before the run."""
-    failed = results_folder.without_results(earlier_failures(results)) | done.failed.keys()
+    failed = results_folder.failed_cases(earlier_failures(results)) | done.failed.keys()
     after = states | dict.fromkeys(done.ended, CaseState.pending)
     cube = build_cube(plan, results, old, after, failed)
     failures = _failures(plan, results, cube, done)
     write_cube(cube, results / CUBE)
     results_folder.write_failures(results, failures)
     return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
+
+
+def _cube_of_share(
+    plan: Plan, share: Plan, results: Path, states: dict[str, CaseState], done: _Simulated
+) -> tuple[xr.Dataset, tuple[Failure, ...]]:
+    """The cube of the share of a shard and its failures; all designs if the share has no cases."""
+    if share.cases:
+        after = states | dict.fromkeys(done.ended, CaseState.pending)
+        cube = build_cube(share, results, None, after, done.failed)
+    else:
+        nothing = dict.fromkeys(plan.cases, CaseState.damaged)
+        cube = build_cube(plan, results, None, nothing, done.failed)
+    return cube, _failures(share, results, cube, done)
 
 
 def _failures(plan: Plan, results: Path, cube: xr.Dataset, done: _Simulated) -> tuple[Failure, ...]:

@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.io.errors import MAX_NAMES, InputError, Mistake, invalid, mistakes_of, unknown
+from knitlab.io.errors import InputError, Mistake, mistakes_of, unknown
+from knitlab.io.limits import MAX_CHOICES
 from knitlab.io.toml import read_toml
 from knitlab.model.electrodes import ElectrodeLayout
 from knitlab.observables.schema import SAMPLE, Variable
@@ -29,7 +30,6 @@ KEYS = dict.fromkeys(Workflow.model_fields, "") | {
     name: setting.section for name, setting in SETTINGS.items()
 }
 """Keys of a workflow, with the table of each."""
-MOST_CASES = 100_000
 PAIRED = "paired"  # the table of a workflow whose lists change together
 LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
 
@@ -102,16 +102,12 @@ class WorkflowText:
         for name, given in self.axes.items():
             section, values = SETTINGS[name].section, []
             source = self.source(f"{section}.{name}")
-            if len(given) > MOST_CASES:
-                raise invalid(
-                    source, f"has {len(given):,} values, above {MOST_CASES:,}; give fewer"
-                )
             for number, value in enumerate(given, start=1):
                 try:
                     table = SECTIONS[section].model_validate({name: _listed(section, name, value)})
                     values.append(getattr(table, name))
                 except ValidationError as error:
-                    if len(mistakes) > MAX_NAMES:
+                    if len(mistakes) > MAX_CHOICES:
                         break
                     messages = [entry.message for entry in mistakes_of(error, "") if number > 1]
                     mistakes += [

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.cubes.case_file import case_path, checksum_path, read_case, write_case_file
+from knitlab.cubes.case_file import case_path, read_case, write_case_file
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
@@ -120,10 +120,7 @@ def test_a_design_that_failed_or_has_not_run_is_named(results, tmp_path):
 def test_a_damaged_case_file_is_not_read(results, tmp_path):
     path = case_path(results, CASE_ID)
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(InputError, match=f"has a damaged case file {CASE_ID}.nc; run the design"):
-        kl.export(results, tmp_path / "a.vtu", **ONE)
-    checksum_path(results, CASE_ID).unlink()
-    with pytest.raises(InputError, match="damaged"):
+    with pytest.raises(InputError, match=rf"{CASE_ID}.nc: .*damaged.*run"):
         kl.export(results, tmp_path / "a.vtu", **ONE)
 
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from knitlab.cli import main
 from knitlab.figures.drawing import draw_figure
 from knitlab.figures.figure_files import is_drawn
-from knitlab.runs.results_folder import finished_plan
+from knitlab.runs.status import finished_plan
 
 SETTINGS = ("n_stripe=4", "n_subunit=8", "strain_max=0.06", "robustness=0")
 WORDS = ["run", "periodic", *(word for text in SETTINGS for word in ("--set", text))]
@@ -107,7 +107,7 @@ def test_lost_or_damaged_files_are_recreated(results, change):
 def test_results_of_other_settings_or_code_are_not_reused(results, monkeypatch):
     assert finished_plan("periodic", SETTINGS[:2], results) is None
     assert finished_plan("sensor", SETTINGS, results) is None
-    monkeypatch.setattr("knitlab.runs.results_folder.package_digest", lambda: "other code")
+    monkeypatch.setattr("knitlab.runs.status.package_digest", lambda: "other code")
     assert finished_plan("periodic", SETTINGS, results) is None
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitlab.cubes.case_file import StoredCase, check_case_file, write_case_file
+from knitlab.cubes.case_file import is_undamaged, write_case_file
 from knitlab.io.provenance import MODEL
 from knitlab.model.threads import allowed_threads
 from knitlab.observables.measurement import variables_of
@@ -138,11 +138,7 @@ def kill_again_and_again(results, kills):
             die_within_a_case(plan, results, int(random.integers(1, 8000)))
         else:
             kill_at_a_change(plan, results, int(random.integers(1, 50)), bool(random.integers(2)))
-        after = {
-            case_id
-            for case_id in plan.cases
-            if check_case_file(results, case_id) is StoredCase.sound
-        }
+        after = {case_id for case_id in plan.cases if is_undamaged(results, case_id)}
         if not after >= before:
             sys.exit(f"lost {sorted(before - after)}")
         hit += len(after) < len(plan.cases)

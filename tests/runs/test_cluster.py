@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from knitlab.cubes.case_file import StoredCase, check_case_file
+from knitlab.cubes.case_file import is_undamaged
 from knitlab.runs.run import RunOptions, run_plan
 from tests.runs import stand_in
 
@@ -119,7 +119,7 @@ def cluster(results):
 
 
 def sound(plan, results):
-    return {name for name in plan.cases if check_case_file(results, name) is StoredCase.sound}
+    return {name for name in plan.cases if is_undamaged(results, name)}
 
 
 @pytest.mark.slow

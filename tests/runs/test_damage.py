@@ -1,17 +1,16 @@
 """Any name and any damaged byte of a results folder: the right numbers or a sentence."""
 
 import errno
-import hashlib
 import json
 import math
 import os
 import shutil
 import socket
-import time
 from contextlib import suppress
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
@@ -19,25 +18,23 @@ from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from knitlab.cli import main
 from knitlab.cli.options import CommandGroup
 from knitlab.cli.output import droppable_output
-from knitlab.cubes.case_file import read_case
-from knitlab.cubes.cube_file import open_cube, write_cube
+from knitlab.cubes.cube_file import open_cube
 from knitlab.cubes.query import formatted, query_cubes
 from knitlab.figures.claims_page import _escaped
 from knitlab.figures.explorer.explorer import write_explorer
+from knitlab.io.checksum import LENGTH
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
 from knitlab.io.json_file import with_checksum
 from knitlab.io.names import is_name
-from knitlab.io.seal import LENGTH
 from knitlab.io.text_file import read_text
 from knitlab.runs.merge import merge_folders
-from knitlab.runs.patterns import Pattern
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import CaseState, status
+from knitlab.runs.results_folder import CaseState
 from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.status import status
 from knitlab.runs.workers import connected
 from tests.runs import stand_in
 
@@ -147,12 +144,9 @@ def test_a_stated_name_leads_nowhere_else(folder, tmp_path, name, where):
 
 def test_exchanged_case_files_are_computed_again(folder, undamaged):
     one, other = sorted((folder / "cases").glob("*.nc"))
-    for suffix in (".nc", ".sha256"):
-        first, second = one.with_suffix(suffix), other.with_suffix(suffix)
-        texts = first.read_bytes(), second.read_bytes()
-        own, others = (path.name.encode() for path in (one, other))
-        first.write_bytes(texts[1].replace(others, own))
-        second.write_bytes(texts[0].replace(own, others))
+    exchanged = one.read_bytes(), other.read_bytes()
+    one.write_bytes(exchanged[1])
+    other.write_bytes(exchanged[0])
     (folder / "cube.nc").unlink()
     run = ran(folder)
     assert set(run.states_before.values()) == {CaseState.damaged}
@@ -162,12 +156,9 @@ def test_exchanged_case_files_are_computed_again(folder, undamaged):
 @pytest.mark.parametrize("dims", [("n_stripe",), ("n_stripe", "n_subunit"), ("foreign",)])
 def test_variables_of_other_programs_are_left_out(folder, undamaged, dims, tmp_path):
     cube = open_cube(folder)
-    sizes = [cube.sizes.get(dim, 3) for dim in dims]
-    foreign = xr.DataArray(range(sizes[0]), dims=dims[:1]).expand_dims(
-        dict(zip(dims[1:], sizes[1:], strict=True))
-    )
-    cube = cube.assign(mine=foreign)
-    cube.to_netcdf(tmp_path / "other.nc")
+    sizes = {dim: cube.sizes.get(dim, 3) for dim in dims}
+    foreign = xr.Variable(dims, np.zeros(tuple(sizes.values())))
+    cube.assign(mine=foreign).to_netcdf(tmp_path / "other.nc")
     shutil.copy(tmp_path / "other.nc", folder / "cube.nc")
     for run in (ran(folder).cube, merge_folders([folder], tmp_path / "merged").cube):
         xr.testing.assert_identical(numbers(run), numbers(undamaged[1]))
@@ -178,83 +169,68 @@ def test_variables_of_other_programs_are_left_out(folder, undamaged, dims, tmp_p
     [
         {"cases": None},
         {"workflow": None},
-        {"dims": 3},
         {"dims": []},
         {"inputs": [1]},
         {"excluded": [None]},
         {"gauge": {}},
-        {"figures": None},
-        {"overrides": [1]},
-        {"cases": {"a": [1]}},
         {"cases": {"a": {"design": None}}},
+        "[" * 100_000,
     ],
 )
-def test_a_plan_of_another_schema_is_a_sentence(folder, change, tmp_path):
-    record = json.loads((folder / "plan.json").read_text()) | change
-    text = json.dumps(record, indent=1) + "\n"
-    (folder / "plan.json").write_text(with_checksum(text))
-    for read in (
-        lambda: status("periodic", results=tmp_path),
-        lambda: merge_folders([folder], tmp_path / "merged"),
-    ):
-        with pytest.raises(InputError, match=r"plan\.json: is not a plan"):
-            read()
+def test_a_plan_that_does_not_match_the_schema_is_named_and_replaced(folder, change, tmp_path):
+    text = change
+    if isinstance(change, dict):
+        record = json.loads((folder / "plan.json").read_text()) | change
+        text = with_checksum(json.dumps(record, indent=1) + "\n")
+    (folder / "plan.json").write_text(text)
+    with pytest.raises(InputError, match=r"plan\.json"):
+        status("periodic", results=tmp_path)
+    with pytest.raises(InputError, match=r"plan\.json"):
+        merge_folders([folder], tmp_path / "merged")
     assert not ran(folder).failures
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "9" * 5000, '{"a": ' * 5000])
-def test_a_plan_without_end_is_a_sentence(folder, tmp_path, text):
-    (folder / "plan.json").write_text(text)
-    with pytest.raises(InputError, match=r"plan\.json: is not a plan"):
-        status("periodic", results=tmp_path)
-
-
-@pytest.mark.parametrize(
-    "line", ["[null]", "null", '{"case_id": 5}', '"x"', '{"failures": [null]}']
-)
+@pytest.mark.parametrize("line", ["[null]", '{"case_id": 5}', '"x"'])
 def test_a_foreign_line_among_the_failures_is_ignored(folder, line, undamaged):
     (folder / "failures.jsonl").write_text(line + "\n")
     xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
 
 
-def test_a_cube_of_an_unknown_status_is_built_again(folder, undamaged):
-    cube = xr.load_dataset(folder / "cube.nc")
+def with_unknown_status(cube):
     cube["status"][0, 0] = 99
-    write_cube(cube, folder / "cube.nc")
-    with pytest.raises(InputError, match="unknown status 99"):
-        open_cube(folder)
-    run = ran(folder)
-    xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
-    (said,) = run.remarks(run.cube["status"].dims, folder)
-    assert "cube.nc was not as it had been written; it is kept as cube-damaged.nc" in said
+    return cube
+
+
+def with_numeric_unit(cube):
+    cube["poisson_ratio"].attrs["units"] = 5
+    return cube
 
 
 @pytest.mark.parametrize(
-    ("change", "problem"),
+    ("change", "named"),
     [
-        (lambda cube: cube.drop_vars("applied_strain"), "no applied_strain that tells"),
-        (lambda cube: cube.isel(applied_strain=1), "no applied_strain that tells"),
+        (with_unknown_status, "status 99"),
+        (with_numeric_unit, "poisson_ratio"),
+        (lambda cube: cube.drop_vars("applied_strain"), "applied_strain"),
+        (lambda cube: cube.isel(applied_strain=1), "applied_strain"),
         (lambda cube: cube.assign(poisson_ratio=("odd", [1.0])), "poisson_ratio along odd"),
-        (lambda cube: cube.assign_coords(n_subunit=[16.0, math.nan]), "no n_subunit that tells"),
-        (lambda cube: cube.assign_coords(n_subunit=[16, 16]), "no n_subunit that tells"),
-        (lambda cube: cube.assign_coords(applied_strain=[*"abc"]), "applied_strain that is no"),
-        (lambda cube: cube.assign(status=cube["status"].astype(str)), "status of the type"),
+        (lambda cube: cube.assign_coords(n_subunit=[16.0, math.nan]), "n_subunit"),
+        (lambda cube: cube.assign_coords(n_subunit=[16, 16]), "n_subunit"),
+        (lambda cube: cube.assign_coords(applied_strain=[*"abc"]), "applied_strain"),
         (lambda cube: cube.assign(code=cube["periods"]), "code of the type"),
-        (lambda cube: cube.assign_attrs(gauge_stitch_width="x"), "gauge_stitch_width that is no"),
-        (lambda cube: with_unit(cube, "poisson_ratio", 5), "poisson_ratio whose unit"),
+        (lambda cube: cube.assign_attrs(gauge_stitch_width="x"), "gauge_stitch_width"),
     ],
 )
-def test_a_cube_of_another_form_is_a_sentence_and_built_again(folder, undamaged, change, problem):
-    cube = change(xr.load_dataset(folder / "cube.nc"))
-    cube.to_netcdf(folder / "cube.nc")
-    with pytest.raises(InputError, match=problem):
+def test_a_cube_that_does_not_match_the_schema_is_named_and_built_again(
+    folder, undamaged, change, named
+):
+    change(xr.load_dataset(folder / "cube.nc")).to_netcdf(folder / "cube.nc")
+    with pytest.raises(InputError, match=named):
         open_cube(folder)
-    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
-
-
-def with_unit(cube, name, unit):
-    cube[name].attrs["units"] = unit
-    return cube
+    run = ran(folder)
+    xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
+    (remark,) = run.remarks(run.cube["status"].dims, folder)
+    assert "cube-damaged.nc" in remark
 
 
 def test_a_cube_without_the_name_of_its_workflow_is_merged_as_its_folder(folder, tmp_path):
@@ -268,16 +244,16 @@ def test_a_cube_without_the_name_of_its_workflow_is_merged_as_its_folder(folder,
 def test_a_cube_without_unit_cells_is_of_another_version(folder, tmp_path):
     xr.load_dataset(folder / "cube.nc").drop_vars("unit_cells_x").to_netcdf(folder / "cube.nc")
     for use in (ran, lambda folder: merge_folders([folder], tmp_path / "merged")):
-        with pytest.raises(InputError, match=r"cube\.nc: is of another version of knitlab"):
+        with pytest.raises(InputError, match=r"cube\.nc: .*version"):
             use(folder)
 
 
-@pytest.mark.parametrize("sealed", [True, False])
-def test_a_damaged_name_of_an_attribute_is_a_sentence(folder, undamaged, sealed):
+@pytest.mark.parametrize("complete", [True, False])
+def test_a_damaged_name_of_an_attribute_is_noticed(folder, undamaged, complete):
     contents = (folder / "cube.nc").read_bytes()
-    contents = contents if sealed else contents[:-LENGTH]
+    contents = contents if complete else contents[:-LENGTH]
     (folder / "cube.nc").write_bytes(contents.replace(b"workflow", b"workfloh"))
-    with pytest.raises(InputError, match="a damaged one"):
+    with pytest.raises(InputError, match="damaged"):
         open_cube(folder)
     xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
 
@@ -289,147 +265,76 @@ def test_a_csv_has_no_formulas(folder):
     assert "\n'=cmd" in text or "\n\"'=cmd" in text
 
 
-def test_a_file_that_never_ends_is_a_sentence(folder, tmp_path):
-    case = next((folder / "cases").glob("4-16-*.nc"))
-    for path in (case, case.with_suffix(".sha256"), folder / "plan.json", folder / "cube.nc"):
-        path.unlink()
-        os.mkfifo(path)
-        with suppress(InputError):
-            status("periodic", results=tmp_path, check=True)
-        path.unlink()
-    holder = folder / ".lock.holder"
-    holder.unlink()
-    os.mkfifo(holder)
-    assert not ran(folder).failures
-
-
-MANY = [1 + k / 1000 for k in range(1000)]
-
-
 @pytest.mark.parametrize(
     ("overrides", "problem"),
     [
-        ({"unit_cells": [1_000_000, 1_000_000]}, "makes a grid of"),
-        ({"unit_cells": [10**11, 1]}, "less than or equal to 1000000"),
-        ({"k_t_factor": MANY, "k_s_factor": MANY}, "asks for"),
-        ({"n_stripe": [4] * 5000, "n_subunit": [16] * 5000}, "at most 300"),
-        (("n_stripe=" + "9" * 5000,), "valid integer"),
-        (("n_stripe=" + "[" * 5000,), "valid integer"),
-        (("n_stripe=0x" + "f" * 5000,), "a number too long to show"),
-        ({"further_strains": [0.1 + k / 1e5 for k in range(2000)]}, "at most 1000"),
-        ({"k_t_factor": [1.0] * 1_000_000}, "has 1,000,000 values, above 100,000"),
-        (("k_t_factor=" + "," * 90_000,), "^.{500,1000}valid number"),
+        ({"unit_cells": [1_000_000, 1_000_000]}, "grid"),
+        ({"unit_cells": [10**11, 1]}, "1000000"),
+        ({"k_t_factor": [1 + k / 1000 for k in range(1000)], "k_s_factor": [1, 2] * 60}, "cases"),
+        ({"n_stripe": [4] * 5000, "n_subunit": [16] * 5000}, "300"),
+        (("n_stripe=" + "9" * 5000,), "integer"),
+        (("n_stripe=0x" + "f" * 5000,), "too long"),
+        ({"further_strains": [0.1 + k / 1e5 for k in range(2000)]}, "1000"),
+        (("k_t_factor=" + "," * 90_000,), "^.{500,1000}number"),
+        *((("n_stripe=4", text), "Poisson's ratio") for text in ("tolerance=0.05", "rest_force=1")),
+        (("n_stripe=4", "relative_tolerance=0.01"), "coarse"),
     ],
 )
-def test_a_sweep_that_is_too_large_is_refused_before_it_is_expanded(overrides, problem):
+def test_a_sweep_that_is_too_large_or_too_coarse_is_refused(overrides, problem):
     with pytest.raises(InputError, match=problem):
         make_plan("periodic", overrides)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "title = " + "9" * 5000, "a = {" * 5000])
-def test_a_workflow_that_is_too_large_is_a_sentence(tmp_path, text):
-    (tmp_path / "large.toml").write_text(text)
-    with pytest.raises(InputError, match="is not TOML"):
-        make_plan(str(tmp_path / "large.toml"))
-
-
-def test_a_file_is_too_long_or_has_its_first_faults_listed(tmp_path):
-    path = tmp_path / "large.toml"
-    path.write_text(f'title = "{"x" * 6_000_000}"')
-    with pytest.raises(InputError, match="has more than 5,000,000 characters"):
-        make_plan(str(path))
-    path.write_text("".join(f"a{number} = 1\n" for number in range(20_000)))
-    with pytest.raises(InputError, match="there is no setting 'a0'") as caught:
-        make_plan(str(path))
-    assert len(caught.value.mistakes) <= 200
-
-
-def test_an_image_of_many_patches_and_a_list_of_many_columns_take_a_moment(folder, tmp_path):
-    Image.new("RGB", (2000, 2000)).save(tmp_path / "map.png")
-    began = time.process_time()
-    rows = Pattern(image="map.png", colours={"black": "R"}).patches(tmp_path)
-    assert rows == ("R" * 2000,) * 2000
-    words = ["query", str(folder), "--columns", "n_stripe," * 100_000]
-    said = CliRunner().invoke(main, words)
-    assert said.stdout.split() == ["n_stripe", "4", "4"]
-    assert time.process_time() - began < 3.0
-
-
 @pytest.mark.parametrize("condition", ["abs(" * 5000, "1" * 5000 + " > 0", f"n_stripe > {10**900}"])
-def test_a_condition_that_is_too_large_is_a_sentence(folder, condition):
-    with pytest.raises(InputError, match=r"is too long|cannot be computed"):
+def test_a_condition_that_is_too_large_is_refused(folder, condition):
+    with pytest.raises(InputError, match=r"too long|cannot be computed"):
         open_cube(folder).knitlab.query(condition)
 
 
-@pytest.mark.parametrize(
-    "setting",
-    ["tolerance=0.05", "tolerance=1e-6,1e-3", "rest_force=0.05", "relative_tolerance=0.01"],
-)
-def test_a_loose_tolerance_is_refused(setting):
-    problem = r"would change Poisson's ratio by more than 0\.001|is too coarse"
-    with pytest.raises(InputError, match=problem):
-        make_plan("periodic", ("n_stripe=4", setting))
-
-
-@pytest.mark.parametrize(
-    ("name", "damaged_name"),
-    [(b"poisson_ratio", b"poisson\xefratio"), (b"applied_strain", b"applied_{train")],
-    ids=["text", "dimension"],
-)
-def test_a_case_file_damaged_before_its_checksum_is_a_sentence(folder, name, damaged_name):
-    path = next((folder / "cases").glob("*.nc"))
-    damaged = path.read_bytes().replace(name, damaged_name)
-    path.write_bytes(damaged)
-    path.with_suffix(".sha256").write_text(f"{hashlib.sha256(damaged).hexdigest()}  {path.name}\n")
-    with pytest.raises(InputError, match="is no case file"):
-        read_case(folder, path.stem)
-
-
-def test_a_file_name_with_a_zero_byte_is_a_sentence():
-    with pytest.raises(InputError, match="zero byte in its name"):
+def test_files_that_cannot_be_read_are_named(tmp_path):
+    with pytest.raises(InputError, match="zero byte"):
         read_text(Path("a\0b"))
-
-
-def test_an_image_of_a_format_that_is_not_read_is_a_sentence(tmp_path):
     Image.new("RGB", (32, 32)).save(tmp_path / "map.icns")
-    with pytest.raises(InputError, match="save it as PNG"):
+    with pytest.raises(InputError, match="PNG"):
         read_image(tmp_path / "map.icns")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match=r"pipe.*plain file"):
+        read_text(tmp_path / "pipe")
 
 
-def test_a_mute_scheduler_is_a_sentence():
-    with socket.create_server(("127.0.0.1", 0)) as mute:
-        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
-        with pytest.raises(InputError, match="no dask scheduler answers"):
+def test_an_unresponsive_scheduler_is_named():
+    with socket.create_server(("127.0.0.1", 0)) as unresponsive:
+        address = f"tcp://127.0.0.1:{unresponsive.getsockname()[1]}"
+        with pytest.raises(InputError, match=address):
             connected(address)
 
 
 @pytest.mark.parametrize(
-    ("error", "sentence"),
+    ("error", "said"),
     [
-        (MemoryError(), "this machine cannot do it: there is not enough memory"),
-        (OSError(errno.EMFILE, "Too many open files"), "this machine cannot do it"),
-        ("\udcff".encode, "this machine cannot do it"),
-        (PermissionError(errno.EACCES, "Permission denied", "here"), "here: cannot be used (Perm"),
-        (FileNotFoundError(errno.ENOENT, "No such file"), "the current folder: cannot be used"),
+        (MemoryError(), "memory"),
+        (OSError(errno.EMFILE, "Too many open files"), "open files"),
+        (PermissionError(errno.EACCES, "Permission denied", "here"), "here: "),
+        (FileNotFoundError(errno.ENOENT, "No such file"), "folder"),
     ],
 )
-def test_what_a_machine_lacks_or_forbids_is_a_sentence(error, sentence):
+def test_what_a_machine_lacks_or_forbids_is_one_line(error, said):
     @click.group(cls=CommandGroup)
     def program():
         pass
 
     @program.command()
     def fail():
-        if callable(error):
-            error()
         raise error
 
-    said = CliRunner().invoke(program, ["fail"])
-    assert said.exit_code == 2
-    assert said.stderr.startswith(f"knitlab: {sentence}")
+    result = CliRunner().invoke(program, ["fail"])
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("knitlab: ")
+    assert said in line
 
 
-def test_nothing_in_a_name_is_obeyed_by_a_terminal_or_a_page(capsys):
+def test_control_characters_are_escaped(capsys):
     with droppable_output():
         print("a\x1b[31mred\x9bm\tb\u202e")
     assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\\u202e\n"

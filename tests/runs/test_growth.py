@@ -1,5 +1,6 @@
 """Cubes that grow, swept settings, and stale results, by a cheap stand-in."""
 
+import itertools
 import json
 import os
 
@@ -8,17 +9,18 @@ import pytest
 import xarray as xr
 
 import knitlab
-import knitlab.runs.results_folder as survey_module
 from knitlab.cubes.case_file import case_path, write_case_file
 from knitlab.cubes.cube_file import read_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.schema import Status
+from knitlab.runs import results_folder
 from knitlab.runs.cube import build_cube
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import CaseState, changed_inputs, folder_status, read_plan
+from knitlab.runs.results_folder import CaseState, changed_inputs, read_plan
 from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.status import folder_status
 from knitlab.solvers.case import case_of
 from tests.runs import stand_in
 
@@ -79,44 +81,22 @@ def test_settings_given_as_lists_are_dimensions_with_units(tmp_path):
         "unit_cells=[[1,1],[2,1]]",
         "ramp_steps=10,20",
     )
-    assert plan.dims == (
-        "n_stripe",
-        "n_subunit",
-        "boundary",
-        "ramp_steps",
-        "rib_k_t",
-        "unit_cells",
-        "z_max_factor",
-    )
-    assert len(plan.cases) == 2 * 2**5
-    seen = {
-        (
-            case.weft.k_t,
-            case.sheet.z_max,
-            case.options.boundary,
-            case.unit_cells,
-            case.solver.ramp_steps,
-        )
-        for case in plan.cases.values()
-    }
-    assert seen == {
-        (k_t, z_max, boundary, cells, steps)
-        for k_t in (0.01, 0.02)
-        for z_max in (3.0, 6.0)
-        for boundary in ("clamped", "periodic")
-        for cells in ((1, 1), (2, 1))
-        for steps in (10, 20)
-    }
+    swept = ("boundary", "ramp_steps", "rib_k_t", "unit_cells", "z_max_factor")
+    assert plan.dims == ("n_stripe", "n_subunit", *swept)
+    seen = [
+        (each.options.boundary, each.weft.k_t, each.unit_cells, each.sheet.z_max)
+        for each in plan.cases.values()
+    ]
+    values = (("clamped", "periodic"), (0.01, 0.02), ((1, 1), (2, 1)), (3.0, 6.0))
+    assert {case.solver.ramp_steps for case in plan.cases.values()} == {10, 20}
+    assert sorted(seen) == sorted(4 * [*itertools.product(*values)])
     cube = ran(plan, tmp_path).cube
     assert cube["rib_k_t"].attrs["units"] == "N"
     assert cube["z_max_factor"].attrs["units"] == "1"
     assert cube["unit_cells"].values.tolist() == ["1x1", "2x1"]
     assert cube.sizes["cell_y"] == 2
-    wide = (
-        cube["strain_xx"]
-        .sel(n_stripe=4, n_subunit=16)
-        .isel(rib_k_t=0, z_max_factor=0, boundary=0, ramp_steps=0)
-    )
+    one = {name: 0 for name in swept if name != "unit_cells"}
+    wide = cube["strain_xx"].sel(n_stripe=4, n_subunit=16).isel(one)
     assert np.isnan(wide.sel(unit_cells="1x1", cell_y=1)).all()
     assert np.isfinite(wide.sel(unit_cells="2x1", cell_y=1)).all()
 
@@ -124,13 +104,8 @@ def test_settings_given_as_lists_are_dimensions_with_units(tmp_path):
 def test_factors_multiply_values_and_both_knits():
     design = ("n_stripe=4", "n_subunit=16")
     (plain,) = planned(*design).cases.values()
-    (case,) = planned(
-        *design,
-        "k_s_factor=2",
-        "rib_k_s_factor=3",
-        "garter_k_s=1.5",
-        "z_max_factor=0.5",
-    ).cases.values()
+    settings = ("k_s_factor=2", "rib_k_s_factor=3", "garter_k_s=1.5", "z_max_factor=0.5")
+    (case,) = planned(*design, *settings).cases.values()
     assert case.weft.k_s == pytest.approx(6 * plain.weft.k_s)
     assert case.warp.k_s == pytest.approx(3.0)
     assert case.weft.k_t == plain.weft.k_t
@@ -141,11 +116,11 @@ def test_factors_multiply_values_and_both_knits():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("k_t_factor=0.8,-1", r"settings k_t_factor=0.8,-1: value 2: .*greater than 0"),
-        ("hinges=all,none", "value 2: .*'fold_lines' or 'all'"),
-        ("z_max=4,4", "has a value twice"),
-        ("theta_0_factor=9", "keep it below pi"),
-        ("unit_cells=[[1,1],[0,1]]", "value 2: .*greater than 0"),
+        ("k_t_factor=0.8,-1", r"k_t_factor=0.8,-1: value 2: "),
+        ("hinges=all,none", "value 2: .*'fold_lines'"),
+        ("z_max=4,4", "twice"),
+        ("theta_0_factor=9", "below pi"),
+        ("unit_cells=[[1,1],[0,1]]", "value 2: "),
     ],
 )
 def test_a_bad_value_of_a_swept_setting_is_named(override, message):
@@ -155,9 +130,7 @@ def test_a_bad_value_of_a_swept_setting_is_named(override, message):
 
 def test_a_cube_of_other_dimensions_is_not_mixed_in(tmp_path):
     ran(planned(*PAIRS), tmp_path)
-    with pytest.raises(
-        InputError, match="has the dimensions n_stripe, n_subunit, but the workflow has"
-    ):
+    with pytest.raises(InputError, match="n_subunit, z_max"):
         ran(planned(*PAIRS, "z_max=4,6"), tmp_path)
 
 
@@ -203,19 +176,18 @@ def test_new_values_of_a_swept_setting_join_a_cube(tmp_path):
 @pytest.mark.parametrize("change", ["z_max=4", "cell_size=flat", "k_t_factor=2"])
 def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):
     before = ran(planned(*PAIRS), tmp_path).cube
-    with pytest.raises(InputError, match="holds 2 designs computed otherwise"):
+    with pytest.raises(InputError, match="2 designs"):
         ran(planned("n_stripe=8", "n_subunit=32", "strain_max=0.06", change), tmp_path)
-    with pytest.raises(InputError, match="holds 1 designs computed otherwise"):
-        ran(
-            planned("n_stripe=4", "n_subunit=16", "strain_max=0.06", change), tmp_path, refresh=True
-        )
+    one = planned("n_stripe=4", "n_subunit=16", "strain_max=0.06", change)
+    with pytest.raises(InputError, match="1 designs"):
+        ran(one, tmp_path, refresh=True)
     xr.testing.assert_equal(read_cube(tmp_path), before)
 
 
 def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, monkeypatch):
     plan = planned(*PAIRS)
     ran(plan, tmp_path)
-    monkeypatch.setattr(survey_module, "MODEL", "model 0")
+    monkeypatch.setattr(results_folder, "MODEL", "model 0")
     kept = ran(plan, tmp_path)
     assert kept.simulated == ()
     assert sorted(kept.left_in(CaseState.stale_code)) == sorted(plan.cases)
@@ -225,11 +197,8 @@ def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, 
 
 
 def test_a_case_is_read_back_from_its_record():
-    for workflow, method in (
-        ("periodic", "equilibrium"),
-        ("periodic", "dynamics"),
-        ("stripes", "equilibrium"),
-    ):
+    methods = (("periodic", "equilibrium"), ("periodic", "dynamics"), ("stripes", "equilibrium"))
+    for workflow, method in methods:
         for case_id, case in make_plan(workflow, (f"method={method}",)).cases.items():
             again = case_of(json.loads(json.dumps(case.record)))
             assert again == case
@@ -253,10 +222,8 @@ def test_the_status_of_a_folder_before_its_first_cube(tmp_path):
     counts = folder_status(tmp_path, plan.dims, plan.designs, check=True).counts
     assert counts == {"done, not yet in the cube": 1, "pending": 1}
     os.truncate(next((tmp_path / "cases").glob("*.nc")), 100)
-    assert folder_status(tmp_path, plan.dims, plan.designs, check=True).counts == {
-        "damaged": 1,
-        "pending": 1,
-    }
+    counts = folder_status(tmp_path, plan.dims, plan.designs, check=True).counts
+    assert counts == {"damaged": 1, "pending": 1}
 
 
 @pytest.mark.slow
@@ -267,7 +234,7 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
     assert table["k_t_factor"].tolist() == [1.2]
     assert len(cube.knitlab.query()) == 4
     assert cube.knitlab.select(k_t_factor=0.8).sizes["k_t_factor"] == 1
-    with pytest.raises(InputError, match=r"select k_t_factor of 0\.8, 1\.2"):
+    with pytest.raises(InputError, match=r"k_t_factor of 0\.8, 1\.2"):
         draw_figure("auxetic", [tmp_path], tmp_path / "map.png")
     drawn = draw_figure("auxetic", [tmp_path], tmp_path / "map.png", {"k_t_factor": 0.8})
     assert drawn.stat().st_size > 1000

@@ -1,6 +1,5 @@
 """Materials: files and objects, what replaces the paper's yarn, and what is refused."""
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,13 +86,11 @@ def test_model_options_that_contradict_the_material_are_refused(tmp_path, settin
     own = replace(longer(RIB, 7.0), row_width=3.0), replace(longer(GARTER, 7.0), row_width=3.0)
     path = written(tmp_path / "a.toml", *own)
     settings = {"n_stripe": 4, "n_subunit": 16, "material": path}
-    with pytest.raises(InputError, match=f"{value} contradicts the material 'acrylic'"):
+    with pytest.raises(InputError, match=f"{value}.*'acrylic'"):
         make_plan("periodic", settings | {setting: value})
-    model = replace(kl.Model(), **{setting: value})
-    with pytest.raises(InputError, match=f"{value} contradicts"):
-        kl.simulate(
-            kl.Design(4, 16), STRAINS, material=kl.Material(own, name="acrylic"), model=model
-        )
+    model, material = replace(kl.Model(), **{setting: value}), kl.Material(own, name="acrylic")
+    with pytest.raises(InputError, match=f"{value}.*'acrylic'"):
+        kl.simulate(kl.Design(4, 16), STRAINS, material=material, model=model)
 
 
 def test_a_stripe_of_the_other_convention_is_not_added(tmp_path):
@@ -104,7 +101,7 @@ def test_a_stripe_of_the_other_convention_is_not_added(tmp_path):
 
 def test_stripes_over_width_and_of_rows_are_not_mixed(tmp_path):
     wide = replace(RIB, row_width=3.0)
-    with pytest.raises(InputError, match=r"row_width of garter 8.*; calibrate"):
+    with pytest.raises(InputError, match=r"row_width of garter 8"):
         kl.Material((wide, GARTER))
     add_stripe(tmp_path / "a.toml", wide, "first")
     with pytest.raises(InputError, match=r"a.toml: rib 4.*garter 8.*width"):
@@ -141,9 +138,9 @@ def test_a_length_that_is_not_given_is_stated_where_it_acts(tmp_path):
 @pytest.mark.parametrize(
     ("workflow", "given", "problem"),
     [
-        ("periodic", {"n_stripe": 6, "n_subunit": 12}, "n_stripe = 6 has no rib stripe"),
-        ("periodic", {"n_stripe": 2}, "n_stripe = 2 has no rib stripe"),
-        ("stripes", {"n": 6}, r"no stripe of n = \[6\]"),
+        ("periodic", {"n_stripe": 6, "n_subunit": 12}, "n_stripe = 6"),
+        ("periodic", {"n_stripe": 2}, "n_stripe = 2"),
+        ("stripes", {"n": 6}, r"n = \[6\]"),
     ],
 )
 def test_the_papers_stripes_are_not_used_beside_a_material(tmp_path, workflow, given, problem):
@@ -154,7 +151,7 @@ def test_the_papers_stripes_are_not_used_beside_a_material(tmp_path, workflow, g
 
 def test_one_knit_alone_is_not_completed_from_the_paper(tmp_path):
     path = written(tmp_path / "rib.toml", RIB)
-    with pytest.raises(InputError, match=r"no garter stripe of 8.*material 'acrylic'"):
+    with pytest.raises(InputError, match=r"garter stripe of 8.*'acrylic'"):
         make_plan("periodic", {"n_stripe": 4, "n_subunit": 16, "material": path})
     # Pure rib needs no garter.
     made = make_plan("stripes", {"knit": "rib", "material": path})
@@ -171,7 +168,7 @@ def test_of_a_named_set_only_designs_with_stripes_are_planned(tmp_path):
 def test_plain_knit_of_the_paper_is_not_used_either(tmp_path):
     path = written(tmp_path / "a.toml", RIB, GARTER)
     given = {"n_stripe": 4, "n_subunit": 16, "pattern": ["GP", "RG"], "material": path}
-    with pytest.raises(InputError, match=r"has no plain knit; give .*plain_stretch_weft"):
+    with pytest.raises(InputError, match=r"plain knit.*plain_stretch_weft"):
         make_plan("periodic", given)
     written(tmp_path / "a.toml", RIB, GARTER, plain=PAPER.plain)
     (case,) = make_plan("periodic", given).cases.values()
@@ -183,21 +180,19 @@ def test_stripes_are_interpolated_only_if_asked(tmp_path):
     garters = [PAPER.stripes.stripe("garter", n) for n in (8, 16)]
     path = written(tmp_path / "a.toml", *ribs, *garters)
     given = {"n_stripe": 6, "n_subunit": 12, "material": path}
-    with pytest.raises(InputError, match="n_stripe = 6 has no rib stripe"):
+    with pytest.raises(InputError, match="n_stripe = 6"):
         make_plan("periodic", given)
     (case,) = make_plan("periodic", given | {"interpolate_stripes": True}).cases.values()
     assert case.weft.period == pytest.approx((ribs[0].period + ribs[1].period) / 2)
     assert case.weft.k_t == pytest.approx(np.sqrt(ribs[0].k_t * ribs[1].k_t))
-    with pytest.raises(InputError, match="n_stripe = 10 has no rib stripe"):
-        make_plan(
-            "periodic", given | {"n_stripe": 10, "n_subunit": 20, "interpolate_stripes": True}
-        )
+    beyond = given | {"n_stripe": 10, "n_subunit": 20, "interpolate_stripes": True}
+    with pytest.raises(InputError, match="n_stripe = 10"):
+        make_plan("periodic", beyond)
 
 
 def test_the_papers_stripes_are_interpolated_too_and_not_for_a_list():
-    (case,) = make_plan(
-        "periodic", {"n_stripe": 7, "n_subunit": 14, "interpolate_stripes": True}
-    ).cases.values()
+    settings = {"n_stripe": 7, "n_subunit": 14, "interpolate_stripes": True}
+    (case,) = make_plan("periodic", settings).cases.values()
     below, above = (PAPER.stripes.stripe("rib", n) for n in (6, 8))
     assert below.period < case.weft.period < above.period
     for name, value in (("interpolate_stripes", [True, False]), ("material", ["a", "b"])):
@@ -208,7 +203,7 @@ def test_the_papers_stripes_are_interpolated_too_and_not_for_a_list():
 def test_a_stripe_between_stiffening_ones_is_refused():
     stripes = [replace(RIB, n=n, stiffening_strain=0.2) for n in (4, 8)]
     tables = StripeTables(interpolate=True).with_stripes(stripes)
-    with pytest.raises(InputError, match="lies between 4 and 8, whose springs are not both linear"):
+    with pytest.raises(InputError, match="between 4 and 8"):
         tables.stripe("rib", 6)
 
 
@@ -254,15 +249,12 @@ def test_a_material_with_faults_lists_every_one(tmp_path):
     path.write_text('z_max = { value = -1.0, unit = "cm", source = "ruler" }\nthicknes = 3\n')
     with pytest.raises(InputError) as caught:
         make_plan("periodic", {"material": str(path)})
-    text = str(caught.value)
-    assert "z_max.value" in text
-    assert "z_max.unit" in text
-    assert "thicknes" in text
-    with pytest.raises(InputError, match="twice"):
+    assert all(name in str(caught.value) for name in ("z_max.value", "z_max.unit", "thicknes"))
+    with pytest.raises(InputError, match="rib 4 twice"):
         kl.Material((RIB, RIB))
-    with pytest.raises(InputError, match="z_max: is -1"):
+    with pytest.raises(InputError, match=r"z_max.*-1"):
         kl.Material((RIB,), z_max=-1.0)
-    with pytest.raises(InputError, match="stripes: are missing"):
+    with pytest.raises(InputError, match="stripes"):
         kl.Material(())
 
 
@@ -278,10 +270,9 @@ def test_a_stripe_is_named_by_its_number_of_stitches(tmp_path, n):
     path = tmp_path / "a.toml"
     key = n.replace("\n", "\\n")
     path.write_text(Path(written(path, RIB)).read_text().replace("n.4]", f'n."{key}"]'))
-    with pytest.raises(InputError, match="named by its number of stitches, from 1 to 9999"):
-        kl.Material.read(path)
-    with pytest.raises(InputError, match="named by its number of stitches, from 1 to 9999"):
-        kl.Material((replace(RIB, n=n),))
+    for make in (lambda: kl.Material.read(path), lambda: kl.Material((replace(RIB, n=n),))):
+        with pytest.raises(InputError, match="1 to 9999"):
+            make()
 
 
 def test_a_key_of_a_file_is_shown_as_one_short_line(tmp_path):
@@ -290,10 +281,8 @@ def test_a_key_of_a_file_is_shown_as_one_short_line(tmp_path):
     said = CliRunner().invoke(main, ["plan", "periodic", "--material", str(path)])
     assert said.exit_code == 2
     lines = said.stderr.splitlines()
-    assert [line.startswith("knitlab: --set material=") for line in lines] == [True, True]
-    assert lines[0].endswith(
-        r"a\n\x1b[31mb.toml: a\nb\u202e: is not a known key; remove it or check its spelling"
-    )
+    assert len(lines) == 2
+    assert r"a\n\x1b[31mb.toml: a\nb\u202e: " in lines[0]
     assert len(lines[1]) < 1000
 
 
@@ -305,17 +294,10 @@ def test_nothing_but_the_lengths_and_stripes_of_the_parameters_changes():
 
 
 def test_the_command_line_takes_a_material_wherever_settings_are_taken(tmp_path, monkeypatch):
-    from click.testing import CliRunner
-
-    from knitlab.cli import main
-
     monkeypatch.chdir(tmp_path)
     written(tmp_path / "a, b.toml", RIB, GARTER, z_max=5.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        done = CliRunner().invoke(
-            main, ["plan", "periodic", "--material", "a, b.toml", "--set", "n_subunit=16"]
-        )
+    words = ["plan", "periodic", "--material", "a, b.toml", "--set", "n_subunit=16"]
+    done = CliRunner().invoke(main, words)
     assert done.exit_code == 0, done.output
     assert "1 cases" in done.output
 
@@ -335,7 +317,5 @@ def test_the_surface_density_of_a_material_is_that_of_its_dynamics(tmp_path):
     settings = {"n_stripe": 4, "n_subunit": 16, "material": str(tmp_path / "heavy.toml")}
     (case,) = make_plan("relaxation", settings).cases.values()
     assert case.motion.surface_density == 4e-4
-    with pytest.raises(
-        kl.InputError, match=r"surface_density: is -1; give a number above 0 in g/mm"
-    ):
+    with pytest.raises(kl.InputError, match=r"surface_density.*-1.*g/mm"):
         replace(heavy, surface_density=-1)

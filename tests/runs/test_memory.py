@@ -32,6 +32,6 @@ def test_a_batch_that_does_not_fit_is_refused_before_anything_is_simulated(tmp_p
 
     monkeypatch.setattr(batches.psutil, "virtual_memory", Small)
     plan = make_plan("periodic", ("n_stripe=4", "strain_max=0.06"))
-    with pytest.raises(InputError, match=r"needs about 0\.6 GB, and this machine has 0\.0 GB"):
+    with pytest.raises(InputError, match=r"0\.6 GB.* 0\.0 GB"):
         run_plan(plan, tmp_path, RunOptions(simulate=simulate))
     assert not list(tmp_path.glob("cases/*.nc"))

@@ -45,14 +45,8 @@ def test_cases_of_another_kind_of_fold_angle_are_not_in_one_batch():
 
 
 def test_overrides_reach_the_case():
-    overrides = (
-        "n_stripe=4",
-        "n_subunit=16",
-        "cell_size=flat",
-        "model.z_max=0.6",
-        "path_step=0.02",
-    )
-    (case,) = make_plan("periodic", overrides).cases.values()
+    overrides = ("n_stripe=4", "n_subunit=16", "cell_size=flat", "model.z_max=0.6")
+    (case,) = make_plan("periodic", (*overrides, "path_step=0.02")).cases.values()
     assert case.design == {"n_stripe": 4, "n_subunit": 16}
     assert case.options.cell_size == "flat"
     assert case.sheet.z_max == 0.6
@@ -75,30 +69,25 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (("n_stripe=5", "n_subunit=20"), "n_stripe = 5 has no rib stripe"),
-        (("n_stripe=4", "n_subunit=18"), "n_subunit = 18 is not a positive multiple"),
-        (("n_stripe=4,6", "n_subunit=10,14"), "is not a positive multiple"),
-        (("n_stripe=10",), "set 'preview' has no n_stripe = 10"),
-        (("set=papers",), "no set 'papers'"),
-        (("cell_size=loose",), r"settings cell_size=loose: .*'flat' or 'relaxed'"),
-        (("k_wall=-1",), r"settings k_wall=-1: .*greater than 0"),
-        (("strain_step=0",), r"settings strain_step=0: .*greater than 0"),
-        (("strain_step=1e-9",), r"gives 4.5e\+08 strains; give at most 1000"),
-        (("strain_max=0.1",), "not a whole multiple of strain_step = 0.03"),
-        (("strain_step=0.5",), "not a whole multiple of strain_step = 0.5"),
-        (("set=papers", "n_stripe=4", "n_subunit=16"), "no set 'papers'"),
-        (("unit_cells=3",), "settings unit_cells=3: value 2: is missing"),
-        (("n_strip=4",), "there is no setting 'n_strip'; did you mean 'n_stripe'"),
-        (("design.z_max=4",), r"is in \[model\]; give model\.z_max"),
-        (("n_stripe",), "not KEY=VALUE"),
-        (("pattern=RG,R",), "not a rectangle"),
-        (("drag=-1",), "settings drag=-1: .*greater than or equal to 0"),
-        (("drag=1e-5",), "periodic fabric has no place to move from: take boundary = clamped"),
-        (
-            ("drag=1e-5", "boundary=clamped", "sensitivities=true"),
-            "settings drag=1e-5: has no sensitivities",
-        ),
-        (("unit_cells=0,1",), "greater than 0"),
+        (("n_stripe=5", "n_subunit=20"), "n_stripe = 5"),
+        (("n_stripe=4", "n_subunit=18"), "n_subunit = 18"),
+        (("n_stripe=4,6", "n_subunit=10,14"), "multiple"),
+        (("n_stripe=10",), "'preview' has no n_stripe = 10"),
+        (("set=papers",), "'papers'"),
+        (("cell_size=loose",), "settings cell_size=loose: .*'flat'"),
+        (("k_wall=-1",), "settings k_wall=-1: "),
+        (("strain_step=0",), "settings strain_step=0: "),
+        (("strain_step=1e-9",), "1000"),
+        (("strain_max=0.1",), "strain_step = 0.03"),
+        (("set=papers", "n_stripe=4", "n_subunit=16"), "'papers'"),
+        (("unit_cells=3",), "settings unit_cells=3: value 2: "),
+        (("n_strip=4",), "'n_strip'.*'n_stripe'"),
+        (("design.z_max=4",), r"\[model\].*model\.z_max"),
+        (("n_stripe",), "KEY=VALUE"),
+        (("pattern=RG,R",), "rectangle"),
+        (("drag=-1",), "settings drag=-1: "),
+        (("drag=1e-5",), "boundary = clamped"),
+        (("drag=1e-5", "boundary=clamped", "sensitivities=true"), "drag=1e-5: .*sensitivities"),
     ],
 )
 def test_a_bad_override_is_named(overrides, message):
@@ -122,15 +111,8 @@ def test_every_fault_of_a_workflow_is_in_one_message(tmp_path):
     with pytest.raises(InputError) as caught:
         make_plan(path, ("hinges=none",))
     text = "\n".join(map(str, caught.value.mistakes))
-    for part in (
-        "title",
-        "figures.0",
-        "n_stripe.0",
-        "model.wall",
-        "strain_max",
-        "settings hinges=none",
-    ):
-        assert part in text
+    places = ("title", "figures.0", "n_stripe.0", "model.wall", "strain_max", "hinges=none")
+    assert all(place in text for place in places)
 
 
 def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
@@ -140,17 +122,12 @@ def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
     overrides = ("n_stripe=5", "n_subunit=20", "k_wall=-1", "hinge=all")
     with pytest.raises(InputError) as caught:
         make_plan("periodic", overrides, tmp_path / "params")
-    assert [fault.path for fault in caught.value.mistakes][1:] == [
-        "settings hinge=all",
-        "settings k_wall=-1",
-    ]
+    bad = ["settings hinge=all", "settings k_wall=-1"]
+    assert [mistake.path for mistake in caught.value.mistakes][1:] == bad
     with pytest.raises(InputError) as caught:
         make_plan("periodic", overrides)
-    assert [fault.path for fault in caught.value.mistakes] == [
-        "settings hinge=all",
-        "settings k_wall=-1",
-        "settings n_stripe=5, settings n_subunit=20",
-    ]
+    bad.append("settings n_stripe=5, settings n_subunit=20")
+    assert [mistake.path for mistake in caught.value.mistakes] == bad
 
 
 def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
@@ -161,7 +138,7 @@ def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
 
 
 def test_a_missing_workflow_is_reported_with_the_nearest():
-    with pytest.raises(InputError, match="no workflow 'previews'; did you mean 'preview'"):
+    with pytest.raises(InputError, match=r"'previews'.*'preview'"):
         make_plan("previews")
 
 
@@ -200,19 +177,9 @@ def test_a_plan_records_everything_it_resolved(tmp_path):
     record = json.loads((tmp_path / "plan.json").read_text())
     assert list(record["cases"]) == list(plan.cases)
     case = next(iter(record["cases"].values()))
-    assert case["warp"] == {
-        "knit": "garter",
-        "n": 8,
-        "period": 1.44,
-        "k_s": 4.78,
-        "theta_0": 0.68,
-        "k_t": 0.045,
-        "stiffening_strain": None,
-        "spring_curve": None,
-        "row_width": None,
-        "stretch_along": None,
-        "curve_along": None,
-    }
+    given = {name: value for name, value in case["warp"].items() if value is not None}
+    stripe = {"period": 1.44, "k_s": 4.78, "theta_0": 0.68, "k_t": 0.045}
+    assert given == {"knit": "garter", "n": 8, **stripe}
     assert case["options"]["fold_phase"] == "stripe_border"
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.json"]
 
@@ -251,18 +218,18 @@ def test_fabrics_that_move_otherwise_are_not_in_one_batch():
 
 
 def test_a_workflow_is_of_checkerboards_or_of_stripes(tmp_path):
-    with pytest.raises(InputError, match=r"either \[design\] or \[stripes\]"):
-        make_plan("stripes", ("n_stripe=4",))
-    with pytest.raises(InputError, match=r"either \[design\] or \[stripes\]"):
-        make_plan(workflow(tmp_path, 'title = "neither"\n'))
-    with pytest.raises(InputError, match="no stripe of n"):
+    for path, overrides in (
+        ("stripes", ("n_stripe=4",)),
+        (workflow(tmp_path, 'title = "neither"\n'), ()),
+    ):
+        with pytest.raises(InputError, match=r"\[design\].*\[stripes\]"):
+            make_plan(path, overrides)
+    with pytest.raises(InputError, match=r"n = \[5\]"):
         make_plan("stripes", ("n=5",))
 
 
 def written(tmp_path, design):
-    path = tmp_path / "mine.toml"
-    path.write_text(f'title = "mine"\n[design]\n{design}\n', encoding="utf-8")
-    return str(path)
+    return workflow(tmp_path, f'title = "mine"\n[design]\n{design}\n')
 
 
 @pytest.mark.parametrize(
@@ -273,66 +240,40 @@ def written(tmp_path, design):
     ],
 )
 def test_a_single_value_may_stand_for_a_list(tmp_path, design, expected):
-    plan = make_plan(written(tmp_path, design))
-    assert [(c.design["n_stripe"], c.design["n_subunit"]) for c in plan.cases.values()] == expected
-
-
-def test_a_nested_list_gives_one_sentence(tmp_path):
-    with pytest.raises(InputError) as caught:
-        make_plan(written(tmp_path, "n_stripe = [[4, 6]]\nn_subunit = 24"))
-    (fault,) = caught.value.mistakes
-    assert "is a list within a list, [4, 6]" in str(fault)
+    assert designs(make_plan(written(tmp_path, design))) == expected
 
 
 @pytest.mark.parametrize(
-    ("line", "meant"),
+    ("lines", "said"),
     [
-        ("n_strip = 4", "'n_stripe'"),
-        ('n_stripe = 4\n[model]\ncell_sise = "flat"', "'cell_size'"),
-        ("n_stripe = 4\n[modell]\nz_max = 1.0", "'model'"),
+        ("[design]\nn_stripe = [[4, 6]]\nn_subunit = 24", r"n_stripe.*\[4, 6\]"),
+        ("[design]\nn_strip = 4", "'n_stripe'"),
+        ('[design]\n[model]\ncell_sise = "flat"', "'cell_size'"),
+        ("[design]\n[modell]\nz_max = 1.0", "'model'"),
+        ('[design]\nmaterial = "mine.toml"', r"design.material: .*\[model\]"),
+        ("strain_max = 0.3\n[design]", r"strain_max: .*\[protocol\]"),
+        ('[design]\nfigures = ["auxetic"]', "design.figures: .*top level"),
+        ("[design.model]", "design.model: .*top level"),
+        ('figures = ["auxetc"]\n[design]', "'auxetic'"),
     ],
 )
-def test_a_misspelt_key_is_reported_with_the_likely_one(tmp_path, line, meant):
-    with pytest.raises(InputError, match=f"did you mean .*{meant}"):
-        make_plan(written(tmp_path, line))
-
-
-@pytest.mark.parametrize(
-    ("lines", "place"),
-    [
-        ('[design]\nmaterial = "mine.toml"', r"design.material: belongs to \[model\]"),
-        ("strain_max = 0.3\n[design]", r"strain_max: belongs to \[protocol\]"),
-        ('[design]\nfigures = ["auxetic"]', "design.figures: belongs to the top level"),
-        ("[design.model]", "design.model: belongs to the top level"),
-    ],
-)
-def test_a_key_of_another_table_is_reported_with_its_table(tmp_path, lines, place):
-    path = tmp_path / "mine.toml"
-    path.write_text(f'title = "mine"\n{lines}\n', encoding="utf-8")
-    with pytest.raises(InputError, match=place) as caught:
-        make_plan(str(path))
-    assert len(caught.value.mistakes) == 1
-
-
-def test_a_misspelt_figure_is_reported_with_the_likely_one(tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text('title = "mine"\nfigures = ["auxetc"]\n[design]\n', encoding="utf-8")
-    with pytest.raises(InputError, match="did you mean 'auxetic'") as caught:
-        make_plan(str(path))
+def test_a_mistake_in_a_workflow_is_reported_once_with_its_remedy(tmp_path, lines, said):
+    with pytest.raises(InputError, match=said) as caught:
+        make_plan(workflow(tmp_path, f'title = "mine"\n{lines}\n'))
     assert len(caught.value.mistakes) == 1
 
 
 @pytest.mark.parametrize(
     ("setting", "said"),
     [
-        ("strain_max=9", "strain_max = 9 is 900% of the length; usual are 0.2 to 0.6"),
-        ("k_t_factor=1e4", "k_t of rib 4 is 178 N; usual are 0.0048 to 0.0498 N"),
-        ("rib_period=0.01", "period of rib 4 is 0.01 mm; usual are 1.09 to 2.44 mm"),
+        ("strain_max=9", ("strain_max = 9", "0.2 to 0.6")),
+        ("k_t_factor=1e4", ("k_t of rib 4", "178 N", "0.0048 to 0.0498 N")),
+        ("rib_period=0.01", ("period of rib 4", "0.01 mm", "1.09 to 2.44 mm")),
     ],
 )
 def test_an_unusual_value_gives_a_warning_with_the_usual_range(setting, said):
     plan = make_plan("periodic", ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
-    assert any(said in warning for warning in plan.warnings)
+    assert any(all(part in warning for part in said) for warning in plan.warnings)
 
 
 @pytest.mark.parametrize("workflow", ["periodic", "paper", "sensor", "stripes", "options"])

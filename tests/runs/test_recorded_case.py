@@ -35,8 +35,8 @@ def case_id():
 def folder(tmp_path, case_id):
     """A results folder with a cube, and with one case file."""
     (tmp_path / "cases").mkdir()
-    for name in ("cube.nc", f"cases/{case_id}.nc", f"cases/{case_id}.sha256"):
-        shutil.copy(REFERENCE / name, tmp_path / name)
+    for path in (REFERENCE / "cube.nc", *(REFERENCE / "cases").glob(f"{case_id}.*")):
+        shutil.copy(path, tmp_path / path.relative_to(REFERENCE))
     return tmp_path
 
 

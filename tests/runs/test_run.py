@@ -32,7 +32,7 @@ def test_invalid_numbers_are_refused_with_the_name_of_their_argument():
 
 @pytest.mark.parametrize("seconds", [float("inf"), float("nan"), 1e300])
 def test_a_time_that_no_timer_takes_is_refused(seconds):
-    with pytest.raises(InputError, match="is not above 0 and at most 1,000,000 s"):
+    with pytest.raises(InputError, match=r"case_timeout.*1,000,000 s"):
         RunOptions(case_timeout=seconds)
 
 
@@ -58,12 +58,8 @@ def test_every_variable_carries_units_and_a_long_name(sweep):
         for name in dataset.variables:
             assert dataset[name].attrs["units"] == (COORDINATES | VARIABLES)[name].units
             assert dataset[name].attrs["long_name"]
-    expected = {
-        name
-        for name, each in VARIABLES.items()
-        if each.in_cube
-        and each.of in ("all", "patches", "design", "stripes", "cloth", "robustness", "contact")
-    }
+    kinds = ("all", "patches", "design", "stripes", "cloth", "robustness", "contact")
+    expected = {name for name, each in VARIABLES.items() if each.in_cube and each.of in kinds}
     assert expected == set(run.cube.data_vars)
 
 
@@ -127,14 +123,8 @@ def test_workers_give_the_results_of_this_process(sweep, tmp_path, workers):
 
 @pytest.mark.slow
 def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
-    overrides = (
-        "n_stripe=4",
-        "n_subunit=8",
-        *SMALL[:2],
-        "boundary=clamped",
-        "start=flat",
-        "unit_cells=[[1,1],[2,1]]",
-    )
+    sample = ("boundary=clamped", "start=flat", "unit_cells=[[1,1],[2,1]]")
+    overrides = ("n_stripe=4", "n_subunit=8", *SMALL[:2], *sample)
     cube = run_plan(make_plan("periodic", overrides), tmp_path, RunOptions()).cube.squeeze()
     assert (cube["status"] == Status.ok).all()
     one, two = (cube.sel(unit_cells=label) for label in ("1x1", "2x1"))

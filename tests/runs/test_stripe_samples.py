@@ -1,7 +1,6 @@
 """Samples of stripes: their covariance, paired settings, and first order against Monte Carlo."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -135,16 +134,16 @@ def test_samples_for_sobol_indices_leave_out_correlations(yarn, tmp_path):
     assert len(plan.cases) == 64 * (8 + 2)
     changes = changes_of(plan.cases, "rib", 4)[: 2 * 64]
     assert abs(np.corrcoef(changes.T)[0, 2]) < 0.2
-    with pytest.raises(InputError, match="samples 48: is not a power of 2, for Sobol indices"):
+    with pytest.raises(InputError, match=r"samples 48.*power of 2"):
         kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, samples=48, sobol=True)
 
 
 def test_what_cannot_be_sampled_is_refused(yarn, tmp_path):
-    with pytest.raises(InputError, match="rib 8: is no stripe of this material"):
+    with pytest.raises(InputError, match="rib 8"):
         kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=8)
-    with pytest.raises(InputError, match="has no suffix"):
+    with pytest.raises(InputError, match="suffix"):
         kl.sample_stripes(yarn, tmp_path / "s", n_stripe=4)
-    with pytest.raises(InputError, match="has no designs"):
+    with pytest.raises(InputError, match="designs"):
         kl.sample_stripes(yarn, tmp_path / "s.toml", n_stripe=4, workflow="stripes")
 
 
@@ -186,8 +185,8 @@ def test_paired_lists_change_together(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "settings", "problem"),
     [
-        ("rib_k_s = [1.0]\nz_max = [3.0, 4.0]", {}, "is not a list as long as the others"),
-        ("rib_k_s = 1.0", {}, "is not a list as long"),
+        ("rib_k_s = [1.0]\nz_max = [3.0, 4.0]", {}, "as long as the others"),
+        ("rib_k_s = 1.0", {}, "as long"),
         ("rib_k_s = [1.0, -2.0]", {}, "rib_k_s: value 2"),
         ("rib_k = [1.0, 2.0]", {}, "rib_k"),
         ("material = ['a', 'b']", {}, "material"),
@@ -196,9 +195,8 @@ def test_paired_lists_change_together(tmp_path):
     ],
 )
 def test_lists_that_cannot_be_paired_are_refused(tmp_path, lines, settings, problem):
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=problem):
         paired(tmp_path, lines, **settings)
-    assert re.search(problem, str(refused.value))
 
 
 def test_a_flat_period_varies_with_the_angle_from_which_it_follows():

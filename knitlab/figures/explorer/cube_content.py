@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from PIL import Image
 
-from knitlab.cubes.case_file import StoredCase, check_case_file, in_cloth, read_case
+from knitlab.cubes.case_file import case_path, in_cloth, is_undamaged, read_case
 from knitlab.cubes.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
 from knitlab.cubes.model_line import model_line
 from knitlab.figures.explorer.shapes import shape_of
@@ -29,10 +29,8 @@ EXPANDED = "stripe_parameter"  # a variable along it becomes one for each label
 DIGITS = 6  # significant digits of the numbers on the page
 NEGLIGIBLE = 1e-7  # fraction of the largest value, below which one is zero but for round-off
 BAND = ("low", "high", "error")  # endings of the variables that give the band of another
-WHY_NOT = {
-    StoredCase.nothing: "Its case file is not beside the cube, so that there is no shape.",
-    StoredCase.damaged: "Its case file is damaged, so that there is no shape.",
-}
+NO_CASE_FILE = "Its case file is not beside the cube, so that there is no shape."
+DAMAGED_CASE_FILE = "Its case file is damaged, so that there is no shape."
 
 PROVENANCE = {
     "source": "code",
@@ -98,9 +96,10 @@ def _shape(
     if folder is None:
         return "The cube was not opened from a file, so that there is no shape.", {}
     case_id = str(cube["case_id"].values[index])
-    stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
-    if stored in WHY_NOT:
-        return WHY_NOT[stored], {}
+    if not case_id or not case_path(folder, case_id).exists():
+        return NO_CASE_FILE, {}
+    if not is_undamaged(folder, case_id):
+        return DAMAGED_CASE_FILE, {}
     design = cube[dict(zip(design_dims(cube), index, strict=True))]
     case = in_cloth(read_case(folder, case_id), design)
     return shape_of(case, cube[STRAIN].values), case.attrs

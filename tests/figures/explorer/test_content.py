@@ -10,11 +10,12 @@ import pytest
 import xarray as xr
 from PIL import Image
 
-from knitlab.cubes.case_file import StoredCase, read_case
+from knitlab.cubes.case_file import read_case
 from knitlab.cubes.cube_file import open_cube
 from knitlab.figures.explorer.cube_content import (
+    DAMAGED_CASE_FILE,
     MOST_FIGURES,
-    WHY_NOT,
+    NO_CASE_FILE,
     cube_content,
     figures_of,
     variables_of,
@@ -101,7 +102,7 @@ def test_a_shape_is_that_of_the_case_file(content):
 def test_a_design_without_its_file_says_so(content):
     without = [each for each in content["designs"] if not each["shape"]]
     assert len(without) == 8
-    assert {each["why_no_shape"] for each in without} == {WHY_NOT[StoredCase.nothing]}
+    assert {each["why_no_shape"] for each in without} == {NO_CASE_FILE}
 
 
 def test_a_damaged_file_gives_no_shape(tmp_path):
@@ -111,7 +112,7 @@ def test_a_damaged_file_gives_no_shape(tmp_path):
     damaged.write_bytes(damaged.read_bytes()[:1000])
     content = cube_content(open_cube(folder))
     reasons = {each["case_id"]: each["why_no_shape"] for each in content["designs"]}
-    assert reasons[damaged.stem] == WHY_NOT[StoredCase.damaged]
+    assert reasons[damaged.stem] == DAMAGED_CASE_FILE
 
 
 def test_what_round_off_leaves_of_zero_is_zero(content):

@@ -1,7 +1,7 @@
-"""Seals: a file that ends with its own checksum, so that any damage is noticed when it is read.
+"""A file that ends with its own checksum, so that any damage is noticed when it is read.
 
-HDF5 ignores what follows its contents, and cuts it off when another program changes the file: then
-the file has no seal, and is believed as any file of another program.
+netCDF ignores what follows its contents, and cuts it off when another program changes the file:
+then the file has no checksum, and is believed as any file of another program.
 """
 
 import hashlib
@@ -15,15 +15,15 @@ LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size
 PART = 1 << 20  # bytes that are in memory at a time
 
 
-def seal(path: Path) -> None:
+def append_checksum(path: Path) -> None:
     """Append the checksum of a file to it."""
     with path.open("r+b") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
         file.write(MARK + digest.encode())
 
 
-def has_seal(path: Path) -> bool:
-    """Whether a file has a seal; ValueError if its contents are others than were sealed."""
+def has_checksum(path: Path) -> bool:
+    """Whether a file ends with its checksum; ValueError if that is of other contents."""
     with plain_file(path).open("rb") as file:
         left = max(file.seek(0, SEEK_END) - LENGTH, 0)
         file.seek(left)

@@ -1,0 +1,141 @@
+"""The status of the plan of a results folder, and whether a run would change anything there.
+
+Needs JAX only if a workflow has changed since it was planned.
+"""
+
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from knitlab.cubes.cube_file import CUBE, read_cube
+from knitlab.io.errors import InputError
+from knitlab.io.names import named_folder
+from knitlab.io.provenance import package_digest
+from knitlab.observables.schema import Status
+from knitlab.runs.results_folder import (
+    CaseState,
+    Labels,
+    case_states,
+    changed_inputs,
+    cube_designs,
+    earlier_failures,
+    label_text,
+    planned_designs,
+    read_plan,
+)
+from knitlab.runs.workflow_file import Overrides, read_overrides, workflow_file
+
+
+@dataclass(frozen=True)
+class FolderStatus:
+    """The progress of the plan of a results folder; cases are named by their identifiers."""
+
+    designs: dict[str, Labels]  # labels of the planned cases along the dimensions
+    dims: tuple[str, ...]
+    statuses: dict[str, str]  # status of every planned case, or why it is not done
+    failures: dict[str, str]  # reason of every failed case
+    changed: tuple[str, ...]  # files that have changed since the plan was made
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"<FolderStatus: {len(self.designs)} cases, {counts}>"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of cases by status, in descending order."""
+        return dict(Counter(self.statuses.values()).most_common())
+
+    def label(self, case_id: str) -> str:
+        """The design of a case as text."""
+        return label_text(self.dims, self.designs[case_id])
+
+    def record(self) -> dict[str, Any]:
+        """The status as a JSON object."""
+        return {
+            "cases": len(self.designs),
+            "counts": self.counts,
+            "changed_inputs": self.changed,
+            "not_ok": [
+                {
+                    "case_id": case_id,
+                    **dict(zip(self.dims, self.designs[case_id], strict=True)),
+                    "status": status,
+                    "reason": self.failures.get(case_id, ""),
+                }
+                for case_id, status in self.statuses.items()
+                if status != Status.ok.name
+            ],
+        }
+
+
+def status(
+    workflow: str | Path, *, results: str | Path = "results", check: bool = False
+) -> FolderStatus:
+    """Status of the cases of the last plan of a workflow, which is renewed if its files changed.
+
+    Args:
+        workflow: name of a shipped workflow, or path of a TOML file.
+        results: folder that holds a folder of results for each workflow.
+        check: whether to compare every case file with its checksum.
+
+    Raises:
+        InputError: if the workflow was never planned there.
+    """
+    folder = named_folder(Path(results), Path(workflow).stem)
+    record = read_plan(folder)
+    designs, changed = planned_designs(record), changed_inputs(record)
+    if changed:
+        from knitlab.runs.plan import make_plan  # imports JAX, which only this case needs
+
+        designs = make_plan(str(workflow), record["overrides"]).designs
+    return folder_status(folder, tuple(record["dims"]), designs, check, changed)
+
+
+def folder_status(
+    folder: Path,
+    dims: tuple[str, ...],
+    designs: dict[str, Labels],
+    check: bool,
+    changed: tuple[str, ...] = (),
+) -> FolderStatus:
+    """Status of cases, given by their labels, in a folder; InputError if ``cube.nc`` is no cube."""
+    cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
+    known = cube_designs(cube)
+    statuses = {}
+    failures = {case_id: entry["reason"] for case_id, entry in earlier_failures(folder).items()}
+    in_cube = {each.case_id: each.status.name for each in known.values()}
+    for case_id, state in case_states(designs, folder, known, check).items():
+        if state is CaseState.done:
+            statuses[case_id] = in_cube.get(case_id, "done, not yet in the cube")
+        elif state is CaseState.pending and case_id in failures:
+            statuses[case_id] = Status.failed.name
+        else:
+            statuses[case_id] = state.value
+    return FolderStatus(designs, dims, statuses, failures, changed)
+
+
+def finished_plan(
+    workflow: str, overrides: Overrides, results: Path
+) -> tuple[dict[str, Any], xr.Dataset] | None:
+    """The record of a plan of which a run would change nothing, and the cube; None if not."""
+    with suppress(InputError, OSError):
+        path = workflow_file(workflow)
+        folder = results / path.stem
+        record = read_plan(folder)
+        if (
+            record["overrides"] == {each.name: each.value for each in read_overrides(overrides)[0]}
+            and record.get("package") == package_digest()
+            and str(path.resolve()) in record["inputs"]
+            and not changed_inputs(record)
+        ):
+            cube, designs = read_cube(folder, lazily=True), planned_designs(record)
+            known = cube_designs(cube)
+            ok = {each.case_id for each in known.values() if each.status is Status.ok}
+            if designs.keys() <= ok:
+                states = case_states(designs, folder, known, check=True)
+                return (record, cube) if set(states.values()) == {CaseState.done} else None
+    return None
