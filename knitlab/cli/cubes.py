@@ -9,7 +9,6 @@ import click
 import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
-from knitlab.runs.figure_names import FIGURE_NAMES
 
 uncertainty_of = option(
     "--uncertainty-of",
@@ -113,7 +112,7 @@ def compare(
 @click.command(
     name="map",
     help="Draw a figure of KIND from CUBES, most kinds take one.\n\nKIND is one of "
-    f"{', '.join(FIGURE_NAMES)}.",
+    f"{', '.join(kl.plot.__all__)}.",
 )
 @click.argument("kind")
 @options.cubes
