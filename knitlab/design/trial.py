@@ -133,7 +133,9 @@ def state_slopes(
 ) -> Float[np.ndarray, "quantity stripe_parameter"]:
     """Logarithmic derivatives p ∂f/∂p of a measure of a state; NoDerivative if it is unstable."""
     derivatives = (
-        adjoint.of_strained(strain, shape, measure) if strain else adjoint.of_relaxed(measure)
+        adjoint.strained_derivatives(strain, shape, measure)
+        if strain
+        else adjoint.relaxed_derivatives(measure)
     )
     return sensitivity.logarithmic(derivatives, case.stripe_pair)
 

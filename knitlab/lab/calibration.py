@@ -33,7 +33,7 @@ from knitlab.model.settings import CellSize
 from knitlab.model.spring_law import CurveLaw, SpringCurve
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.model.stripe_covariance import MIN_REPEATS, StripeCovariance
-from knitlab.model.zigzag import law_of_one
+from knitlab.model.zigzag import stripe_law
 
 Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""
@@ -424,7 +424,7 @@ def _force(
     strain: Float[Array, " point"],
     along: tuple[Float[Array, ""], CurveLaw] | None,
 ) -> Float[Array, " point"]:
-    law = law_of_one(jnp.exp(unknowns[3]) if len(unknowns) > len(FITTED) else None, curve)
+    law = stripe_law(jnp.exp(unknowns[3]) if len(unknowns) > len(FITTED) else None, curve)
     across = jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], law
     sheet = PureStripe(period, *across, *(along or ()))
     # A row of a pure fabric is as wide as its cells are long.

@@ -139,7 +139,7 @@ class SimulatedTest:
         (relaxed, *strained), stripes = self.configurations, self.case.stripe_pair
         adjoint = adjoint_of(self.case, relaxed)
         slopes = [
-            logarithmic(adjoint.of_strained(strain, state, self._measure), stripes)
+            logarithmic(adjoint.strained_derivatives(strain, state, self._measure), stripes)
             for strain, state in zip(self.case.applied_strain[1:], strained, strict=True)
         ]
         return np.stack(slopes, axis=1)

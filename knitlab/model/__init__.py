@@ -3,7 +3,7 @@
 In: a ``Pattern`` (which patch is rib, garter or plain knit, and how large), calibrated stripes, and
 model options. Out: a ``Fabric``, whose ``energy`` of a ``Configuration`` (positions of its nodes)
 is differentiable, with forces and second derivatives of single elements, walls, contact between
-plies, and the electrodes that are plated on it.
+layers, and the electrodes that are plated on it.
 
 Read ``pattern.py``, ``layout.py`` (from a pattern to a network), then ``energy.py`` (the three
 formulas of the paper). Nothing here knows solvers, files or xarray.

@@ -98,7 +98,7 @@ class Electrodes:
         return 0 if self.along == "course" else 1
 
     def mistakes(self, shape: MeshShape) -> list[str]:
-        """All faults of the electrodes on a mesh, each with its position."""
+        """All mistakes of the electrodes on a mesh, each with its position."""
         mistakes = []
         size = (shape.cells_x, shape.cells_y)
         period = size[self.axis] if shape.periodic else 0
@@ -133,7 +133,7 @@ class Electrodes:
 
 
 class BadLayout(ValueError):
-    """A layout that is impossible on a fabric; ``messages`` has a sentence for each fault."""
+    """A layout that is impossible on a fabric; ``messages`` has a sentence for each mistake."""
 
     def __init__(self, messages: list[str]) -> None:
         super().__init__("; ".join(messages))
@@ -185,7 +185,7 @@ class ElectrodeLayout:
 def place_electrodes(
     layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions, stitches: StitchCounts
 ) -> Electrodes:
-    """The electrodes of a layout on a fabric; or :class:`BadLayout` with every fault."""
+    """The electrodes of a layout on a fabric; or :class:`BadLayout` with every mistake."""
     shape = mesh_shape(pattern, options.boundary)
     if shape.periodic and layout.span != (0.0, 1.0):
         raise BadLayout(["periodic fabric has no ends; remove span, or use boundary = clamped"])
@@ -201,7 +201,7 @@ def place_electrodes(
 
 def ridge_lines(layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions) -> list[int]:
     """Grid lines of the ridges that a layout counts."""
-    like = pattern.cells_of("rib") if layout.along == "wale" else pattern.cells_of("garter").T
+    like = pattern.knit_cells("rib") if layout.along == "wale" else pattern.knit_cells("garter").T
     sharp = Ridge(pattern.cells_per_period, SHARP)
     senses = fold_senses(like, options.fold_phase, options.boundary == "periodic", sharp)
     if layout.along == "course" and options.garter_start == "valley":
@@ -265,7 +265,7 @@ def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> list[tuple[Strip, ...]]
 def _broken(
     name: str, plated: Bool[np.ndarray, "row column"], along: Along, shape: MeshShape
 ) -> list[str]:
-    """Faults of a drawn electrode: not connected, or not continued across a periodic boundary."""
+    """Mistakes of a drawn electrode: not connected, or not continued across a periodic boundary."""
     if not plated.any():
         return [f"the mask has no letter {name}; draw both electrodes"]
     pieces, count = label(plated)

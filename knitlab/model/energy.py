@@ -14,10 +14,10 @@ from knitlab.model.fold_angle import (
     Each,
     HingeVectors,
     Vector,
-    by_hinge_vectors,
     fold_and_slope,
     fold_from_normals,
     fold_from_rest,
+    hinge_vector_slopes,
 )
 from knitlab.model.fold_friction import FoldFriction
 from knitlab.model.network import HINGE_VECTORS, Elements, Network
@@ -223,17 +223,17 @@ def _hinge_entries(
     by_three = jax.vmap(lambda unit: along(jnp.broadcast_to(unit, three.shape)))(units)
     hessian = by_three.reshape(3, 3, 3, 3, LANES)
     for _ in range(2):
-        hessian = by_hinge_vectors(hessian, diagonals).transpose(2, 3, 0, 1, 4)
+        hessian = hinge_vector_slopes(hessian, diagonals).transpose(2, 3, 0, 1, 4)
     for normal, first, second in ((1, 1, 2), (2, 3, 4)):
         # Second derivative of the normal, a product of two diagonals: skew-symmetric.
         mixed = jnp.cross(jnp.eye(3)[:, :, None], slopes[normal][:, None], axis=0)
         hessian = hessian.at[first, :, second].add(mixed).at[second, :, first].add(-mixed)
     for _ in range(2):
-        hessian = _by_nodes(hessian).transpose(2, 3, 0, 1, 4)
+        hessian = _node_derivatives(hessian).transpose(2, 3, 0, 1, 4)
     return hessian.reshape(18, 18, LANES)[HINGE_ENTRIES]
 
 
-def _by_nodes(by_vectors: Float[Array, "5 ..."]) -> Float[Array, "6 ..."]:
+def _node_derivatives(by_vectors: Float[Array, "5 ..."]) -> Float[Array, "6 ..."]:
     """Derivatives with respect to the nodes of a hinge, from those with respect to its vectors."""
     return jnp.stack(
         [

@@ -36,7 +36,7 @@ def fold_and_slope(vectors: HingeVectors, rest: Each, of: FoldAngle) -> tuple[Ea
     before = xp.cross(diagonals[0], diagonals[1], axis=0)
     after = xp.cross(diagonals[2], diagonals[3], axis=0)
     angle, slopes = fold_from_normals(edge, before, after, rest, of)
-    return angle, by_hinge_vectors(slopes, diagonals)
+    return angle, hinge_vector_slopes(slopes, diagonals)
 
 
 def fold_from_normals(
@@ -49,7 +49,7 @@ def fold_from_normals(
     return angle - 2 * np.pi * xp.round(angle / (2 * np.pi)), slopes
 
 
-def by_hinge_vectors(
+def hinge_vector_slopes(
     slopes: Array | Sequence[Float[Array | np.ndarray, "3 ..."]],
     diagonals: Array | Sequence[Vector],
 ) -> Float[Array | np.ndarray, "5 3 ..."]:

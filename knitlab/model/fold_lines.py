@@ -99,7 +99,7 @@ PAPER_RIDGE = Ridge(CELLS_PER_PERIOD, 0.5)
 
 
 @lru_cache(maxsize=16)
-def ridge_of(options: ModelOptions) -> Ridge:
+def model_ridge(options: ModelOptions) -> Ridge:
     """The ridge that the model options define."""
     return Ridge(options.cells_per_period, options.ridge_fraction)
 
@@ -147,10 +147,10 @@ def fold_senses(
 def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
     """Shares of the folds of rib, left of grid cells, and of garter, below; > 0 in mountains."""
     periodic = options.boundary == "periodic"
-    ridge = ridge_of(options)
+    ridge = model_ridge(options)
     rib, garter = (
         fold_senses(like, options.fold_phase, periodic, ridge)
-        for like in (pattern.cells_of("rib"), pattern.cells_of("garter").T)
+        for like in (pattern.knit_cells("rib"), pattern.knit_cells("garter").T)
     )
     return rib, (garter if options.garter_start == "mountain" else -garter).T
 
@@ -158,10 +158,10 @@ def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByE
 def fold_stiffness_factors(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
     """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere."""
     periodic = options.boundary == "periodic"
-    by_position = ridge_of(options).stiffness_by_position(options.fold_phase)
+    by_position = model_ridge(options).stiffness_by_position(options.fold_phase)
 
     def factors(like: Like) -> ByEdge:
         position = _number_in_run(like, periodic) % len(by_position)
         return np.where(inside_runs(like, periodic), by_position[position], 1.0)
 
-    return factors(pattern.cells_of("rib")), factors(pattern.cells_of("garter").T).T
+    return factors(pattern.knit_cells("rib")), factors(pattern.knit_cells("garter").T).T

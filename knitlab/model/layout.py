@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.model.array_library import array_library
 from knitlab.model.fabric import Fabric
-from knitlab.model.fold_lines import fold_stiffness_factors, inside_runs, patch_senses, ridge_of
+from knitlab.model.fold_lines import fold_stiffness_factors, inside_runs, model_ridge, patch_senses
 from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
 from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
@@ -51,7 +51,7 @@ class FabricLayout:
         width, height = self._on_grid(*(cell_length(side, options) for side in sides))
         k_s = in_cells(*(side.k_s for side in sides))
         k_t = in_cells(*(side.k_t for side in sides))
-        rest_fold = in_cells(*(ridge_of(options).rest_fold(side.theta_0) for side in sides))
+        rest_fold = in_cells(*(model_ridge(options).rest_fold(side.theta_0) for side in sides))
         # Grid cells along a cell of the paper's grid.
         refinement = options.cells_per_period // CELLS_PER_PERIOD
         if options.hinge_stiffness == "per_length":
@@ -164,7 +164,7 @@ class FabricLayout:
         cells = net.spring_cells.transpose(1, 2, 0)
         plain = np.all([self.plain_cells[row, column] for row, column in cells], axis=0)
 
-        def number_of(row: np.ndarray, column: np.ndarray) -> Any:
+        def law_numbers(row: np.ndarray, column: np.ndarray) -> Any:
             """Numbers of the laws of springs in cells."""
             rib = self.column_stripe[column]
             garter = of_weft + self.row_stripe[row]
@@ -177,12 +177,12 @@ class FabricLayout:
             return xp.where(plain, len(strains) - 1, number)
 
         one, other = (tuple(cell) for cell in cells)
-        law = laws.of(number_of(*one))
+        law = laws.of(law_numbers(*one))
         if law.rate is None or not (own_rib.any() or own_garter.any()):
             return law
         # A spring on the border of two knits is half a spring of each.
         halves = [xp.where(net.weft, k_s[0][cell], k_s[1][cell]) for cell in (one, other)]
-        return law.mixed_with(laws.of(number_of(*other)), halves[1] / (halves[0] + halves[1]))
+        return law.mixed_with(laws.of(law_numbers(*other)), halves[1] / (halves[0] + halves[1]))
 
 
 def _stiffening_strains(stripes: StripeNumbers) -> list[Float[Array | np.ndarray, ""] | None]:
@@ -222,25 +222,27 @@ def fabric_layout(
     if pattern.cells_per_period != options.cells_per_period:
         counts = f"{pattern.cells_per_period} and {options.cells_per_period}"
         raise ValueError(f"pattern and options have {counts} cells per period; make them equal")
-    plain_cells = pattern.cells_of("plain")
+    plain_cells = pattern.knit_cells("plain")
     if plain is None and plain_cells.any():
         raise ValueError("the pattern has plain patches (P); give the stiffness of plain knit")
     net = network(mesh_shape(pattern, options.boundary))
     before, after = _beside_hinges(net)
     single = _single_folds(pattern, net)
 
-    def of_knits(rib: np.ndarray, garter: np.ndarray) -> np.ndarray:
+    def knit_values(rib: np.ndarray, garter: np.ndarray) -> np.ndarray:
         """Values of the edges before grid cells, for every hinge."""
         return np.where(net.wale, rib[after], garter[after])
 
-    factor = of_knits(*fold_stiffness_factors(pattern, options))
+    factor = knit_values(*fold_stiffness_factors(pattern, options))
     # A single fold is one hinge on any grid; on a finer grid its edges are shorter.
     factor = np.where(np.isnan(single), factor, CELLS_PER_PERIOD / options.cells_per_period)
     if options.hinges == "fold_lines":
-        in_rib = inside_runs(pattern.cells_of("rib"), net.shape.periodic)
-        in_garter = inside_runs(pattern.cells_of("garter").T, net.shape.periodic).T
+        in_rib = inside_runs(pattern.knit_cells("rib"), net.shape.periodic)
+        in_garter = inside_runs(pattern.knit_cells("garter").T, net.shape.periodic).T
         in_plain = plain_cells[before] & plain_cells[after]
-        factor = np.where(of_knits(in_rib, in_garter) | in_plain | ~np.isnan(single), factor, 0.0)
+        factor = np.where(
+            knit_values(in_rib, in_garter) | in_plain | ~np.isnan(single), factor, 0.0
+        )
     return FabricLayout(
         net=net,
         sheet=sheet,
@@ -249,9 +251,9 @@ def fabric_layout(
         column_stripe=pattern.column_stripe[pattern.patch_of_column],
         plain=plain,
         plain_cells=plain_cells,
-        rib_cells=pattern.cells_of("rib"),
-        garter_cells=pattern.cells_of("garter"),
-        patch_fold=of_knits(*patch_senses(pattern, options)),
+        rib_cells=pattern.knit_cells("rib"),
+        garter_cells=pattern.knit_cells("garter"),
+        patch_fold=knit_values(*patch_senses(pattern, options)),
         single_fold=single,
         stiffness_factor=factor,
     )

@@ -21,7 +21,7 @@ Patches = Annotated[float, Field(ge=0)]  # 1.5 is the middle of the second patch
 
 
 class BadPattern(ValueError):
-    """A pattern that cannot be knitted; ``messages`` has a sentence for each fault."""
+    """A pattern that cannot be knitted; ``messages`` has a sentence for each mistake."""
 
     def __init__(self, messages: Sequence[str]) -> None:
         super().__init__("; ".join(messages))
@@ -105,7 +105,7 @@ class PatchGrid:
         """Grid cells along (y, x)."""
         return int(self.row_borders[-1]), int(self.column_borders[-1])
 
-    def cells_of(self, knit: Knit) -> Bool[np.ndarray, "grid_y grid_x"]:
+    def knit_cells(self, knit: Knit) -> Bool[np.ndarray, "grid_y grid_x"]:
         """Which grid cells lie in a patch of a knit."""
         of_patch = np.vectorize(KNIT_OF_LETTER.__getitem__, otypes=[object])(self.knit) == knit
         return of_patch[np.ix_(self.patch_of_row, self.patch_of_column)]
@@ -126,7 +126,7 @@ class PatchGrid:
         return replace(self, knit=np.tile(self.knit, repeats), folds=tuple(folds), **of_lines)
 
     def grid_folds(self) -> list[tuple[SingleFold, int, int, int]]:
-        """Single folds with their grid line, start and end; :class:`BadPattern` has all faults."""
+        """Single folds with grid line, start and end; :class:`BadPattern` names every mistake."""
         messages = list[str]()
         on_grid = []
         for number, fold in enumerate(self.folds, 1):
@@ -150,7 +150,7 @@ class PatchGrid:
 
 
 def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int:
-    """Grid line at a position in patches; or ValueError with the fault of this position."""
+    """Grid line at a position in patches; or ValueError if there is none."""
     if not 0 <= at <= len(borders) - 1:
         raise ValueError(f"lies outside the pattern, which has {len(borders) - 1} patches there")
     patch = min(int(at), len(borders) - 2)
@@ -163,7 +163,7 @@ def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int:
     return int(borders[patch]) + round(line)
 
 
-def letters_of(rows: Sequence[str]) -> np.ndarray:
+def map_letters(rows: Sequence[str]) -> np.ndarray:
     """Letters (row, column) of a map, lowest row first, from its text; or :class:`BadPattern`."""
     widths = {len(row) for row in rows}
     if not rows or len(widths) != 1 or widths == {0}:
@@ -212,7 +212,7 @@ def graded_pattern(
     cells_per_period: int = CELLS_PER_PERIOD,
 ) -> PatchGrid:
     """The pattern of a fabric: its letters, top course first, with sizes, and repeats (y, x)."""
-    knit = letters_of(rows)
+    knit = map_letters(rows)
     if grading is None:
         height, width = knit.shape
         sizes = np.full(height, periods), np.full(width, periods)

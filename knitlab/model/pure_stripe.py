@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.spring_law import LINEAR, CurveLaw, SpringLaw
 from knitlab.model.stripe import Stripe
-from knitlab.model.zigzag import Zigzag, fold_tension, law_of_one
+from knitlab.model.zigzag import Zigzag, fold_tension, stripe_law
 
 NEWTON_STEPS = 15  # to the side of a cell in balance; the last ones change nothing
 
@@ -43,7 +43,7 @@ class PureStripe(Zigzag):
             jnp.asarray(row * stripe.k_s, float),
             jnp.asarray(row * stripe.k_t, float),
             jnp.asarray(stripe.theta_0, float),
-            law_of_one(stripe.stiffening_strain, stripe.spring_curve),
+            stripe_law(stripe.stiffening_strain, stripe.spring_curve),
             None if along is None else jnp.asarray(along, float),
             LINEAR if stripe.curve_along is None else CurveLaw.of(stripe.curve_along),
         )

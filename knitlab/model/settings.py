@@ -88,7 +88,7 @@ class Sheet:
     Attributes:
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
-        thickness: distance that the middle surfaces of two plies keep; used with contact only [mm].
+        thickness: distance that two middle surfaces keep; used with contact only [mm].
         contact_pressure: pressure scale at which they do [N/mm²].
         cloth_stitch_width: width of a stitch of the flat cloth, along the course; 0 if walls and
             thickness are lengths of the network [mm].

@@ -33,7 +33,7 @@ class SpringCurve:
         force: at each strain, increasing, 0 at rest, in any unit.
 
     Raises:
-        ValueError: if the table is invalid; it lists every fault.
+        ValueError: if the table is invalid; it lists every mistake.
 
     Example:
         >>> curve = SpringCurve((0.0, 0.1, 0.2), (0.0, 1.0, 3.0))

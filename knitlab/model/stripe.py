@@ -23,7 +23,7 @@ SpringKinds = tuple[SpringKind, SpringKind]
 
 SPRING_LAWS = ("stiffening_strain", "spring_curve")
 """The fields of a stripe that define the law of its springs; linear springs have neither."""
-OF_OWN_YARN = ("row_width", "stretch_along", "curve_along")
+YARN_FIELDS = ("row_width", "stretch_along", "curve_along")
 """Fields that the paper's stripes do not have."""
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")  # order of siblings' random changes
 STIFFENING = "stiffening_strain"

@@ -52,11 +52,11 @@ def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
         k_s=jnp.asarray(stripe.k_s, float),
         k_t=jnp.asarray(k_t, float),
         theta_0=jnp.asarray(stripe.theta_0, float),
-        law=law_of_one(stripe.stiffening_strain, stripe.spring_curve),
+        law=stripe_law(stripe.stiffening_strain, stripe.spring_curve),
     )
 
 
-def law_of_one(
+def stripe_law(
     stiffening_strain: Float[Array, ""] | float | None, curve: SpringCurve | None
 ) -> SpringLaw:
     """The law of the springs of one stripe, with a stiffening strain [1], a curve, or neither."""

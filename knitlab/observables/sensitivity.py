@@ -119,7 +119,7 @@ def sensitivities(
     for number, state in enumerate(strained, start=1):
         strain = case.applied_strain[number]
         try:
-            derivatives = adjoint.of_strained(strain, state.configuration, measure)
+            derivatives = adjoint.strained_derivatives(strain, state.configuration, measure)
         except NoDerivative:
             continue
         values[:, number] = logarithmic(derivatives, case.stripe_pair)

@@ -20,8 +20,8 @@ from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
-    OF_OWN_YARN,
     SPRING_LAWS,
+    YARN_FIELDS,
     Knit,
     Stripe,
     periods_per_patch,
@@ -44,7 +44,7 @@ from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.settings import Solver
 
 KNITS: tuple[Knit, ...] = ("rib", "garter")
-QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS, *OF_OWN_YARN))
+QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS, *YARN_FIELDS))
 """Fitted numbers of a stripe, by their types."""
 OPTIONAL = {"stiffening_strain": "1", "row_width": "mm", "stretch_along": "N/mm"}
 """Numbers that a stripe need not have, and their units."""

@@ -12,7 +12,7 @@ from knitlab.io.image_file import read_image
 from knitlab.io.names import Name
 from knitlab.io.text_file import read_text
 from knitlab.io.toml import StrictModel
-from knitlab.model.pattern import KNIT_OF_LETTER, BadPattern, Grading, SingleFold, letters_of
+from knitlab.model.pattern import KNIT_OF_LETTER, BadPattern, Grading, SingleFold, map_letters
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
 from knitlab.runs.declared_fields import Count, with_defaults, with_fields
 
@@ -90,7 +90,7 @@ class Pattern(StrictModel):
             if getattr(self, one) is not None and getattr(self, other) is not None:
                 raise ValueError(f"has both {one} and {other}; give one of them")
         if self.rows is not None:
-            letters_of(self.rows)
+            map_letters(self.rows)
         return self
 
     def files(self, folder: Path) -> list[Path]:
@@ -108,7 +108,7 @@ class Pattern(StrictModel):
                 rows = tuple(line.strip().upper() for line in lines if line.strip())
             else:
                 rows = _letters_of_image(path, self.colours)
-            letters_of(rows)
+            map_letters(rows)
         except BadPattern as error:
             raise invalid(str(path), str(error)) from error
         return rows

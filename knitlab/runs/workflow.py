@@ -21,7 +21,7 @@ from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel
 from knitlab.model.electrodes import Capacitor, ElectrodeLayout
 from knitlab.model.fold_friction import Friction
-from knitlab.model.pattern import letters_of
+from knitlab.model.pattern import map_letters
 from knitlab.model.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STIFFENING, STRIPE_QUANTITIES, Knit
@@ -98,7 +98,7 @@ class DesignSection(StrictModel):
     @classmethod
     def _is_a_patch_map(cls, rows: tuple[str, ...]) -> tuple[str, ...]:
         if pattern_name(rows) is None:
-            letters_of(rows)
+            map_letters(rows)
         return rows
 
     @model_validator(mode="after")

@@ -62,7 +62,7 @@ class ThreadChunks:
 
 
 @cached_by_shape
-def chunks_of(shape: MeshShape) -> tuple[ThreadChunks, ...]:
+def thread_chunks(shape: MeshShape) -> tuple[ThreadChunks, ...]:
     """The network of a mesh shape in chunks: for one thread or, if there are many, for two."""
     net = network(shape)
     count = -(-shape.nodes // HEIGHTS)
@@ -114,7 +114,7 @@ class ChunkedFabric:
 
     def __init__(self, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> None:
         self.shape = shape
-        self._by_thread = chunks_of(shape)
+        self._by_thread = thread_chunks(shape)
         self._threads = threads
         self._fold_angle = fabric.fold_angle
         self._walls = float(fabric.z_max), float(fabric.k_wall)
@@ -132,7 +132,7 @@ class ChunkedFabric:
         """Energy and gradient of a configuration at a stage."""
         acting = self._acting(stage)
 
-        def of_thread(own_chunks: ThreadChunks) -> tuple[Float[np.ndarray, "3"], Unknowns]:
+        def evaluate_chunks(own_chunks: ThreadChunks) -> tuple[Float[np.ndarray, "3"], Unknowns]:
             """Energies of the chunks of one thread, and the gradient of their sum."""
             vectors = own_chunks.vectors(unknowns)
             energies = np.zeros(3)
@@ -145,7 +145,9 @@ class ChunkedFabric:
                     view[:] = by_kind
             return energies, own_chunks.transposed @ gradient.ravel()
 
-        energies, gradients = zip(*self._threads.each(of_thread, self._by_thread), strict=True)
+        energies, gradients = zip(
+            *self._threads.each(evaluate_chunks, self._by_thread), strict=True
+        )
         return energy.Evaluation(
             energy.Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0)
         )

@@ -31,7 +31,7 @@ def test_k_t_per_length_is_k_t_times_the_length_of_the_edge():
 def test_fold_lines_alone_leave_no_hinge_against_the_folds_or_on_borders():
     net, every = checkered(4, 2, ModelOptions(hinges="all"))
     _, lines = checkered(4, 2, ModelOptions(hinges="fold_lines"))
-    rib = checkerboard(2).cells_of("rib")
+    rib = checkerboard(2).knit_cells("rib")
     after = rib[tuple(net.hinge_cells.T)]
     before = rib[tuple((net.hinge_cells - np.where(net.wale[:, None], [0, 1], [1, 0])).T)]
     inside = np.where(net.wale, after & before, ~after & ~before)

@@ -219,7 +219,7 @@ def test_a_spring_on_the_border_of_two_knits_has_half_the_force_of_a_spring_of_e
     net, fabric = assemble_fabric(checkerboard(2), rib, garter, SHEET, PERIODIC)
     width, height = (float(cell_length(each, PERIODIC)) for each in (rib, garter))
     one, other = (tuple(cell) for cell in net.spring_cells.transpose(1, 2, 0))
-    is_rib = checkerboard(2).cells_of("rib")
+    is_rib = checkerboard(2).knit_cells("rib")
     along_rib, across_garter = 0.5 * width * curve.spline(0.2), garter.k_s * height * 0.2
     for first, second in ((one, other), (other, one)):
         border = net.warp & is_rib[first] & ~is_rib[second]

@@ -15,7 +15,7 @@ PHASES = st.sampled_from(["stripe_border", "stripe_centre"])
 
 @pytest.mark.parametrize(("phase", "folds"), [("stripe_border", 2 * 3 - 1), ("stripe_centre", 6)])
 def test_the_number_of_folds_of_a_single_patch_follows_from_fold_phase(phase, folds):
-    senses = fold_senses(checkerboard(3).cells_of("rib"), phase, periodic=True)
+    senses = fold_senses(checkerboard(3).knit_cells("rib"), phase, periodic=True)
     assert (np.count_nonzero(senses, axis=1) == folds).all()
 
 
@@ -43,8 +43,8 @@ def test_periodic_folds_shift_with_their_pattern(like, phase, patches):
 
 
 def test_neighbouring_patches_of_one_knit_fold_as_one_patch():
-    one = fold_senses(patch_map(["RR"], 1).cells_of("rib"), "stripe_border", periodic=False)
-    other = fold_senses(patch_map(["R"], 2).cells_of("rib"), "stripe_border", periodic=False)
+    one = fold_senses(patch_map(["RR"], 1).knit_cells("rib"), "stripe_border", periodic=False)
+    other = fold_senses(patch_map(["R"], 2).knit_cells("rib"), "stripe_border", periodic=False)
     assert (one[0] == other[0]).all()
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from knitlab.model.energy import SPRING_ENTRIES, spring_energy, spring_stiffness
 from knitlab.model.spring_law import LINEAR, SpringCurve, SpringLaw
-from knitlab.model.zigzag import law_of_one
+from knitlab.model.zigzag import stripe_law
 from tests.fabrics import PERIODIC, SHEET, assemble_fabric, checkerboard, stripe
 
 CURVE = SpringCurve((0.0, 0.05, 0.1, 0.2, 0.4), (0.0, 1.0, 2.5, 9.0, 40.0))
@@ -149,7 +149,7 @@ def test_each_spring_has_the_law_of_its_stripe_and_diagonals_that_of_the_softer(
         found = fabric.spring_law.pull(length, fabric.rest_length)
         diagonal = ~(net.weft | net.warp)
         for springs, its in ((net.weft, weft), (net.warp, warp), (diagonal, of_diagonal)):
-            law = law_of_one(its.stiffening_strain, its.spring_curve)
+            law = stripe_law(its.stiffening_strain, its.spring_curve)
             strain_only = partial(law.pull, rest_length=fabric.rest_length[springs])
             np.testing.assert_allclose(found[springs], strain_only(length[springs]), rtol=1e-12)
 

@@ -6,7 +6,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
-from knitlab.model.stripe import OF_OWN_YARN, SPRING_LAWS, STRIPE_QUANTITIES, Stripe
+from knitlab.model.stripe import SPRING_LAWS, STRIPE_QUANTITIES, YARN_FIELDS, Stripe
 from knitlab.runs.declared_fields import declared, unit_of
 from knitlab.runs.parameters import TABLES, Model, read_parameters
 from knitlab.runs.plan import make_plan
@@ -46,7 +46,7 @@ def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_bot
         "knit",
         "n",
         *SPRING_LAWS,
-        *OF_OWN_YARN,
+        *YARN_FIELDS,
     }
     for name in STRIPE_QUANTITIES:
         assert SETTINGS[f"{name}_factor"].factor_on == name

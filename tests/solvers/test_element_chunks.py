@@ -9,7 +9,7 @@ from knitlab.model.fabric import flat_sheet
 from knitlab.model.settings import ModelOptions
 from knitlab.model.threads import ALONE, Threads
 from knitlab.solvers import element_chunks
-from knitlab.solvers.element_chunks import HEIGHTS, ChunkedFabric, chunks_of
+from knitlab.solvers.element_chunks import HEIGHTS, ChunkedFabric, thread_chunks
 from tests.fabrics import checkered, evaluate_whole, shaken, whole_element_hessians
 
 PART = Stage(fold=0.7, wall=0.3)
@@ -21,7 +21,7 @@ SHEETS = [("clamped", 1), ("clamped", 4), ("periodic", 1), ("periodic", 4)]
 def shared(monkeypatch):
     """Makes small samples use several threads."""
     monkeypatch.setattr(element_chunks, "WORTH_SHARING", 2)
-    monkeypatch.setattr(element_chunks, "chunks_of", chunks_of.__wrapped__)
+    monkeypatch.setattr(element_chunks, "thread_chunks", thread_chunks.__wrapped__)
 
 
 @pytest.mark.slow

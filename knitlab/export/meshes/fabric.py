@@ -101,7 +101,7 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
     along_y, along_x = case.unit_cells
     pattern = replace(case, unit_cells=(repeats[0] * along_y, repeats[1] * along_x)).sample
     across = pattern.knit.shape[1]
-    knit = np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0)
+    knit = np.argmax([pattern.knit_cells(knit) for knit in KNITS], axis=0)
     patch = pattern.patch_of_row[:, None] * across + pattern.patch_of_column
     # Every format knows integers of 32 bits.
     fields: dict[str, np.ndarray] = {KNIT: knit.astype(np.int32), PATCH: patch.astype(np.int32)}

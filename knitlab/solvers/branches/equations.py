@@ -80,7 +80,7 @@ class FabricEquations:
 
     def stiffness(self, u: Vector, t: float) -> sp.csc_array:
         """∂²V/∂u² [N/mm]."""
-        return stiffness_of(self._elements, self._free, self.unknowns(u, t))
+        return symmetric_stiffness(self._elements, self._free, self.unknowns(u, t))
 
     def force_by_parameter(self, u: Vector, t: float) -> Vector:
         """∂²V/∂u∂ε by a central difference [N]."""
@@ -89,7 +89,9 @@ class FabricEquations:
         return (ahead - behind) / (2 * DIFFERENCE)
 
 
-def stiffness_of(elements: ChunkedFabric, free: FreeStiffness, unknowns: Unknowns) -> sp.csc_array:
+def symmetric_stiffness(
+    elements: ChunkedFabric, free: FreeStiffness, unknowns: Unknowns
+) -> sp.csc_array:
     """The whole symmetric stiffness of the free unknowns of a fabric [N/mm]."""
     lower = free.lower(free.entries(elements.element_hessians(COMPLETE, unknowns)))
     return sp.csc_array(lower + sp.tril(lower, -1).T)

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 from knitlab.model.energy import Point, fold_angles
 from knitlab.model.fabric import Configuration, Fabric, Unknowns, flat_sheet
 from knitlab.model.network import Network
-from knitlab.solvers.branches.equations import stiffness_of
+from knitlab.solvers.branches.equations import symmetric_stiffness
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.equilibrium import run_each
 from knitlab.solvers.equilibrium.loading import all_free
@@ -142,7 +142,7 @@ def highest_between(system: System, one: Unknowns, other: Unknowns) -> float:
 def _descent(system: System, at: Unknowns) -> Callable[[Unknowns], Unknowns]:
     """Steps against a gradient by the stiffness of a shape, which is soft where the fabric is."""
     free = free_stiffness(system.shape, all_free(system.shape))
-    stiffness = stiffness_of(ChunkedFabric(system.shape, system.fabric), free, at)
+    stiffness = symmetric_stiffness(ChunkedFabric(system.shape, system.fabric), free, at)
     shift = STIFFER * float(np.median(stiffness.diagonal()))
     factors = splu(sp.csc_array(stiffness + shift * sp.eye_array(len(free.dofs))))
 

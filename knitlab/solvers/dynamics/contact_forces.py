@@ -211,7 +211,7 @@ class Chunk(NamedTuple):
 
     def of(self, whole: Array) -> Array:
         """Its part of an array that has an entry for every pair of the list."""
-        return part_of(whole, self.number)
+        return chunk_slice(whole, self.number)
 
     def put(self, whole: Array, part: Array) -> Array:
         """The array with another such part."""
@@ -267,7 +267,7 @@ class Contact(eqx.Module):
 
     def pairs(self, kind: Kind, number: Int[Array, ""]) -> PairList:
         """The pairs of a chunk."""
-        return jax.tree.map(lambda each: part_of(each, number), self.lists[kind])
+        return jax.tree.map(lambda each: chunk_slice(each, number), self.lists[kind])
 
     def corners(self, pairs: PairList, of: Totals) -> Corners:
         """Vectors at the corners of pairs, from those of the nodes and of a period."""
@@ -321,7 +321,7 @@ def nothing(place: Totals) -> Totals:
     return jax.tree.map(jnp.zeros_like, place)
 
 
-def part_of(whole: Array, number: Int[Array, ""]) -> Array:
+def chunk_slice(whole: Array, number: Int[Array, ""]) -> Array:
     """The part of a chunk of an array whose last axis has an entry for every pair of a list."""
     return jax.lax.dynamic_slice_in_dim(whole, number * chunk_size(), chunk_size(), axis=-1)
 
@@ -542,7 +542,7 @@ class ContactStep:
                 known: Approach = known.approach,
             ) -> Result:
                 number = order[place]
-                approach = jax.tree.map(lambda each: part_of(each, number), known)
+                approach = jax.tree.map(lambda each: chunk_slice(each, number), known)
                 return visit(Chunk(kind, number, self.contact.pairs(kind, number), approach), found)
 
             begin = jax.lax.fori_loop(0, which[kind].sum(), visited, begin)

@@ -3,6 +3,8 @@
 A grid cell owns its lower left node, the edges that start there and its two triangles, so that
 every pair of parts belongs to one pair of cells, and is found once. Periodic fabric is compared
 with itself, and with its images above and to the right: all other pairs are images of these.
+Equilibria search their pairs with the IPC Toolkit (``equilibrium/contact_barrier.py``), which takes
+no part in a compiled program.
 """
 
 from collections.abc import Sequence
@@ -402,7 +404,7 @@ def _cell_distances(
     }
 
 
-def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) -> Contact:
+def batch_contact(finders: Sequence[PairFinder], listed: Sequence[Listed]) -> Contact:
     """The contact of a batch of fabrics of one mesh shape, in lists of one length."""
     shape = finders[0].shape
     lists: dict[Kind, PairList] = {}
@@ -416,11 +418,11 @@ def contact_of_batch(finders: Sequence[PairFinder], listed: Sequence[Listed]) ->
             for finder, pairs in zip(finders, listed, strict=True)
         ]
         lists[kind] = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
-    chunks = chunks_of([each.within(1.0) for each in listed])
+    chunks = chunk_counts([each.within(1.0) for each in listed])
     return Contact(lists, chunks, shape.periodic)
 
 
-def chunks_of(pairs: Sequence[dict[Kind, int]]) -> dict[Kind, Int[Array, ""]]:
+def chunk_counts(pairs: Sequence[dict[Kind, int]]) -> dict[Kind, Int[Array, ""]]:
     """Chunks that hold the first pairs of every fabric of a batch, by how many these are."""
     return {
         kind: jnp.asarray(-(-max(each[kind] for each in pairs) // chunk_size())) for kind in SPLIT
@@ -442,16 +444,16 @@ def _pair_list(
         squares = ((parts.corners[:, 1::2] - parts.corners[:, ::2]) ** 2).sum(axis=-1)
         parallel = PARALLEL * squares.prod(axis=1)
 
-    def by_layer(name: str, spare_value: float = 0.0) -> Float[np.ndarray, " place"]:
+    def layer_values(name: str, spare_value: float = 0.0) -> Float[np.ndarray, " place"]:
         values = np.where(parts.near, getattr(near, name), getattr(far, name))
         return np.pad(values, (0, spare), constant_values=spare_value)
 
     columns = (
         np.concatenate([nodes.T, spare_corners], axis=1).astype(np.int32),
         np.pad(turns.transpose(2, 1, 0)[::-1], ((0, 0), (0, 0), (0, spare))).astype(np.int8),
-        by_layer("least") ** 2,
-        by_layer("range_squared", -1.0),
-        by_layer("strength"),
+        layer_values("least") ** 2,
+        layer_values("range_squared", -1.0),
+        layer_values("strength"),
         np.pad(parallel, (0, spare), constant_values=1.0),
     )
     return PairList(*map(jnp.asarray, columns))
@@ -518,7 +520,7 @@ class Touching:
         places = zip(finders, _places(shape), strict=True)
         listed = [finder.listed(place) for finder, place in places]
         none = np.zeros(len(listed))
-        return cls(finders, listed, contact_of_batch(finders, listed), none, none + 1.0)
+        return cls(finders, listed, batch_contact(finders, listed), none, none + 1.0)
 
     def used(self, shape: Shape) -> OfCases:
         """Part of the margins of its list that each fabric uses; above 1 the list is incomplete."""
@@ -550,7 +552,7 @@ class Touching:
     def _up_to(self, most: OfCases) -> "Touching":
         """The same, with as many pairs as can be within reach up to a used part of margins."""
         first = [each.within(part) for each, part in zip(self.listed, most, strict=True)]
-        contact = replace(self.contact, chunks=chunks_of(first))
+        contact = replace(self.contact, chunks=chunk_counts(first))
         return replace(self, contact=contact, most=most)
 
     def _renewed(
@@ -562,7 +564,7 @@ class Touching:
             finder.listed(place, old, margin) if new else old
             for finder, old, new, place, margin in fabrics
         ]
-        contact = contact_of_batch(self.finders, listed)
+        contact = batch_contact(self.finders, listed)
         now = np.where(which, 0.0, self.now)
         return replace(self, listed=listed, contact=contact, now=now)
 

@@ -4,6 +4,10 @@ The network of :mod:`knitlab.model.network` is regular: the ends of a spring and
 a hinge are neighbours on the grid. Every difference between nodes is a difference of two slices,
 and a force is gathered from slices too. A step of the dynamics is a few loops over the grid then.
 
+The energy is that of :mod:`knitlab.model.energy`, which equilibria use element by element
+(:mod:`knitlab.solvers.element_chunks`): one program serves all mesh shapes and has second
+derivatives. A motion has thousands of steps of one mesh shape, so that a program for each pays off.
+
 Periodic fabric is extended by the image of its first row and column of nodes, so that both kinds of
 fabric have one more line of nodes than of cells. What lies on the images counts once.
 """

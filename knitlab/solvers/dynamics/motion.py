@@ -399,9 +399,9 @@ def advance(moving: Moving, until: OfCases, settings: Dynamics, to_rest: bool = 
         left = np.where(going, until - moving.time, 0.0)
         moving = _developed(moving)
         if settings.integrator == "tsit5":
-            moving = _by_runge_kutta(moving, left, settings)
+            moving = _runge_kutta_batch(moving, left, settings)
         else:
-            moving, fraction, most = _by_leapfrog(
+            moving, fraction, most = _leapfrog_batch(
                 moving, left, fraction, settings.step_safety, most
             )
         moving = replace(
@@ -473,7 +473,7 @@ def largest_step(moving: Moving) -> OfCases:
     return 2 / np.sqrt(squares)
 
 
-def _by_leapfrog(
+def _leapfrog_batch(
     moving: Moving, left: OfCases, fraction: OfCases, safety: float, most: Int[np.ndarray, " case"]
 ) -> tuple[Moving, OfCases, Int[np.ndarray, " case"]]:
     """Equal steps at a ``fraction`` of the stability limit; unstable ones are undone.
@@ -520,9 +520,9 @@ def _by_leapfrog(
     fraction = np.where(stable, np.minimum(2 * fraction, safety), fraction / 2)
     moving = replace(
         moving,
-        motion=_chosen(done, motion, moving.motion),
-        seen=_chosen(done, seen, moving.seen),
-        mode=_chosen(left > 0, mode, moving.mode),
+        motion=_select_cases(done, motion, moving.motion),
+        seen=_select_cases(done, seen, moving.seen),
+        mode=_select_cases(left > 0, mode, moving.mode),
         time=np.where(count == whole, moving.time + left, moving.time + count * step),
         steps=moving.steps + count,
         diverged=moving.diverged | (fraction < safety * 0.5**HALVINGS),
@@ -530,13 +530,13 @@ def _by_leapfrog(
     return moving, fraction, most
 
 
-def _by_runge_kutta(moving: Moving, left: OfCases, settings: Dynamics) -> Moving:
+def _runge_kutta_batch(moving: Moving, left: OfCases, settings: Dynamics) -> Moving:
     tolerances = settings.relative_tolerance, settings.absolute_tolerance
     # Every millisecond the fabric is looked at, whether it is at rest.
     taken = np.minimum(left, 1.0)
     motion, steps, reached = _runge_kutta(moving.body, moving.motion, taken, tolerances)
     ok = np.asarray(reached) | (left == 0)
-    motion = _chosen(ok, motion, moving.motion)
+    motion = _select_cases(ok, motion, moving.motion)
     return replace(
         moving,
         motion=motion,
@@ -551,7 +551,7 @@ def _mechanical_energy(seen: Observed) -> OfCases:
     return np.asarray(seen.kinetic) + np.asarray(seen.energy.total)
 
 
-def _chosen(which: Bool[np.ndarray, " case"], new: Any, old: Any) -> Any:
+def _select_cases(which: Bool[np.ndarray, " case"], new: Any, old: Any) -> Any:
     """What is new of some fabrics of a batch, and old of all others."""
     if which.all():
         return new

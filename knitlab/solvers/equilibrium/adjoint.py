@@ -109,7 +109,7 @@ class LinearResponse:
             row[free] = self._solved(self._without_rigid_motion(force[free]))
         return displacements
 
-    def forces_of(self, displacements: Moved) -> Moved:
+    def stiffness_times(self, displacements: Moved) -> Moved:
         """K times displacements of all unknowns, row by row."""
         forces = np.zeros_like(displacements)
         size = self._stiffness.shape[0]
@@ -176,7 +176,7 @@ class Adjoint:
         at_rest = LinearResponse(shape, all_free(shape))
         self._at_rest = at_rest.at(self._fabric, self._relaxed, contact)
 
-    def of_strained(
+    def strained_derivatives(
         self, applied_strain: float, strained: Configuration, measure: Measure
     ) -> StripePair:
         """Derivatives of a measure of the equilibrium at one strain, or :class:`NoDerivative`.
@@ -191,12 +191,12 @@ class Adjoint:
         response = self._under_tension.at(self._fabric, unknowns, self._contact)
         multipliers = response.to(by_unknowns)
         by_fabric = self._through_forces(unknowns, multipliers, by_fabric)
-        by_held = by_unknowns - response.forces_of(multipliers)
+        by_held = by_unknowns - response.stiffness_times(multipliers)
         by_held[:, response.free.dofs] = 0
         by_relaxed += _through_loading(self._shape, self._relaxed, applied_strain, by_held)
         return self._through_relaxed(by_relaxed, by_fabric)
 
-    def of_relaxed(self, measure: Measure) -> StripePair:
+    def relaxed_derivatives(self, measure: Measure) -> StripePair:
         """The same of a measure of the relaxed shape, which is also passed as the strained one."""
         by_relaxed, by_strained, by_fabric = self._jacobian(measure, self._relaxed)
         return self._through_relaxed(by_relaxed + by_strained, by_fabric)

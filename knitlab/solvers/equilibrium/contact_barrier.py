@@ -208,7 +208,7 @@ class Pairs:
         length = float(np.vdot(moved, moved))
         if length:
             start = start + moved * np.clip(np.vdot(way[0] - start, moved) / length, 0.0, 1.0)
-        return min(shortened(self.within, start, each) for each in way)
+        return min(remaining_distance(self.within, start, each) for each in way)
 
 
 class PairSearch:
@@ -256,7 +256,7 @@ class PairSearch:
             yield sign, mesh, (collisions, parts, positions)
 
 
-def shortened(distance: float, before: Vertices, after: Vertices) -> float:
+def remaining_distance(distance: float, before: Vertices, after: Vertices) -> float:
     """A distance that is left after a motion, by its stretch along x and y and the rest; or NaN."""
     stretch = np.ones(3)
     stretch[:2] = np.ptp(after[:, :2], axis=0) / np.ptp(before[:, :2], axis=0)

@@ -34,8 +34,8 @@ from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.solvers.equilibrium.subdomains import (
     Subdomain,
     couplings,
+    grid_subdomains,
     independent_groups,
-    subdomains_of,
 )
 from knitlab.solvers.equilibrium.system import KeptFactors, System, one_thread_of_blas
 
@@ -114,7 +114,7 @@ class SubdomainSolver:
 
     def _decomposition(self, free: FreeStiffness) -> tuple[Sequence[_LocalProblem], Coupled]:
         if free not in self._decompositions:
-            subdomains = list(subdomains_of(free))
+            subdomains = list(grid_subdomains(free))
             problems = []
             for number, subdomain in zip(self._numbers, subdomains, strict=False):
                 fabric = subdomain.fabric(self._fabric)

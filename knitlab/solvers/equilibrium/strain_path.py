@@ -100,7 +100,7 @@ class StrainPath:
         fabric = self.system.fabric
         begun = friction.begun(fabric.fold_stiffness, angle)
         if begun is not None:
-            self.system = self.system.of(replace(fabric, friction=begun))
+            self.system = self.system.with_fabric(replace(fabric, friction=begun))
             self.many = False
 
     def drift(self, fraction: float) -> State:
@@ -112,7 +112,7 @@ class StrainPath:
         change = fraction * self._angle(before)
         friction = fabric.friction and replace(fabric.friction, slip=fabric.friction.slip - change)
         rest = np.asarray(fabric.rest_fold) + change
-        self.system = self.system.of(replace(fabric, rest_fold=rest, friction=friction))
+        self.system = self.system.with_fabric(replace(fabric, rest_fold=rest, friction=friction))
         start = Point(before.unknowns)
         state = self._found(start, self.settings, -math.inf, convexified=False)
         if state.converged:
@@ -132,7 +132,7 @@ class StrainPath:
         if fabric.friction is None:
             return state
         after = fabric.friction.slipped(self._angle(state))
-        self.system = self.system.of(replace(fabric, friction=after))
+        self.system = self.system.with_fabric(replace(fabric, friction=after))
         fold = self.system.evaluate(Point(state.unknowns)).energy.fold
         return replace(state, energy=replace(state.energy, fold=fold))
 

@@ -55,7 +55,7 @@ def worth_dividing(shape: MeshShape) -> bool:
     )
 
 
-def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
+def grid_subdomains(free: FreeStiffness) -> Iterator[Subdomain]:
     """The subdomains of a sample with these free unknowns."""
     shape = free.shape
     net = network(free.shape)

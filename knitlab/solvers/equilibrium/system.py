@@ -78,7 +78,7 @@ class System:
         system.factorised = self.factorised
         return system
 
-    def of(self, fabric: Fabric) -> "System":
+    def with_fabric(self, fabric: Fabric) -> "System":
         """The equations of another fabric of the same mesh shape, with the same memory."""
         system = System(self.shape, fabric, self.threads, self._stopped, self._kept)
         system.factorised = self.factorised

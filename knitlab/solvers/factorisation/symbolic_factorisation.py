@@ -4,7 +4,7 @@ The grid is bisected recursively by separators: lines of nodes as thick as the c
 eliminated after the parts on either side. Periodic directions are cut twice. The unknowns of one
 separator, or of one leaf, are eliminated together in a dense front. The grid only determines the
 order; the couplings of a front follow from the sparsity, so that any symmetric matrix is factorised
-correctly. Few couplings beyond those of the grid, such as contact of folded plies, hardly add to
+correctly. Few couplings beyond those of the grid, such as contact of folded layers, hardly add to
 the work; many would.
 """
 

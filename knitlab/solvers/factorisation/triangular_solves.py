@@ -126,7 +126,7 @@ class TriangularSolves:
             self._boundaries[number] = boundary + last.size * (boundary >= last.pivots.start)
         self._single: dict[int, FrontSolves] = {}
         halves = range(middle), range(middle, end)
-        self._halves = [list(self._of_half(numbers)) for numbers in halves]
+        self._halves = [list(self._half_solves(numbers)) for numbers in halves]
         self.restart()
 
     def restart(self) -> None:
@@ -145,7 +145,7 @@ class TriangularSolves:
             rows, columns, weights = self._update
             reduced = self._solution[rows]
             self._solution[rows] = reduced - columns @ (weights @ (columns.T @ reduced))
-        self._solves_of_one(last).substitute_back()
+        self._single_solves(last).substitute_back()
         self._copy[:] = self._shared
         self._threads.each(_substitute_back, self._halves)
         solved = np.empty(rhs.shape)
@@ -205,9 +205,9 @@ class TriangularSolves:
         """Forward substitution of one front."""
         if number == len(self._fronts) - 1:
             self._shared += self._copy
-        self._solves_of_one(number).reduce()
+        self._single_solves(number).reduce()
 
-    def _of_half(self, numbers: range) -> Iterator[FrontSolves | GroupSolves]:
+    def _half_solves(self, numbers: range) -> Iterator[FrontSolves | GroupSolves]:
         """Solves of the fronts of a half, in groups if possible, lower levels first."""
         in_memory = sorted(numbers, key=lambda number: self._fronts[number].stored)
         for _, group in groupby(in_memory, key=lambda number: self._fronts[number].kind):
@@ -217,9 +217,9 @@ class TriangularSolves:
                 boundaries = [self._boundaries[number] for number in members]
                 yield GroupSolves(fronts, boundaries, self._stored, self._vector)
             else:
-                yield from map(self._solves_of_one, members)
+                yield from map(self._single_solves, members)
 
-    def _solves_of_one(self, number: int) -> FrontSolves:
+    def _single_solves(self, number: int) -> FrontSolves:
         if number not in self._single:
             front = self._fronts[number]
             boundary = self._boundaries[number]

@@ -65,14 +65,14 @@ def knitted(text):
     return np.array([rows[number] for number in range(1, len(rows) + 1)])
 
 
-def letters_of(chart):
+def map_letters(chart):
     electrodes = np.array(["", "A", "B"], object)[chart.plated]
     return np.where(chart.front, "k", "p").astype(object) + electrodes
 
 
 @given(charts(), st.booleans())
 def test_any_chart_is_knitted_from_its_words(chart, in_the_round):
-    assert (knitted(instructions(chart, in_the_round)) == letters_of(chart)).all()
+    assert (knitted(instructions(chart, in_the_round)) == map_letters(chart)).all()
 
 
 @pytest.mark.parametrize("in_the_round", [False, True])
@@ -90,7 +90,7 @@ def test_any_chart_is_knitted_from_its_words(chart, in_the_round):
 )
 def test_designs_are_knitted_from_their_words(settings, in_the_round):
     chart = stitch_chart(case_of(**settings))
-    assert (knitted(instructions(chart, in_the_round)) == letters_of(chart)).all()
+    assert (knitted(instructions(chart, in_the_round)) == map_letters(chart)).all()
 
 
 def test_rib_is_knitted_in_two_lines():

@@ -66,7 +66,7 @@ def test_folds_at_stripe_borders_lie_just_where_the_bed_changes_within_like_patc
     chart, (rows, columns) = stitch_chart(case), lines_in_stitches(case)
     for sense, cells, along in zip(
         patch_senses(case.sample, case.options),
-        (case.sample.cells_of("rib"), case.sample.cells_of("garter")),
+        (case.sample.knit_cells("rib"), case.sample.knit_cells("garter")),
         (1, 0),
         strict=True,
     ):

@@ -18,7 +18,7 @@ from knitlab.model.surfaces import self_intersections
 from knitlab.solvers.dynamics import damped_test
 from knitlab.solvers.dynamics.contact_forces import CLOSEST, PairList, force_after
 from knitlab.solvers.dynamics.contact_forces import distance as distance_of
-from knitlab.solvers.dynamics.contact_pairs import PairFinder, Place, contact_of_batch
+from knitlab.solvers.dynamics.contact_pairs import PairFinder, Place, batch_contact
 from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
 from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.contact_barrier import Barrier
@@ -40,7 +40,7 @@ def found(shape, unknowns):
     """Energy and gradient of contact in the dynamics."""
     finder, place = PairFinder(shape, LAYERS), place_of(unknowns, shape)
     at = Configuration.of(unknowns, shape)
-    contact = contact_of_batch([finder], [finder.listed(place)])
+    contact = batch_contact([finder], [finder.listed(place)])
     alone = replace(contact, lists=jax.tree.map(lambda leaf: leaf[0], contact.lists))
     nodes = tuple(jnp.asarray(at.positions[..., axis]) for axis in range(3))
     by_nodes, by_lengths = alone.gradient(nodes, jnp.asarray(at.lengths))

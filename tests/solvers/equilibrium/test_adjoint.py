@@ -111,7 +111,7 @@ class Pulled:
         return Adjoint(self.layout, self.stripes, self.relaxed, contact)
 
     def sensitivities(self) -> np.ndarray:
-        found = self.adjoint().of_strained(self.strain, self.strained, self.measure)
+        found = self.adjoint().strained_derivatives(self.strain, self.strained, self.measure)
         return logarithmic(found, self.stripes)
 
 
@@ -242,7 +242,7 @@ def test_derivatives_with_contact_are_those_of_differences(strain, pressed):
 
 @pytest.mark.slow
 def test_the_relaxed_shape_alone_has_the_same_derivatives(periodic):
-    alone = logarithmic(periodic.adjoint().of_relaxed(periodic.measure), periodic.stripes)
+    alone = logarithmic(periodic.adjoint().relaxed_derivatives(periodic.measure), periodic.stripes)
     np.testing.assert_allclose(alone[4:], periodic.sensitivities()[4:], rtol=1e-9)
 
 
@@ -255,7 +255,7 @@ def test_any_scalar_of_the_states_has_a_gradient(periodic):
     def loss(*of):
         return jnp.sum(strains(*of) ** 2)
 
-    gradient = periodic.adjoint().of_strained(periodic.strain, periodic.strained, loss)
+    gradient = periodic.adjoint().strained_derivatives(periodic.strain, periodic.strained, loss)
     expected = 2 * periodic.measured_here()[1:3] @ periodic.sensitivities()[1:3]
     np.testing.assert_allclose(logarithmic(gradient, periodic.stripes)[0], expected, rtol=1e-9)
 
@@ -286,8 +286,8 @@ def test_results_do_not_depend_on_the_pose_before_the_rigid_alignment(clamped):
     def turned(q):
         return Configuration(q.positions @ turn.T, q.lengths)
 
-    one = adjoint.of_relaxed(lambda q0, *of: distances(q0))
-    other = adjoint.of_relaxed(lambda q0, *of: distances(turned(q0)))
+    one = adjoint.relaxed_derivatives(lambda q0, *of: distances(q0))
+    other = adjoint.relaxed_derivatives(lambda q0, *of: distances(turned(q0)))
     np.testing.assert_allclose(
         logarithmic(one, clamped.stripes), logarithmic(other, clamped.stripes), rtol=1e-8
     )

@@ -23,8 +23,8 @@ from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.subdomains import (
     couplings,
+    grid_subdomains,
     independent_groups,
-    subdomains_of,
     worth_dividing,
 )
 from knitlab.solvers.equilibrium.system import System
@@ -57,7 +57,7 @@ def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains,
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
     whole = ChunkedFabric(net.shape, fabric).evaluate(COMPLETE, at)
     free = free_stiffness(net.shape, dofs(net.shape))
-    found = list(subdomains_of(free))
+    found = list(grid_subdomains(free))
     assert len(found) == 4
     for subdomain in found:
         own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
@@ -71,13 +71,13 @@ def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains,
 def test_subdomains_move_every_free_unknown_and_no_held_one(small_subdomains, sample):
     net, _, loading = sample
     free = free_stiffness(net.shape, loading.free)
-    moved = np.unique(np.concatenate([b.dofs[b.free.dofs] for b in subdomains_of(free)]))
+    moved = np.unique(np.concatenate([b.dofs[b.free.dofs] for b in grid_subdomains(free)]))
     np.testing.assert_array_equal(moved, loading.free)
 
 
 def test_subdomains_are_coupled_if_one_moves_nodes_that_act_on_the_other(small_subdomains, sample):
     net, _, loading = sample
-    found = list(subdomains_of(free_stiffness(net.shape, loading.free)))
+    found = list(grid_subdomains(free_stiffness(net.shape, loading.free)))
     moves = [set(subdomain.dofs[subdomain.free.dofs].tolist()) for subdomain in found]
     feels = [set(subdomain.dofs.tolist()) for subdomain in found]
     expected = [
@@ -109,7 +109,7 @@ def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sampl
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
     free = free_stiffness(net.shape, loading.free)
     start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
-    found = list(subdomains_of(free))
+    found = list(grid_subdomains(free))
     assert not couplings(found, net.shape.unknowns).all()
     alone, shared = (
         solved_by_subdomains(

@@ -12,7 +12,7 @@ from scipy.optimize import root
 from knitlab.model.energy import Point, energy, fold_angles
 from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.fold_friction import Friction
-from knitlab.solvers.branches.equations import stiffness_of
+from knitlab.solvers.branches.equations import symmetric_stiffness
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.loading import all_free
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
@@ -194,7 +194,7 @@ def test_forces_and_stiffness_with_friction_are_derivatives_of_the_energy():
     slopes = jax.grad(total)(jax.numpy.asarray(unknowns))
     np.testing.assert_allclose(evaluation.gradient, slopes, atol=1e-12)
     free = free_stiffness(net.shape, all_free(net.shape))
-    stiffness = stiffness_of(ChunkedFabric(net.shape, fabric), free, unknowns)
+    stiffness = symmetric_stiffness(ChunkedFabric(net.shape, fabric), free, unknowns)
     direction = np.random.default_rng(4).normal(size=unknowns.shape)
     step = 1e-7 * direction
     ahead, behind = (

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
-from knitlab.solvers.equilibrium.contact_barrier import shortened
+from knitlab.solvers.equilibrium.contact_barrier import remaining_distance
 from tests.solvers.equilibrium.test_contact_barrier import CELL, barrier_on
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -68,4 +68,4 @@ def test_no_distance_gets_shorter_than_it_may(seed):
     distances = np.linalg.norm(before[one] - before[other], axis=1)
     left = np.linalg.norm(after[one] - after[other], axis=1)
     for distance, actual in zip(distances, left, strict=True):
-        assert shortened(distance, before, after) <= actual + 1e-12
+        assert remaining_distance(distance, before, after) <= actual + 1e-12

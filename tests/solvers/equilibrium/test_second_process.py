@@ -18,7 +18,7 @@ from knitlab.solvers.equilibrium.domain_decomposition import (
     solve_subdomain,
 )
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
-from knitlab.solvers.equilibrium.subdomains import subdomains_of
+from knitlab.solvers.equilibrium.subdomains import grid_subdomains
 from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
 from tests.fabrics import DEFAULT
 
@@ -45,7 +45,7 @@ def test_a_second_process_finds_the_same_solution(sample, divided):
     (_, fabric, _), (at, free, _) = sample, divided
     settings = replace(DEFAULT, tolerance=1e-6, max_iterations=300)
     process = SecondProcess()
-    for number, subdomain in enumerate(subdomains_of(free)):
+    for number, subdomain in enumerate(grid_subdomains(free)):
         own = subdomain.fabric(fabric)
         sent = subdomain.free.shape, subdomain.free.dofs, own
         # Sent twice, the second time only by its number.
