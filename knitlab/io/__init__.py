@@ -1,4 +1,4 @@
-"""Files of input and results: read with one message that lists all faults, written atomically.
+"""Files of input and results: read with one message that lists all mistakes, written atomically.
 
 In: TOML, tables of numbers, text from users. Out: checked values, or ``InputError`` with every
 mistake, each with its path, its value and a remedy.

@@ -56,7 +56,7 @@ Line = Annotated[str, Field(min_length=1, max_length=MAX_LINE), AfterValidator(_
 
 
 def named_folder(folder: Path, name: str) -> Path:
-    """The subfolder of a name that a user gave, or a file states; InputError if it is no name."""
+    """The subfolder of a name that a user or a file gives; InputError if it is not a name."""
     if not is_name(name):
         raise invalid(repr(name), RULE)
     return folder / name

@@ -1,7 +1,7 @@
 """Tables of numbers in text, as machines and programs write them, and the units of their columns.
 
 Separator, decimal mark, header and a row of units are recognised; blocks of properties above the
-header are left out. What is ambiguous or torn is an error that names the line.
+header are left out. What is ambiguous or incomplete is an error that names the line.
 """
 
 import csv
@@ -77,13 +77,13 @@ def read_table(path: Path, example: str) -> Table:
         raise invalid(str(path), f"has no table of numbers; {example}")
     headers = _headers(rows, first, lines, separator)
     if headers is None:
-        begin, torn = rows[first], rows[first - 1]
-        if torn.line == begin.line - 1:
-            count, next_count = len(torn.fields), len(begin.fields)
+        begin, incomplete = rows[first], rows[first - 1]
+        if incomplete.line == begin.line - 1:
+            count, next_count = len(incomplete.fields), len(begin.fields)
             message = f"has {count} fields, and the next line {next_count}; correct the line"
             if next_count == 2 * count:
                 message += ", or if the decimal mark is a comma, separate columns by semicolons"
-            raise invalid(f"{path}: line {torn.line}", message)
+            raise invalid(f"{path}: line {incomplete.line}", message)
         shown = ", ".join(_fields(lines[begin.line - 1], separator)[:4])
         raise invalid(str(path), f"has no header above line {begin.line} ({shown}); {example}")
     width = len(headers)
@@ -100,7 +100,7 @@ def read_table(path: Path, example: str) -> Table:
 def numbers_of(
     path: Path, name: str, column: pd.Series
 ) -> tuple[Float[np.ndarray, " point"], list[Mistake]]:
-    """The numbers of a column, and faults of the entries that are not numbers."""
+    """The numbers of a column, and mistakes for the entries that are not numbers."""
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     bad = np.flatnonzero(~np.isfinite(values))
     if not len(bad):
@@ -131,7 +131,7 @@ def read_columns(
         if known.count(wanted) == 1:
             column = known.index(wanted)
             columns[name], wrong = numbers_of(path, name, rows[column])
-            wrong = _unit_faults(where, headers[column], names.get(name)) + wrong
+            wrong = _unit_mistakes(where, headers[column], names.get(name)) + wrong
         else:
             message = f"is missing; the file has {', '.join(headers)}; {example}"
             wrong = [Mistake(where, "occurs twice; keep one" if known else message)]
@@ -151,8 +151,8 @@ def name_and_unit(header: str) -> tuple[str, str]:
     return (match["name"], match["unit"]) if match and _is_unit(match["unit"]) else (header, "")
 
 
-def _unit_faults(where: str, header: str, unit: str | None) -> list[Mistake]:
-    """A fault if a header names another unit than the one stated for it."""
+def _unit_mistakes(where: str, header: str, unit: str | None) -> list[Mistake]:
+    """A mistake if a header names another unit than the one stated for it."""
     _, given = name_and_unit(header)
     if unit is None or not given or not _is_unit(given):
         return []
@@ -164,7 +164,7 @@ def _unit_faults(where: str, header: str, unit: str | None) -> list[Mistake]:
 
 
 def factor_of(where: str, unit: str, target: str, hint: str) -> tuple[float, list[Mistake]]:
-    """Factor from one unit to another, and faults of the first; ``hint`` names accepted units."""
+    """Factor from one unit to another, or a mistake; ``hint`` names accepted units."""
     quantity = pint.get_application_registry().Quantity
     given, wanted = ("dimensionless" if each == "1" else each for each in (unit, target))
     try:
@@ -202,10 +202,7 @@ def _fields(line: str, separator: str) -> list[str]:
     """Stripped fields of a line; quoted ones may contain the separator."""
     if separator == " ":
         return line.split()
-    try:
-        fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    except csv.Error:  # of a field of hundreds of thousands of characters
-        fields = [line]
+    fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
     return [field.strip().replace("\u2212", "-") for field in fields]
 
 
@@ -239,7 +236,7 @@ def _dialect(lines: Sequence[str], separators: str) -> tuple[str, bool]:
 def _first_of_table(rows: Sequence[_Row]) -> int | None:
     """Index of the first row of the longest table: rows of one length that begin with a number.
 
-    A row without a number ends a table only below a gap, so that a torn row is noticed.
+    A row without a number ends a table only below a gap, so that an incomplete row is noticed.
     """
     first: int | None = None
     start, length, longest = 0, 0, 0

@@ -1,4 +1,4 @@
-"""Text files of any program: their encoding is recognised, and what is no text is named."""
+"""Text files of any program: their encoding is recognised, and other files are named."""
 
 import codecs
 import errno
@@ -18,7 +18,7 @@ BINARY = {
     b"\x93NUMPY": "is a NumPy array, not text; give a text file",
     b"\x89PNG": "is a PNG image, not text; give a text file",
 }
-"""First bytes of files that are no text, and what to do instead."""
+"""First bytes of files that are not text, and what to do instead."""
 SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f\ufeff"), " ")
 """Spaces that programs write in place of a plain one."""
 
@@ -27,7 +27,7 @@ def read_text(path: Path) -> str:
     """The text of a file in UTF-8, UTF-16, UTF-32 or, failing these, Windows-1252.
 
     Lines end with a line feed, and no-break spaces become plain ones. InputError if the file cannot
-    be read, or is no text.
+    be read, or is not text.
     """
     try:
         content = plain_file(path).read_bytes()
@@ -39,15 +39,15 @@ def read_text(path: Path) -> str:
     try:
         text = content.decode(_encoding(content))
     except UnicodeDecodeError as error:
-        message = f"is no text in UTF-8, UTF-16 or Windows-1252 ({error.reason}); save it as UTF-8"
+        message = f"is not text in UTF-8, UTF-16 or Windows-1252 ({error.reason}); save it as UTF-8"
         raise invalid(str(path), message) from error
     if "\0" in text:
-        raise invalid(str(path), "has zero bytes, so it is no text; export it as text in UTF-8")
+        raise invalid(str(path), "has zero bytes, so it is not text; export it as text in UTF-8")
     return text.translate(SPACES).replace("\r\n", "\n").replace("\r", "\n")
 
 
 def plain_file(path: Path) -> Path:
-    """The path; OSError if no file has such a name, or it is no plain file, as a pipe is not."""
+    """The path; OSError if no file has such a name, or it is not a plain file, but a pipe."""
     if "\0" in str(path):
         raise OSError(errno.EINVAL, "zero byte in its name", str(path))
     try:

@@ -181,7 +181,7 @@ class Material:
         """The material in a file, as :meth:`write` and ``knitlab calibrate`` write it.
 
         Raises:
-            InputError: with every fault of the file.
+            InputError: with every mistake of the file.
         """
         return read_checked(MaterialFile, Path(path)).material(Path(path).stem)
 
@@ -373,7 +373,7 @@ def with_material_file(
     given = text.table.get("model", {})
     for name in ("cell_size", "hinge_stiffness"):
         for value in text.axes.get(name, (given[name],) if name in given else ()):
-            # Others are faults, which the workflow's check reports.
+            # The check of the workflow reports other values.
             if isinstance(value, str):
                 model = replace(changed.model, **dict[str, Any]({name: value}))
                 material.check(model, text.source(f"model.{name}"))
@@ -386,7 +386,7 @@ def with_material_file(
             continue
         scaled.pop(name, None)
         of_the_paper = MATERIAL in text.sources and f"{section}.{name}" not in text.sources
-        # Others are faults, which the workflow's check reports.
+        # The check of the workflow reports other values.
         values = axes.get(name, (given[name],))
         if of_the_paper and all(isinstance(value, int | float) for value in values):
             new, old = (getattr(getattr(each, attribute), name) for each in (changed, parameters))

@@ -18,12 +18,16 @@ from knitlab.io.lock import locked
 from knitlab.io.names import named_folder
 from knitlab.observables.schema import Status
 from knitlab.runs import results_folder
-from knitlab.runs.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes, validated_cube
+from knitlab.runs.cube import (
+    GAUGE_ATTRIBUTES,
+    MAY_DIFFER,
+    build_cube,
+    joined_cubes,
+    validated_cube,
+)
 from knitlab.runs.plan import joined_plan
 from knitlab.runs.reproduce import CURVES, comparison
 from knitlab.runs.results_folder import PLAN, CubeDesign, Failure, Labels
-
-CASES = "cases"
 
 
 class Merge(NamedTuple):
@@ -47,12 +51,12 @@ class FolderContents:
     cube: xr.Dataset | None
     dims: tuple[str, ...]  # of its designs; empty if it states none
     parameters: dict[str, Any]  # settings that its designs share, and its gauge
-    cells: dict[Labels, CubeDesign]  # of its cube, with results
-    sound: frozenset[str]
+    designs: dict[Labels, CubeDesign]  # of its cube, with results
+    undamaged: frozenset[str]  # cases
     damaged: tuple[Path, ...]
 
     @classmethod
-    def of(cls, path: Path) -> "FolderContents":
+    def read(cls, path: Path) -> "FolderContents":
         """Read a results folder; InputError if it holds an experiment."""
         workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
@@ -68,24 +72,30 @@ class FolderContents:
             workflow = record["workflow"]
             dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
         known = results_folder.cube_designs(cube).items()
-        cells = {design: cell for design, cell in known if cell.has_results}
+        designs = {labels: design for labels, design in known if design.has_results}
         names = case_file.stored_cases(path)
-        sound = {name for name in names if case_file.is_undamaged(path, name)}
-        damaged = tuple(case_file.case_path(path, name) for name in sorted(names - sound))
-        return cls(path, workflow, record, cube, dims, parameters, cells, frozenset(sound), damaged)
+        undamaged = frozenset(name for name in names if case_file.is_undamaged(path, name))
+        damaged = tuple(case_file.case_path(path, name) for name in sorted(names - undamaged))
+        return cls(path, workflow, record, cube, dims, parameters, designs, undamaged, damaged)
 
     @cached_property
     def results(self) -> dict[str, CubeDesign | None]:
-        """The cases that it has results of, and their cells if they are in its cube."""
-        return dict.fromkeys(self.sound) | {cell.case_id: cell for cell in self.cells.values()}
+        """The cases that it has results of, with their designs if they are in its cube."""
+        in_cube = {design.case_id: design for design in self.designs.values()}
+        return dict.fromkeys(self.undamaged) | in_cube
+
+    def model(self, case_id: str) -> str:
+        """The model that computed a case."""
+        design = self.results[case_id]
+        return design.code if design else case_file.read_code(self.path, case_id)
 
     def numbers(self, case_id: str) -> xr.Dataset:
         """What is compared of a case: from its file, or else from the cube."""
-        cell = self.results[case_id]
-        if cell is None or self.cube is None or case_id in self.sound:
+        design = self.results[case_id]
+        if design is None or self.cube is None or case_id in self.undamaged:
             case = case_file.read_case(self.path, case_id)
         else:
-            case = self.cube.isel(dict(zip(self.dims, cell.indices, strict=True)), drop=True)
+            case = self.cube.isel(dict(zip(self.dims, design.indices, strict=True)), drop=True)
         return case[[name for name in CURVES if name in case]]
 
 
@@ -95,25 +105,24 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
     InputError if they contradict each other or hold several workflows.
     """
     paths = dict.fromkeys(path.resolve() for each in folders for path in _results_folders(each))
-    sources = [FolderContents.of(path) for path in paths]
+    sources = [FolderContents.read(path) for path in paths]
     names = {source.workflow: source.path for source in sources}
     if len(names) > 1:
         listed = ", ".join(f"{name} in {path}" for name, path in names.items())
-        raise invalid(
-            "folders", f"hold results of several workflows ({listed}); merge one at a time"
-        )
+        message = f"hold results of several workflows ({listed}); merge one at a time"
+        raise invalid("folders", message)
     target = named_folder(results, next(iter(names))).resolve()
     with locked(target):
         clear_unfinished(target)
         merged = [source for source in sources if source.path != target]
         if _holds_results(target):
-            merged = [FolderContents.of(target), *merged]
+            merged = [FolderContents.read(target), *merged]
         _check_agreement(merged, any_code)
         failures: dict[str, Failure] = {}
         owners: dict[str, Path] = {}
         for source in reversed(merged):
             failures |= results_folder.earlier_failures(source.path)
-            owners |= dict.fromkeys(source.sound, source.path)
+            owners |= dict.fromkeys(source.undamaged, source.path)
         copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
         for case_id, owner in copied.items():
             case_file.copy_case_file(owner, target, case_id)
@@ -143,7 +152,7 @@ def _results_folders(path: Path) -> list[Path]:
 
 
 def _holds_results(path: Path) -> bool:
-    return any((path / name).exists() for name in (PLAN, CUBE, CASES))
+    return any((path / name).exists() for name in (PLAN, CUBE, "cases"))
 
 
 def _joined(
@@ -160,9 +169,8 @@ def _joined(
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    states = results_folder.case_states(
-        plan.designs, target, results_folder.cube_designs(old), check=False
-    )
+    known = results_folder.cube_designs(old)
+    states = results_folder.case_states(plan.designs, target, known, check=False)
     return build_cube(plan, target, old, states, results_folder.failed_cases(failures))
 
 
@@ -177,50 +185,47 @@ def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
             raise invalid(str(other.path), message)
         changed = differences(first.parameters, other.parameters)
         if listed := "; ".join(str(each) for each in changed if each.key[0] not in MAY_DIFFER):
-            message = f"was computed otherwise than {first.path} ({listed}); merge it into another"
-            message += " folder, or run both as one workflow with a list of values"
+            message = f"was computed with other settings than {first.path} ({listed}); merge it"
+            message += " into another folder, or run both as one workflow with a list of values"
             mistakes.append(Mistake(str(other.path), message))
-    codes: dict[str, Path] = {}
-    for folder in folders if not any_code else ():
-        for case_id, cell in folder.results.items():
-            code = cell.code if cell else case_file.read_code(folder.path, case_id)
-            codes.setdefault(code, folder.path)
-    if len(codes) > 1:
-        listed = ", ".join(f"{code or 'unknown'} in {path}" for code, path in codes.items())
-        message = f"hold cases of different models ({listed}); run the older ones again,"
-        mistakes.append(Mistake("folders", f"{message} or allow any model (any_code)"))
-    if not mistakes:
-        mistakes = _contradictions(folders)
-    raise_if_any(mistakes)
+    if not any_code:
+        models: dict[str, Path] = {}
+        for folder in folders:
+            for case_id in folder.results:
+                models.setdefault(folder.model(case_id), folder.path)
+        if len(models) > 1:
+            listed = ", ".join(f"{name or 'unknown'} in {path}" for name, path in models.items())
+            message = f"hold cases of different models ({listed}); run the older ones again,"
+            mistakes.append(Mistake("folders", f"{message} or allow any model (any_code)"))
+    raise_if_any(mistakes or _contradictions(folders))
 
 
 def _contradictions(folders: Sequence[FolderContents]) -> list[Mistake]:
-    """Faults of designs that are another case, or the same case with other numbers."""
+    """Designs that are another case in another folder, or the same case with other numbers."""
     mistakes: dict[str, Mistake] = {}
-    of_design: dict[Labels, tuple[FolderContents, CubeDesign]] = {}
-    of_case: dict[str, FolderContents] = {}
+    owners_by_design: dict[Labels, tuple[FolderContents, str]] = {}
+    owners_by_case: dict[str, FolderContents] = {}
     for folder in folders:
-        for design, cell in folder.cells.items():
-            owner, known = of_design.setdefault(design, (folder, cell))
-            if known.case_id != cell.case_id:
-                labels = results_folder.label_text(folder.dims, design)
-                message = f"has the design {labels} as {cell.case_id}, but {owner.path} has it as"
-                message += f" {known.case_id}, computed with other settings;"
-                message += " merge it into another folder"
-                mistakes[cell.case_id] = Mistake(str(folder.path), message)
+        for labels, design in folder.designs.items():
+            owner, case_id = owners_by_design.setdefault(labels, (folder, design.case_id))
+            if case_id != design.case_id:
+                label = results_folder.label_text(folder.dims, labels)
+                message = f"has the design {label} as {design.case_id}, but {owner.path} has it as"
+                message += f" {case_id}, computed with other settings; merge it into another folder"
+                mistakes[design.case_id] = Mistake(str(folder.path), message)
         for case_id in folder.results:
-            owner = of_case.setdefault(case_id, folder)
+            owner = owners_by_case.setdefault(case_id, folder)
             if owner is folder or case_id in mistakes:
                 continue
-            if case_id in owner.sound & folder.sound:
+            if case_id in owner.undamaged & folder.undamaged:
                 one, other = (case_file.case_path(each.path, case_id) for each in (owner, folder))
                 if filecmp.cmp(one, other, shallow=False):
                     continue
             agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:
                 message = f"has other numbers in {folder.path} than in {owner.path}"
-                message += f" ({sentence.partition(':')[0]});"
-                message += " compute it alone with knitlab reproduce, and remove the wrong one"
+                message += f" ({sentence.partition(':')[0]}); compute it alone with knitlab"
+                message += " reproduce, and remove the wrong one"
                 mistakes[case_id] = Mistake(f"case {case_id}", message)
     named = list(mistakes.values())[:MAX_CASES_NAMED]
     if len(mistakes) > MAX_CASES_NAMED:

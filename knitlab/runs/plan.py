@@ -119,7 +119,7 @@ class Plan:
 def make_plan(
     workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
 ) -> Plan:
-    """The plan of a workflow, by name or file, with overrides; InputError has every fault."""
+    """The plan of a workflow, by name or file, with overrides; InputError has every mistake."""
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
     mistakes, parameters, read = ErrorCollector(), None, None
@@ -180,7 +180,7 @@ def make_plan(
 
 
 def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Mistake]:
-    """Faults of the electrodes of cases; one fault for all designs that have it."""
+    """Mistakes in the electrodes of cases, each once for all designs that have it."""
     designs: dict[str, list[str]] = defaultdict(list)
     for case in made.values():
         for message in electrode_problems(case):

@@ -67,9 +67,9 @@ class ProgressBar:
         self.reached(case_id, self._cases[case_id].states)
         self._bar.set_description_str(f"{self._ended}/{len(self._cases)} cases", refresh=False)
 
-    def write(self, sentence: str) -> None:
-        """Print a sentence above the bar."""
-        self._bar.write(sentence, file=sys.stderr)
+    def write(self, line: str) -> None:
+        """Print a line above the bar."""
+        self._bar.write(line, file=sys.stderr)
 
     def _refresh_regularly(self) -> None:
         while not self._closed.wait(self._interval):

@@ -102,7 +102,7 @@ def folder_status(
     check: bool,
     changed: tuple[str, ...] = (),
 ) -> FolderStatus:
-    """Status of cases, given by their labels, in a folder; InputError if ``cube.nc`` is no cube."""
+    """Status of cases, by their labels, in a folder; InputError if ``cube.nc`` is not a cube."""
     cube = read_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
     known = cube_designs(cube)
     statuses = {}

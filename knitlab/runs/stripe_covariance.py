@@ -78,12 +78,12 @@ def covariance_of(
     """A stripe, its uncertain numbers, and the covariance of these: of ln p, or of θ0.
 
     It is that of the mean stripe or of a new swatch, and of Student's t, whose degrees of freedom
-    are returned too. InputError if the material lacks them, or they are no covariance.
+    are returned too. InputError if the material lacks them, or they are not a covariance.
     """
     where = f"material {material.name}: {knit} {n}"
     stripe = next((each for each in material.stripes if (each.knit, each.n) == (knit, n)), None)
     if stripe is None:
-        raise invalid(where, "is no stripe of this material; calibrate it by knitlab calibrate")
+        raise invalid(where, "is not a stripe of this material; calibrate it by knitlab calibrate")
     table = material.covariances.get((knit, n))
     if table is None:
         hint = "calibrate it by knitlab calibrate, or write the covariance into the file"
@@ -94,8 +94,10 @@ def covariance_of(
         raise invalid(where, f"has no scatter of repeats, so a new swatch is not known; {hint}")
     where, names = f"{where}: covariance", list(table)
     known = [*NUMBERS, *([] if stripe.stiffening_strain is None else [STIFFENING])]
-    if strange := sorted({*names, *(name for row in table.values() for name in row)} - {*known}):
-        listed = shortened(", ".join(map(repr, strange)))
+    if unknown_names := sorted(
+        {*names, *(name for row in table.values() for name in row)} - {*known}
+    ):
+        listed = shortened(", ".join(map(repr, unknown_names)))
         raise invalid(where, f"is of {listed}; give numbers of {', '.join(known)}")
     if any({*row} != {*names} for row in table.values()) or not names:
         raise invalid(where, f"has rows that are not each of {', '.join(names)}; complete them")

@@ -44,9 +44,10 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 logging.getLogger("distributed").setLevel(logging.CRITICAL)
 """
 """Run by dask's workers at their start: they ignore Ctrl-C and log nothing."""
-FILES, FILES_OF_WORKER = 24, 10  # that this process has open at most: without, and for each worker
-SECONDS_TO_ANSWER = 2.0  # longest time in which a scheduler begins to speak
-ENDED = ("finished", "error")  # states of a dask task, in which none is if its scheduler is gone
+FILES = 24  # that this process has open at most, without workers
+FILES_PER_WORKER = 10
+SECONDS_TO_ANSWER = 2.0  # longest time until a scheduler sends its first byte
+ENDED = ("finished", "error")  # states of a dask task whose scheduler still runs
 
 Batch = Sequence[Case]
 Simulate = Callable[[Path, Batch, Progress], None]  # an importable function that writes case files
@@ -219,12 +220,12 @@ def connected(scheduler: str) -> "Client":
 
     try:
         if scheduler.partition("://")[0] not in ("tls", "ws", "wss"):
-            # One begins to speak at once; dask would wait for a mute one for ever.
+            # A scheduler sends at once; dask would wait indefinitely for an unresponsive one.
             place = get_address_host_port(scheduler)
             with socket.create_connection(place, SECONDS_TO_ANSWER) as line:
                 line.recv(1)
         return Client(scheduler, timeout=10)
-    except (OSError, ValueError, MemoryError) as error:  # the last of what speaks otherwise
+    except (OSError, ValueError, MemoryError) as error:  # the last of another program
         message = f"no dask scheduler answers ({error}); check the address"
         raise invalid(f"scheduler {scheduler}", message) from error
 
@@ -235,10 +236,8 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
     with suppress(ImportError):
         import resource  # not on Windows
 
-        limit, needed = (
-            resource.getrlimit(resource.RLIMIT_NOFILE)[0],
-            FILES + workers * FILES_OF_WORKER,
-        )
+        limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        needed = FILES + workers * FILES_PER_WORKER
         if 0 <= limit < needed:
             message = f"need {needed} open files, and this process may have {limit}"
             hint = "raise ulimit -n, or take fewer workers or 0 for none"
@@ -252,9 +251,9 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
         # A case that kills its worker would kill others; run_plan itself tries again, and alone.
         "distributed.scheduler.allowed-failures": 0,
         "distributed.scheduler.worker-saturation": 1.0,
-        # The plan makes sure that all workers fit; one that keeps its memory would pause for ever.
+        # The plan makes sure that all workers fit; one that keeps its memory would pause.
         "distributed.worker.memory.pause": False,
-        # By default dask gives up restarting a worker after 15 s, and the run would wait for ever.
+        # By default dask gives up restarting a worker after 15 s, and the run would wait.
         "distributed.deploy.lost-worker-timeout": "1 day",
         "distributed.worker.preload": [QUIET],
     }

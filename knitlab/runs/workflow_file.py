@@ -45,7 +45,7 @@ class Override:
 def read_overrides(
     overrides: Overrides, source: str = "settings"
 ) -> tuple[list[Override], list[Mistake]]:
-    """Overrides, of ``KEY=VALUE`` texts or Python values, and faults of those without a value."""
+    """Overrides, of ``KEY=VALUE`` texts or Python values, and mistakes in those without a value."""
     read: list[Override] = []
     mistakes: list[Mistake] = []
     for given in overrides:

@@ -97,8 +97,8 @@ class WorkflowText:
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
-            read_faults = mistakes_of(error, "", KEYS)
-            mistakes += [Mistake(self._origin(entry.path), entry.message) for entry in read_faults]
+            read = mistakes_of(error, "", KEYS)
+            mistakes += [Mistake(self._origin(each.path), each.message) for each in read]
         for name, given in self.axes.items():
             section, values = SETTINGS[name].section, []
             source = self.source(f"{section}.{name}")
@@ -121,7 +121,7 @@ class WorkflowText:
         return workflow, axes
 
     def section(self, name: str) -> Any:
-        """One section of the workflow, or None if it is missing or has faults."""
+        """One section of the workflow, or None if it is missing or invalid."""
         try:
             return SECTIONS[name].model_validate(self.table[name])
         except (KeyError, ValidationError):
@@ -132,7 +132,7 @@ class WorkflowText:
         return Path() if key in self.sources else self.path.parent
 
     def _origin(self, path: str) -> str:
-        """Origin of a fault, from its path in the tables."""
+        """Origin of a mistake, from its path in the tables."""
         section, _, key = path.partition(".")
         name, _, item = key.partition(".")
         number = item.partition(".")[0]
