@@ -364,14 +364,17 @@ def described(dataset: xr.Dataset) -> xr.Dataset:
     return dataset
 
 
+SMALL = 4096  # bytes of an array up to which HDF5's index of a compressed one is larger
+
+
 def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
-    """NetCDF encoding of a case or cube: integers stored as such, arrays compressed.
+    """NetCDF encoding of a case or cube: integers stored as such, large arrays compressed.
 
     Coordinates have no missing values, for which xarray would declare a number.
     """
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
     for name, settings in chosen.items():
-        if compressed and dataset[name].ndim and dataset[name].dtype.kind in "fi":
+        if compressed and dataset[name].nbytes > SMALL and dataset[name].dtype.kind in "fi":
             settings |= {"zlib": True, "complevel": 4}
         if name in INTEGERS:
             settings |= {"dtype": "int32", "_FillValue": MISSING}
