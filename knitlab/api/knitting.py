@@ -180,7 +180,7 @@ def knit(
             cube, values of coordinates that select one design, and a size of a stitch.
 
     Raises:
-        InputError: if it is not one design, if it cannot be knitted, or if a setting is at fault.
+        InputError: if it is not one design, if it cannot be knitted, or if a setting is invalid.
 
     Example:
         >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
@@ -261,7 +261,7 @@ def read_chart(
     Example:
         >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
         >>> read = kl.read_chart(sample.save(folder / "sample.k"))
-        >>> read.pattern().rows, read.n_stripe, read.n_subunit, read.problems
+        >>> read.pattern().rows, read.n_stripe, read.n_subunit, read.messages
         (('GR', 'RG'), 4, 16, ())
     """
     path = Path(path)

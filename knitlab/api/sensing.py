@@ -56,7 +56,7 @@ def capacitance_matrix(
     capacitor that was simulated. Of periodic fabric, values are of electrodes of its
     ``electrode_length``; without a ground plane, charges sum to zero.
 
-    The cloth may polarise along itself, as a thin sheet; between plies that face each other it
+    The cloth may polarise along itself, as a thin sheet; between layers that face each other it
     counts as air. ``permittivity`` of the capacitor fills all space instead, an upper bound.
 
     Args:
@@ -74,7 +74,7 @@ def capacitance_matrix(
 
     Raises:
         InputError: if there is no single design with electrodes and a shape, or a name, a number or
-            a selection is at fault.
+            a selection is invalid.
 
     Example:
         >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}
@@ -211,7 +211,7 @@ def selectivity(
 
     Raises:
         InputError: if no design that is left has a periodic shape with electrodes; of one with a
-            ground plane or shear; if an argument is at fault.
+            ground plane or shear; if an argument is invalid.
 
     Example:
         >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}

@@ -1,4 +1,4 @@
-"""Candidates: the best trial of each search, simulated again with its siblings, and ranked."""
+"""Candidates: the best trial of each search, simulated again with perturbed copies, and ranked."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,7 +46,7 @@ class Candidate(NamedTuple):
 def candidates_plan(
     request: DesignRequest, space: SearchSpace, candidates: Sequence[Candidate]
 ) -> Plan:
-    """The candidates as cases to be simulated from the flat sheet, with siblings."""
+    """The candidates as cases to be simulated from the flat sheet, with perturbed copies."""
     tested = [
         replace(case, design={**labels, "candidate": number}, robustness=request.robustness)
         for number, labels, _, case, _ in candidates
@@ -98,7 +98,8 @@ def ranked(cube: xr.Dataset, objective: Objective) -> tuple[Found, xr.Dataset]:
     """Candidates that meet the constraints, then others, by worst distance; the cube with these."""
     nearest = find_designs([cube], objective.request.wanted)
     worst_of_each = [each.worst for each in nearest.reached]
-    worst, table = objective.distance(worst_of_each), nearest.table
+    worst = objective.distance(worst_of_each)
+    table = nearest.table
     violation = objective.violation(worst_of_each) + np.zeros(len(worst))
     table["distance"] = objective.distance([each.off_by for each in nearest.reached])
     column = list(table.columns).index("distance") + 1
@@ -144,7 +145,8 @@ def trials_table(
     request: DesignRequest, dims: Sequence[str], searches: Sequence[SearchResult]
 ) -> pd.DataFrame:
     """One row for each trial: design, values, distance, and how far it is from each target."""
-    facts, unknown = ("converged", "snapped", "distance", "violation"), [None] * len(request.wanted)
+    facts = ("converged", "snapped", "distance", "violation")
+    unknown = [None] * len(request.wanted)
     return pd.DataFrame(
         {
             "candidate": number,
@@ -181,5 +183,6 @@ def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | No
     if max(joint.values(), default=0.0) <= 1:
         return None
     one, other = max(joint, key=lambda pair: joint[pair])
-    texts, numbers = (wanted[one].text, wanted[other].text), trials["candidate"]
+    texts = (wanted[one].text, wanted[other].text)
+    numbers = trials["candidate"]
     return Conflict(scaled[:, [one, other]], texts, numbers.reset_index(drop=True))

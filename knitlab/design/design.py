@@ -1,4 +1,4 @@
-"""Design: candidates for targets are searched, tested with their siblings and ranked."""
+"""Design: candidates for targets are searched, tested with their perturbed copies and ranked."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -48,7 +48,7 @@ class Designed:
 
     request: DesignRequest
     folder: Path  # results folder, with the cube of the candidates, their workflows and all trials
-    cube: xr.Dataset  # the candidates, simulated again with their siblings
+    cube: xr.Dataset  # the candidates, simulated again with their perturbed copies
     ranking: Found  # the candidates by their worst distance within the spread, the best first
     searches: tuple[SearchResult, ...]  # in the order of the candidates' numbers
     trials: pd.DataFrame  # a row for each trial of the searches: values, distances, identifiers
@@ -91,7 +91,8 @@ def run_design(
 
     Raises InputError, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
     """
-    began, run = time.time(), RunOptions(workers=workers)
+    began = time.time()
+    run = RunOptions(workers=workers)
     if own and workers:
         raise invalid("workers", "own measures run in this process only; give workers = 0")
     space = search_space(request)
@@ -109,7 +110,8 @@ def run_design(
         starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
             temporary.write_bytes(request.text.encode())
-        left, at_once = max(budget - simulations, 1), max(workers, 1)
+        left = max(budget - simulations, 1)
+        at_once = max(workers, 1)
         designs = starts[:left]
         seconds = np.inf if minutes is None else 60 * minutes / -(-len(designs) // at_once)
         searches = []
@@ -150,7 +152,8 @@ def _starts(
     objective: Objective, space: SearchSpace, folder: Path, options: RunOptions, budget: int
 ) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
     """Designs to refine, the nearest first; simulations of the sweep; designs without results."""
-    request, simulations = objective.request, 0
+    request = objective.request
+    simulations = 0
     cubes = [open_cube(path, lazily=True) for path in request.cubes]
     if not cubes:
         if (count := len(space.designs)) <= request.starts:
@@ -161,7 +164,8 @@ def _starts(
         plan = make_plan(space.workflow, {**space.settings, **request.choices})
         if run_plan(plan, folder, options).stopped:
             raise KeyboardInterrupt
-        cubes, simulations = [open_cube(folder / CUBE)], len(plan.cases)
+        cubes = [open_cube(folder / CUBE)]
+        simulations = len(plan.cases)
     # No cube has own functions; refining may fulfil constraints.
     targets = [target for target in request.wanted if target.name not in dict(objective.own)]
     if not targets:

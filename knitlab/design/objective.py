@@ -92,7 +92,9 @@ class Objective:
 
     def residuals(self, trial: Trial, slopes: Slopes | None = None) -> tuple[Residuals, Jacobian]:
         """Residuals, whose squares sum to that of the distance from the aims, and derivatives."""
-        rows, by, count = [], [], len(self.request.targets)
+        rows = []
+        by = []
+        count = len(self.request.targets)
         for target in map(aimed, self.request.targets):
             at, values, by_variables = self._read(target, trial, slopes)
             weights = np.sqrt(_weights(at, len(values)) / count) / scale_of(target)
@@ -103,7 +105,8 @@ class Objective:
 
     def constraints(self, trial: Trial, slopes: Slopes | None = None) -> tuple[Residuals, Jacobian]:
         """Constraint functions over their tolerances, not negative if met, and derivatives."""
-        rows, by = [np.zeros(0)], [np.zeros((0, self.parameter_slopes.shape[1]))]
+        rows = [np.zeros(0)]
+        by = [np.zeros((0, self.parameter_slopes.shape[1]))]
         for target in map(aimed, self.request.subject_to):
             at, values, by_variables = self._read(target, trial, slopes)
             for sign, bound in zip((1.0, -1.0), target.bounds(at), strict=True):

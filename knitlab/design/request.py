@@ -127,7 +127,8 @@ def checked_request(
         for given in getattr(file, key):
             with mistakes:
                 targets.append(with_tolerance(read_target(given, f"{source}{key}", folder)))
-    choices, variables = dict[str, Any](), list[Variable]()
+    choices = dict[str, Any]()
+    variables = list[Variable]()
     for name_of_variable, value in file.vary.items():
         where = f"{source}vary.{name_of_variable}"
         with mistakes:
@@ -175,9 +176,11 @@ def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]
 
 def _contradict(one: Target, other: Target) -> bool:
     first, second = (target.window or StrainWindow(0, 0) for target in (one, other))
-    start, stop = max(first.start, second.start), min(first.stop, second.stop)
+    start = max(first.start, second.start)
+    stop = min(first.stop, second.stop)
     strains = np.linspace(start, stop, PARTS + 1)
-    (low, high), (other_low, other_high) = one.allowed(strains), other.allowed(strains)
+    (low, high) = one.allowed(strains)
+    (other_low, other_high) = other.allowed(strains)
     if one.reduction == other.reduction and (one.window == other.window or not one.reduction):
         apart = (np.maximum(low, other_low) > np.minimum(high, other_high)).any()
         return start <= stop and bool(apart)

@@ -104,7 +104,8 @@ class DesignSearch:
         self.report = report
         # Inside the bounds, as a trust region cannot leave a bound that it starts on.
         start = np.clip(self.space.start(self.design), INSET, 1 - INSET)
-        methods, ended = list[str](), "the search converged"
+        methods = list[str]()
+        ended = "the search converged"
         try:
             self.trial(start)
             if len(start) and self.objective.has_gradient:
@@ -217,7 +218,8 @@ class DesignSearch:
                 return FAILED_DISTANCE
             return record.distance + PENALTY * (record.violation or 0.0)
 
-        variables, best = len(self.space.names), self._best()
+        variables = len(self.space.names)
+        best = self._best()
         mean = np.full(variables, 0.5) if best is None else np.array(self.records[best].point)
         bounds = np.tile([0.0, 1.0], (variables, 1))
         strategy = CMA(mean, SPREAD_OF_FIRST, bounds=bounds, seed=0)
@@ -236,7 +238,9 @@ class DesignSearch:
 
     def _conditions(self, best: TrialRecord) -> dict[str, Any]:
         """The active bounds of the best trial, and how well its values are determined."""
-        objective, names, point = self.objective, self.space.names, np.array(best.point)
+        objective = self.objective
+        names = self.space.names
+        point = np.array(best.point)
         trial = run_trial(self.folder / TRIALS, *self.space.case(self.design, point), objective.own)
         try:
             if not (objective.has_gradient and names):
@@ -276,7 +280,8 @@ def run_searches(
         progress(by_start[case_id].design, distance)
 
     task = Task(partial(_run_search, by_start), folder)
-    failed, pending = dict[str, str](), list(starts)
+    failed = dict[str, str]()
+    pending = list(starts)
     with pool_of(task, min(workers, len(searches)), None, False, report) as pool:
         for attempt in range(1, ATTEMPTS + 1):
             errors = {

@@ -107,7 +107,8 @@ def search_space(request: DesignRequest) -> SearchSpace:
     needed = max((target.window.stop for target in request.wanted if target.window), default=0.0)
     if len(allowed.applied_strain) < 2:
         raise invalid("strain_max = 0", "leaves no strain to apply; raise it, or leave it out")
-    last, step = allowed.applied_strain[-1], allowed.applied_strain[1]
+    last = allowed.applied_strain[-1]
+    step = allowed.applied_strain[1]
     if "strain_max" not in request.settings:
         # By default the last strain that a target needs.
         settings["strain_max"] = round(max(1, int(np.ceil(needed / step - ROUND_OFF))) * step, 12)

@@ -92,7 +92,8 @@ class Trial:
     @lru_cache(maxsize=1)  # noqa: B019, a constrained search needs those of a trial twice
     def slopes(self, names: tuple[str, ...], needed: tuple[bool, ...]) -> Slopes:
         """Derivatives by the logarithm of each parameter, where needed; NoDerivative at a snap."""
-        case, stripes = self.case, len(sensitivity.STRIPE_PARAMETERS)
+        case = self.case
+        stripes = len(sensitivity.STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
         adjoint = sensitivity.adjoint_of(case, shapes[0])
         over_width = [name for name in names if name in OVER_WIDTH]
@@ -145,7 +146,8 @@ def measure_of(
     shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions = ()
 ) -> Measure:
     """A measure of quantities and own functions, of a size in cloth its relaxed over flat cell."""
-    functions, known = dict(own), sensitivity.quantities(shape, cells)
+    functions = dict(own)
+    known = sensitivity.quantities(shape, cells)
 
     def measured(
         relaxed: Configuration, strained: Configuration, fabric: Fabric, pushed: Array

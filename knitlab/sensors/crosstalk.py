@@ -39,7 +39,8 @@ def cross_talk(
     Readings in the relaxed state [pF], of one period if periodic, and what it is along ``pulled``.
     """
     shape = electrodes.shape
-    free, start = all_free(shape), np.asarray(relaxed.flattened())
+    free = all_free(shape)
+    start = np.asarray(relaxed.flattened())
     parts = [part_of(electrodes, pair) for pair in sensors]
     ends = [[_line(shape, axis, part, end) for end in (0, 1)] for part in parts]
     forces = np.array([high - low for low, high in ends])

@@ -111,7 +111,8 @@ def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -
     ``w2`` is the second ridge along a wale, ``c1`` the first along a course, counted in the whole
     fabric on the face of the layout, and ``left:right/bottom:top`` a rectangle of grid cells.
     """
-    shape, layout = case.mesh_shape, capacitor.layout
+    shape = case.mesh_shape
+    layout = capacitor.layout
     if not names:
         count = len(ridge_lines(replace(layout, within="fabric"), case.sample, case.options))
         names = [f"{layout.along[0]}{k + 1}" for k in range(count)]
@@ -148,7 +149,8 @@ def _ridge(name: re.Match[str], case: Case, layout: ElectrodeLayout) -> Strip:
     """A ridge along a wale (w) or a course (c), as an electrode of the layout's width and span."""
     along: Along = "wale" if name[1] == "w" else "course"
     layout = replace(layout, along=along, within="fabric")
-    lines, number = ridge_lines(layout, case.sample, case.options), int(name[2])
+    lines = ridge_lines(layout, case.sample, case.options)
+    number = int(name[2])
     if number > len(lines):
         message = f"is not there: this fabric has {len(lines)} ridges of this kind"
         raise invalid(f"electrode {name[0]}", f"{message}; choose one of them")

@@ -80,7 +80,8 @@ def readings(
             continue
         pair = np.array([one, other])
         rest = np.setdiff1d(np.arange(matrices.shape[1]), pair)
-        own, across = matrices[:, pair[:, None], pair], matrices[:, pair[:, None], rest]
+        own = matrices[:, pair[:, None], pair]
+        across = matrices[:, pair[:, None], rest]
         if rest.size:
             inner = matrices[:, rest[:, None], rest]
             own = own - across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))

@@ -49,7 +49,8 @@ VARIABLES: dict[str, Described] = {
 }
 """Dimensions beside those of states, unit and meaning of the variables."""
 STATUS = "sensing_status"
-KNOWN, UNSTABLE = "ok", "unstable"
+KNOWN = "ok"
+UNSTABLE = "unstable"
 Moves = Float[np.ndarray, "6 node_y node_x 3"]
 
 
@@ -58,8 +59,8 @@ def selectivity_of_case(
 ) -> xr.Dataset:
     """The selectivity of a periodic case with electrodes, relaxed or at selected strains.
 
-    Lengths are those of the case. Where its plies touch nothing is known, as bending leaves contact
-    out. InputError if it is clamped, has no electrodes, or a grounded plane.
+    Lengths are those of the case. Where its layers touch, nothing is known, as bending leaves
+    contact out. InputError if it is clamped, has no electrodes, or a grounded plane.
     """
     case, capacitor = sensor_case(case_file)
     if case.options.boundary != "periodic":
@@ -68,11 +69,16 @@ def selectivity_of_case(
     if capacitor.ground != "none":
         hint = "simulate it with ground = none"
         raise invalid(case.label, f"has a plane that does not bend with it; {hint}")
-    solver, measured = _Solver(case, capacitor), case_file["capacitance"].values
-    indices, gauges, status = list[int](), list[np.ndarray](), list[str]()
+    solver = _Solver(case, capacitor)
+    measured = case_file["capacitance"].values
+    indices = list[int]()
+    gauges = list[np.ndarray]()
+    status = list[str]()
     for state in stored_states(case_file, selections, default=[0]):
-        index, shape = state.index, state.shape
-        gauge, state_status = None, state.status.name
+        index = state.index
+        shape = state.shape
+        gauge = None
+        state_status = state.status.name
         if shape is not None:
             capacitor_status = CapacitorStatus(int(case_file["capacitor_status"][index]))
             state_status = capacitor_status.name
@@ -89,7 +95,8 @@ def selectivity_of_case(
     strain_gauge, bending_gauge = np.split(np.array(gauges), 2, axis=-1)
     bending_gauge *= cloth_per_network(case_file)
     number = DIRECTIONS.index(along)
-    sensed, other = strain_gauge[..., number], strain_gauge[..., 1 - number]
+    sensed = strain_gauge[..., number]
+    other = strain_gauge[..., 1 - number]
     with np.errstate(divide="ignore"):
         ratio = np.abs(sensed / other)
     values = {
@@ -145,7 +152,8 @@ class _Solver:
         thickness = max(float(np.ptp(np.asarray(state.positions)[..., 2])), STEP)
         step = STEP / np.array([1, 1, thickness, thickness])
         held = self._held(_State(state, moves, plate.height, step))
-        a, b = plate.stiffness[:2, :2], plate.stiffness[:2, 3:5]
+        a = plate.stiffness[:2, :2]
+        b = plate.stiffness[:2, 3:5]
         free = held.copy()
         free[:2] -= held[1::-1] * np.array([a[1, 0] / a[1, 1], a[0, 1] / a[0, 0]])
         free[2:] -= held[:2] @ np.linalg.solve(a, b)
@@ -168,15 +176,19 @@ class _Solver:
         self, state: "_State", changes: Sequence[int], level: int, copies: int = 0
     ) -> Float[np.ndarray, "change 2"]:
         """Capacitance a step to either side, of endless electrodes or of so many unit cells."""
-        along, lengths = self._electrodes.along, np.asarray(state.shape.lengths)
-        chart, shape = self._electrodes.chart(level), self._electrodes.shape
+        along = self._electrodes.along
+        lengths = np.asarray(state.shape.lengths)
+        chart = self._electrodes.chart(level)
+        shape = self._electrodes.shape
         middle = [*lengths[:2] / 2, state.height]
         corners = np.asarray(panels_on(chart, shape, state.shape)) - middle
         shifts = (np.arange(copies) - (copies - 1) / 2) * lengths[along] if copies else [0.0]
         row = np.concatenate([corners + shift * np.eye(3)[along] for shift in shifts])
-        panels, periods = [], []
+        panels = []
+        periods = []
         for change, sign in product(changes, (1, -1)):
-            component, size = COMPONENTS[change], sign * state.step[change]
+            component = COMPONENTS[change]
+            size = sign * state.step[change]
             still = Configuration(state.moves[component], np.zeros_like(lengths))
             moved = size * np.tile(panels_on(chart, shape, still), (len(shifts), 1, 1))
             # Corners after a mean deformation, and after moves that turn with the sheet.

@@ -99,7 +99,8 @@ class StitchChart:
         """The first stitch in words that differs from a knitted one; None if all are equal."""
         stitches = self.stitches
         for course, wale in np.argwhere(stitches != knitted).tolist():
-            here, there = stitches[course, wale], knitted[course, wale]
+            here = stitches[course, wale]
+            there = knitted[course, wale]
             return f"course {course + 1}, wale {wale + 1} is {there}, not {here}"
         return None
 

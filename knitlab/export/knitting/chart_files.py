@@ -1,7 +1,7 @@
 """Stitches read from a file: rows of text, a table, an image of one pixel a stitch, or knitout."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal
 
@@ -26,39 +26,51 @@ Stitches = Bool[np.ndarray, "course wale"]  # whether knit, seen from the front,
 def read_stitches(
     path: Path, first: Edge = "bottom", carrier: int | None = None
 ) -> tuple[Stitches, str]:
-    """The stitches of a file, and a remark on them; InputError if there is no chart."""
+    """The stitches of a file, and a remark on them; InputError if there is no chart.
+
+    ``first`` is the edge that is knitted first, of rows and images; ``carrier`` is of programs.
+    """
     suffix = path.suffix.lower()
     if suffix in PROGRAMS:
-        return _of_program(path, carrier)
-    lines = _of_image(path) if suffix in IMAGES else _of_text(path)
-    return (lines[::-1] if first == "bottom" else lines), ""
+        return _stitches_of_program(path, carrier)
+    rows = READERS.get(suffix, _rows_of_text)(path)
+    return (rows[::-1] if first == "bottom" else rows), ""
 
 
-def _of_text(path: Path) -> Stitches:
+def _symbols_of_row(line: str) -> str:
+    return "".join(letter for letter in line if letter not in SEPARATORS)
+
+
+def _symbols_of_table_row(line: str) -> str:
+    """The symbols of a row of knitlab's own table: after the course, kA for a plated stitch."""
+    return "".join(word.strip()[:1] for word in line.split(",")[1:])
+
+
+def _rows_of_text(path: Path) -> Stitches:
     rows: list[list[bool]] = []
-    is_table = False
+    symbols_of = _symbols_of_row
     for number, line in enumerate(read_text(path).splitlines(), start=1):
-        is_table = is_table or line.startswith("course,")
-        if not line.strip() or line.startswith(("#", "course,")):
+        where = f"{path}: line {number}"
+        if line.startswith("course,"):
+            symbols_of = _symbols_of_table_row
             continue
-        # knitlab's own table has the course in its first column, and kA for a plated stitch.
-        of_table = (word.strip()[:1] for word in line.split(",")[1:])
-        symbols = "".join(of_table if is_table else (c for c in line if c not in SEPARATORS))
+        if not line.strip() or line.startswith("#"):
+            continue
+        symbols = symbols_of(line)
         for stitch, symbol in enumerate(symbols, start=1):
             if symbol not in KNITS + PURLS:
                 message = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
-                where = f"{path}: line {number}"
                 raise invalid(where, f"{message} and {' '.join(PURLS)} for a purl, nothing else")
         if rows and len(symbols) != len(rows[0]):
             message = f"has {len(symbols)} stitches, and the first row {len(rows[0])}"
-            raise invalid(f"{path}: line {number}", f"{message}; give all rows the same")
+            raise invalid(where, f"{message}; give all rows the same")
         rows.append([symbol in KNITS for symbol in symbols])
     if not rows or not rows[0]:
         raise invalid(str(path), "has no stitches; write a row of k and p for each course")
     return np.array(rows)
 
 
-def _of_image(path: Path) -> Stitches:
+def _rows_of_image(path: Path) -> Stitches:
     pixels = read_image(path).astype(int)
     if pixels[..., 3].min() < 255:
         raise invalid(str(path), "has transparent pixels; save it opaque")
@@ -71,7 +83,11 @@ def _of_image(path: Path) -> Stitches:
     return lightness == lightness.max()
 
 
-def _of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
+READERS: dict[str, Callable[[Path], Stitches]] = dict.fromkeys(IMAGES, _rows_of_image)
+"""What reads the rows of a file, the top first, by its suffix; other files are text."""
+
+
+def _stitches_of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
     """The stitches of a carrier, or the one that knits most of a program, up to its bind-off."""
     text = read_text(path)
     lines = text.split("\n")
@@ -113,7 +129,8 @@ def _of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
         if len(chain) != courses:
             message = f"has {len(chain)} stitches of carrier {body} on needle {number}, and"
             raise invalid(str(path), f"{message} {courses} on others; only a rectangle is a chart")
-    first, end = min(chains), max(chains)
+    first = min(chains)
+    end = max(chains)
     if len(chains) != end - first + 1:
         missing = next(n for n in range(first, end) if n not in chains)
         raise invalid(str(path), f"knits nothing on needle {missing} between others; close the gap")
@@ -132,7 +149,8 @@ def _knitted(
     stitches: list[tuple[Needle, tuple[str, ...]]] = []
     double = joined = 0
     for operation in program:
-        opcode, needles = operation.opcode, operation.needles
+        opcode = operation.opcode
+        needles = operation.needles
         counts = operation.line in counted and not joined
         if opcode in ("knit", "tuck") and needles and operation.carriers:
             (needle,) = needles

@@ -9,7 +9,7 @@ from knitlab.export.knitting.machine import Machine
 from knitlab.export.knitting.program import OF_CARRIERS, Needle, Operation, operations
 from knitlab.io.errors import Mistake
 
-MOST_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
+MAX_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class FormedStitch:
 
 
 def check(text: str, machine: Machine) -> tuple[list[Mistake], list[FormedStitch]]:
-    """Faults of a program on a machine by their lines, and the stitches that it forms, in order."""
-    state = _State(machine, _header_faults(text, machine))
+    """Mistakes of a program on a machine by line, and the stitches that it forms, in order."""
+    state = _State(machine, _header_mistakes(text, machine))
     for operation in operations(text):
         if not operation.opcode.startswith("x-"):
             state.follow(operation)
@@ -32,26 +32,26 @@ def check(text: str, machine: Machine) -> tuple[list[Mistake], list[FormedStitch
     return state.mistakes, state.graph
 
 
-def _header_faults(text: str, machine: Machine) -> list[Mistake]:
-    """What the back end refuses, or takes for another machine, in a header."""
+def _header_mistakes(text: str, machine: Machine) -> list[Mistake]:
+    """What the back end refuses in a header, or takes for another machine."""
     lines = text.split("\n")
     mistakes = []
     if not lines[0].startswith(";!knitout-"):
         mistakes.append(Mistake(f"line 1: {lines[0]}", "is not ;!knitout-2; begin with that"))
     width = f";;Width: {machine.needles}"
     why = "Position: Center means the middle of another machine's beds without it"
-    listed = f";;Carriers: {' '.join(map(str, range(1, machine.listed_carriers + 1)))}"
+    carriers = f";;Carriers: {' '.join(map(str, range(1, machine.listed_carriers + 1)))}"
     hint = "keep to its count of carriers, or choose another machine by model"
-    needed = {
-        width: f"is not {width}; write that, as {why}",
-        listed: f"{machine.back_end} takes {listed} alone; {hint}",
-    }
-    for header, message in needed.items():
+    for header, message in (
+        (width, f"is not {width}; write that, as {why}"),
+        (carriers, f"{machine.back_end} takes {carriers} alone; {hint}"),
+    ):
         name = header.partition(" ")[0]
-        stated = {line: number for number, line in enumerate(lines, 1) if line.startswith(name)}
-        line, number = next(reversed(stated.items()), ("", 0))
-        if line != header:
-            mistakes.append(Mistake(f"line {number}: {line}" if stated else "header", message))
+        stated = [(k, line) for k, line in enumerate(lines, 1) if line.startswith(name)]
+        if not stated:
+            mistakes.append(Mistake("header", message))
+        elif stated[-1][1] != header:
+            mistakes.append(Mistake(f"line {stated[-1][0]}: {stated[-1][1]}", message))
     return mistakes
 
 
@@ -70,7 +70,8 @@ class _State:
 
     def follow(self, operation: Operation) -> None:
         """Take the state on by an operation, by the method of its name."""
-        self.now, machine = operation, self.machine
+        self.now = operation
+        machine = self.machine
         last = machine.needles
         outside = [each for each in operation.needles if not 1 <= each.number <= last]
         for needle in outside:
@@ -146,8 +147,8 @@ class _State:
 
     def _tuck(self, needle: Needle, *carriers: int) -> None:
         self._check_carriers(needle, carriers)
-        if len(self.held.get(needle, [])) >= MOST_STITCHES_HELD:
-            self._report(f"{needle} holds {MOST_STITCHES_HELD} loops already; knit them first")
+        if len(self.held.get(needle, [])) >= MAX_STITCHES_HELD:
+            self._report(f"{needle} holds {MAX_STITCHES_HELD} loops already; knit them first")
         self._form(needle, carriers, ())
 
     def _form(self, needle: Needle, carriers: tuple[int, ...], through: tuple[int, ...]) -> None:
@@ -158,10 +159,11 @@ class _State:
         if self._opposite(source) != target:
             opposite = f"{source} is opposite {self._opposite(source)} at racking {self.racking}"
             self._report(f"{opposite}; rack before, or correct the needles")
-        moved, there = self.held.pop(source, []), self.held.get(target, [])
+        moved = self.held.pop(source, [])
+        there = self.held.get(target, [])
         if not moved:
             self._report(f"{source} holds no loop; transfer only where the bed changes")
-        elif there and (not self.racking or len(moved) + len(there) > MOST_STITCHES_HELD):
+        elif there and (not self.racking or len(moved) + len(there) > MAX_STITCHES_HELD):
             self._report(f"{target} holds a loop, and may hold one; knit or move that first")
         self.held[target] = [*there, *moved]
 
@@ -192,7 +194,8 @@ class _State:
     def _inhook(self, carrier: int) -> None:
         self._check_hook_is_free()
         self._in(carrier)
-        self.hooked, self.hook_from = carrier, None
+        self.hooked = carrier
+        self.hook_from = None
 
     def _releasehook(self, carrier: int) -> None:
         if carrier != self.hooked:

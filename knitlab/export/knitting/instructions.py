@@ -10,19 +10,24 @@ from itertools import groupby
 
 from knitlab.export.knitting.chart import StitchChart, electrode_name
 
-MOST_LISTED = 3  # rows that are numbered one by one
+MAX_LISTED = 3  # rows that are numbered one by one
 Stitch = tuple[bool, int]  # whether it is knitted, else purled, and its electrode's number or 0
 
 
 def instructions(chart: StitchChart, in_the_round: bool = False) -> str:
     """Words that knit a chart by hand, to and fro or in the round."""
-    row, period, sides = "row", 2, "RS: right side, WS: wrong side, "
+    row = "row"
+    period = 2
+    sides = "RS: right side, WS: wrong side, "
     if in_the_round:
-        row, period, sides = "round", 1, ""
+        row = "round"
+        period = 1
+        sides = ""
     terms = f"k: knit, p: purl, st(s): stitch(es), {sides}rep: repeat."
     lines = [" ".join(chart.title.split()), "", terms]
     for number in chart.electrodes:
-        name, face = electrode_name(number), chart.plated_face[number - 1]
+        name = electrode_name(number)
+        face = chart.plated_face[number - 1]
         side = "right" if face == "front" else "wrong"
         lines.append(f"with {name}: hold conductor {name} with the yarn, on the {side} side.")
     join = ", join in the round" if in_the_round else ""
@@ -31,7 +36,8 @@ def instructions(chart: StitchChart, in_the_round: bool = False) -> str:
     courses = chart.repeat[0]
     more = chart.courses // courses - 1
     if courses % period or worked != worked[:courses] * (more + 1):
-        courses, more = chart.courses, 0
+        courses = chart.courses
+        more = 0
     start = 0
     while start < courses:
         following = range(start + period, courses)
@@ -49,7 +55,7 @@ def instructions(chart: StitchChart, in_the_round: bool = False) -> str:
 def _rows(row: str, numbers: range) -> str:
     """Rows by their numbers, with their side if they go to and fro."""
     side = "" if row == "round" else f" ({'RS' if numbers[0] % 2 else 'WS'})"
-    if len(numbers) <= MOST_LISTED:
+    if len(numbers) <= MAX_LISTED:
         listed = ", ".join(map(str, numbers[:-1]))
         several = f"{listed} and {numbers[-1]}" if listed else str(numbers[-1])
         return f"{row.capitalize()}{'s' if listed else ''} {several}{side}"
@@ -101,7 +107,8 @@ def _brackets(terms: list[str]) -> Iterator[str]:
 
 def _times(terms: list[str], start: int, size: int) -> int:
     """How often a group stands next to itself."""
-    group, times = terms[start : start + size], 1
+    group = terms[start : start + size]
+    times = 1
     while terms[start + size * times : start + size * (times + 1)] == group:
         times += 1
     return times

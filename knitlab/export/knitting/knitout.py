@@ -64,7 +64,8 @@ class _Program:
     """The lines of a program, and the state of the machine after them."""
 
     def __init__(self, chart: StitchChart, machine: Machine) -> None:
-        self.chart, self.machine = chart, machine
+        self.chart = chart
+        self.machine = machine
         self.needles = range(1, chart.wales + 1)
         self.lines = [f"x-speed-number {machine.speed_number}"]
         self.on_front = np.ones(chart.wales, bool)
@@ -79,7 +80,8 @@ class _Program:
 
     def written(self) -> list[str]:
         """The lines from cast-on to end."""
-        machine, wales = self.machine, self.chart.wales
+        machine = self.machine
+        wales = self.chart.wales
         if machine.waste_courses:
             # 1 × 1 rib lies flat and gives the rollers something to hold.
             self.on_front = np.arange(wales) % 2 == 0
@@ -192,10 +194,9 @@ class _Program:
             for number in numbers:
                 carriers = [self.machine.body_carrier]
                 if electrode:
-                    # The face of a front loop is on the front of the fabric.
-                    front = self.chart.plated_face[electrode - 1] == "front"
-                    on_face = front == self.on_front[number - 1]
-                    first = on_face == (self.machine.plating == "face_first")
+                    front = self.on_front[number - 1]
+                    face = self.chart.plated_face[electrode - 1]
+                    first = self.machine.names_conductor_first(bool(front), face)
                     carriers.insert(0 if first else 1, self.machine.carrier_of(electrode))
                 self._form("knit", self.direction, number, carriers)
         for electrode in np.setdiff1d(plated, self.chart.plated[course + 1 :]).tolist():

@@ -68,7 +68,8 @@ def _formed(program: str) -> Iterator[tuple[int, tuple[int, ...], int]]:
 
 def _way_out(chart: StitchChart, electrode: int, course: int, wale: int) -> tuple[Edge, int]:
     """The nearest edge in a straight line clear of the other electrode, and its distance."""
-    along_wale, along_course = chart.plated[:, wale], chart.plated[course]
+    along_wale = chart.plated[:, wale]
+    along_course = chart.plated[course]
     ways: dict[Edge, np.ndarray] = {
         "lower": along_wale[:course],
         "upper": along_wale[course + 1 :],

@@ -14,6 +14,7 @@ from pydantic import (
     ValidationError,
 )
 
+from knitlab.export.knitting.chart import Face
 from knitlab.io.errors import Mistake, invalid, mistakes_of, raise_if_any, shown, unknown
 from knitlab.io.names import Line
 from knitlab.io.shipped import shipped
@@ -101,6 +102,12 @@ class Machine:
         """Distance of two needles [mm]."""
         return 25.4 / self.needles_per_inch
 
+    def names_conductor_first(self, front: bool, face: Face) -> bool:
+        """Whether a plated stitch of a bed names its conductor first, to have it on a face."""
+        # The face of a front loop is on the front of the fabric.
+        on_face_of_loop = (face == "front") == front
+        return on_face_of_loop == (self.plating == "face_first")
+
     def carrier_of(self, electrode: int) -> int:
         """Carrier of the conductor of an electrode, by its number from 1."""
         return self.electrode_carriers[electrode - 1]
@@ -119,11 +126,13 @@ def read_machine(
     The changes name its model, else the yarn, else the paper. Stitch sizes of a yarn apply only to
     its own machine. InputError has everything wrong in the changes.
     """
-    tables, changes = read_toml(shipped("params") / "machine.toml"), dict(changes or {})
+    tables = read_toml(shipped("params") / "machine.toml")
+    changes = dict(changes or {})
     paper = paper_yarn()
     yarn = paper if yarn is None else yarn
     asked = str(changes.pop("model", None) or yarn.machine or paper.machine)
-    machines, back_ends = tables["machines"], tables["back_ends"]
+    machines = tables["machines"]
+    back_ends = tables["back_ends"]
     model = _known("model", asked, machines)
     of_machine = _values(machines[model])
     back_end = _known("back_end", str(changes.get("back_end", of_machine["back_end"])), back_ends)
@@ -151,7 +160,7 @@ def read_machine(
     ]
     try:
         machine = TypeAdapter(Machine).validate_python(values | changes)
-        mistakes += _combination_faults(machine)
+        mistakes += _combination_mistakes(machine)
     except ValidationError as error:
         mistakes += [
             Mistake(f"machine {each.path}", each.message) for each in mistakes_of(error, "")
@@ -185,8 +194,9 @@ def _known(kind: str, name: str, table: Mapping[str, Any]) -> str:
     )
 
 
-def _combination_faults(machine: Machine) -> list[Mistake]:
-    names, count = ("waste_carrier", "draw_carrier", "body_carrier"), machine.carriers
+def _combination_mistakes(machine: Machine) -> list[Mistake]:
+    names = ("waste_carrier", "draw_carrier", "body_carrier")
+    count = machine.carriers
     used = {name: getattr(machine, name) for name in names}
     used["electrode A"], used["electrode B"] = machine.electrode_carriers
     mistakes = [

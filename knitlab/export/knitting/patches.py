@@ -12,14 +12,13 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import groupby, product
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
 
-from knitlab.export.knitting.bands import Band, bands_of
 from knitlab.export.knitting.chart import StitchChart
 from knitlab.io.errors import invalid
 from knitlab.io.names import check_suffix
@@ -27,15 +26,36 @@ from knitlab.io.toml import TOML, write_toml
 from knitlab.model.pattern import KNIT_OF_LETTER
 from knitlab.model.settings import GarterStart
 from knitlab.model.stitches import Gauge
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.runs.parameters import defaults
 from knitlab.runs.patterns import Pattern, is_pattern_name
 
 ODD_STITCHES = (0, 1, 2)  # in which courses or wales may differ and still count as alike
 SLENDER = (2, 1)  # lengths of a stripe over its width, at least, that are tried
-MOST_SHIFTS = 8  # along each axis, if a chart does not begin with a patch
-MOST_BANDS = 48  # along each axis, of a chart that has a pattern
-MOST_PATCHES = 12  # that are described one by one
+MAX_SHIFTS = 8  # along each axis, if a chart does not begin with a patch
+MAX_BANDS = 48  # along each axis, of a chart that has a pattern
+MAX_PATCHES = 12  # that are described one by one
 STARTS: tuple[GarterStart, GarterStart] = "valley", "mountain"
+Axis = Literal["course", "wale"]
+
+
+class Band(NamedTuple):
+    """A row or a column of patches: from a course or wale to the next band's."""
+
+    axis: Axis
+    start: int
+    stop: int
+    stripe: int | None  # courses of its garter stripes or wales of its ribs, None without stripes
+
+    @property
+    def size(self) -> int:
+        """Number of courses or wales."""
+        return self.stop - self.start
+
+    @property
+    def per_stitch(self) -> int:
+        """Courses or wales that are as long as a stitch is wide."""
+        return 1 if self.axis == "wale" else GARTER_STITCHES_PER_RIB_STITCH
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +73,7 @@ class ReadChart:
     odd: Bool[np.ndarray, "course wale"]  # stitches that no patch has
 
     def __repr__(self) -> str:
-        return f"<ReadChart {self.chart.size}, {len(self.messages)} problems>"
+        return f"<ReadChart {self.chart.size}, {len(self.messages)} messages>"
 
     @property
     def n_stripe(self) -> int:
@@ -87,10 +107,16 @@ class ReadChart:
         """What the model cannot represent, by course and wale."""
         return (*self._sizes_that_do_not_fit(), *self._odd_stitches())
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Deprecated: ``messages``."""
+        return self.messages
+
     def _sizes_that_do_not_fit(self) -> Iterator[str]:
         stripes = {"course": "garter stripes", "wale": "ribs"}
         for band in (*self.rows, *self.columns):
-            where, n = _span(band.axis, range(band.start, band.stop)), self._n(band)
+            where = _span(band.axis, range(band.start, band.stop))
+            n = self._n(band)
             if n is None and band.stripe is None:
                 fitting = ", ".join(str(2 * band.per_stitch * n) for n in self._known)
                 message = f"{where}: a patch of this size, {band.size}, holds no even number of"
@@ -104,7 +130,8 @@ class ReadChart:
 
     def _odd_stitches(self) -> Iterator[str]:
         for row, column in np.ndindex(self.letters.shape):
-            low, left = self.rows[row].start, self.columns[column].start
+            low = self.rows[row].start
+            left = self.columns[column].start
             odd = self.odd[low : self.rows[row].stop, left : self.columns[column].stop]
             if not odd.any():
                 continue
@@ -166,7 +193,7 @@ class ReadChart:
         if self.begins_at != (1, 1):
             yield "begins at", "course {}, wale {} of the file".format(*self.begins_at)
         rows, columns = self.repeat
-        if len(rows) * len(columns) <= MOST_PATCHES:
+        if len(rows) * len(columns) <= MAX_PATCHES:
             yield from self._patches_in_words(rows, columns)
         else:
             for row in self.letters[: len(rows), : len(columns)][::-1]:
@@ -189,7 +216,8 @@ def pattern_name(path: Path) -> str:
 
 
 def _span(name: str, numbers: np.ndarray | range) -> str:
-    first, last = numbers[0] + 1, numbers[-1] + 1
+    first = numbers[0] + 1
+    last = numbers[-1] + 1
     return f"{name} {first}" if first == last else f"{name}s {first} to {last}"
 
 
@@ -203,7 +231,7 @@ def _repeat_of(bands: tuple[Band, ...], letters: np.ndarray) -> tuple[Band, ...]
 def patches_of(front: Bool[np.ndarray, "course wale"], title: str) -> ReadChart:
     """The patches of a chart, course 0 first; if its edges do not fit, of one moved over them."""
     changes = (np.flatnonzero((of[1:] != of[:-1]).any(axis=1)) + 1 for of in (front, front.T))
-    moved = product(*([0, *numbers[:MOST_SHIFTS].tolist()] for numbers in changes))
+    moved = product(*([0, *numbers[:MAX_SHIFTS].tolist()] for numbers in changes))
     tried = list[ReadChart]()
     for shifts, tolerances in (([(0, 0)], ODD_STITCHES), ([*moved], ODD_STITCHES[:1])):
         for tolerance, slender in product(tolerances, SLENDER):
@@ -232,7 +260,7 @@ def _read(
         courses = len(front)
         rows = [b._replace(start=courses - b.stop, stop=courses - b.start) for b in rows[::-1]]
     columns = bands_of(front.T, "wale", tolerance, slender)
-    if len(rows) * len(columns) > MOST_BANDS**2:
+    if len(rows) * len(columns) > MAX_BANDS**2:
         # No pattern, and slow to describe patch by patch.
         rows = [Band("course", 0, len(front), None)]
         columns = [Band("wale", 0, front.shape[1], None)]
@@ -262,3 +290,65 @@ def _knits(row: Band, column: Band, back_first: bool) -> Iterator[tuple[str, np.
     if row.stripe is not None:
         first = (np.arange(row.size) // row.stripe % 2 == 0) != back_first
         yield "G", np.broadcast_to(first[:, None], shape)
+
+
+def bands_of(
+    lines: Bool[np.ndarray, "line stitch"], axis: Axis, tolerance: int, slender: int
+) -> list[Band]:
+    """Courses in rows of patches, or wales in columns, whose stripes begin on the front bed."""
+    kinds, examples = _kinds(lines, tolerance)
+    # Runs of lines that are alike, by their kind and number of lines.
+    runs = [(kind, len(list(of))) for kind, of in groupby(kinds)]
+    bands = list[Band]()
+    k = 0
+    start = 0
+    while k < len(runs):
+        (kind, first) = runs[k]
+        (other, size) = (*runs, (-1, 0))[k + 1]
+        k += 1
+        if size > first or not _are_stripes(examples, kind, other, axis, slender * size):
+            size = 0
+        if first > size:
+            bands.append(Band(axis, start, start + first - size, None))
+        start += first
+        if size:
+            stop = start + size
+            k = k + 1
+            while runs[k : k + 2] == [(kind, size), (other, size)]:
+                stop = stop + 2 * size
+                k = k + 2
+            bands.append(Band(axis, start - size, stop, size))
+            start = stop
+    return bands
+
+
+def _kinds(
+    lines: Bool[np.ndarray, "line stitch"], tolerance: int
+) -> tuple[list[int], list[Bool[np.ndarray, " stitch"]]]:
+    """The kind of every line, and an example of each; lines may differ in a few stitches."""
+    if not tolerance:
+        _, firsts, exact = np.unique(lines, axis=0, return_index=True, return_inverse=True)
+        return exact.ravel().tolist(), list(lines[firsts])
+    examples = list[np.ndarray]()
+    kinds = []
+    for line in lines:
+        alike = (k for k, each in enumerate(examples) if (each != line).sum() <= tolerance)
+        kind = next(alike, len(examples))
+        if kind == len(examples):
+            examples.append(line)
+        kinds.append(kind)
+    usual = [np.mean(lines[np.array(kinds) == k], axis=0) >= 0.5 for k in range(len(examples))]
+    return kinds, usual
+
+
+def _are_stripes(
+    examples: list[Bool[np.ndarray, " stitch"]], first: int, second: int, axis: Axis, least: int
+) -> bool:
+    """Whether two kinds of lines are front and back stripes, as long as some lines are high."""
+    if second < 0 or (examples[second] & ~examples[first]).any():
+        return False
+    differ = examples[first] & ~examples[second]
+    lengths = [len(list(of)) for changes, of in groupby(differ.tolist()) if changes]
+    # 2 courses are a wale high.
+    scale = GARTER_STITCHES_PER_RIB_STITCH ** (1 if axis == "course" else -1)
+    return bool(differ.all()) or least <= scale * min(lengths, default=0)

@@ -50,7 +50,8 @@ def operations(text: str) -> Iterator[Operation]:
     for line, content in enumerate(text.split("\n"), start=1):
         opcode, *words = content.partition(";")[0].split() or [""]
         if opcode in DIRECTED:
-            direction, carriers = (*words, "")[0], tuple(words[2:])
+            direction = (*words, "")[0]
+            carriers = tuple(words[2:])
             yield Operation(line, opcode, tuple(words), direction, _needles(words[1:2]), carriers)
         elif opcode in OF_CARRIERS:
             yield Operation(line, opcode, tuple(words), carriers=tuple(words))
@@ -112,7 +113,8 @@ def duration(program: Iterable[Operation], machine: Machine) -> Duration:
     listed = list(program)
     passes = carriage_passes(listed)
     opcodes = Counter(operation.opcode for operation in listed)
-    kinds, needles = Counter(each.kind for each in passes), Counter[str]()
+    kinds = Counter(each.kind for each in passes)
+    needles = Counter[str]()
     for each in passes:
         needles[each.kind] += abs(each.last - each.first) + 1
     returns = [

@@ -18,7 +18,7 @@ from knitlab.export.knitting.checks import FormedStitch, check
 from knitlab.export.knitting.machine import Machine
 from knitlab.export.knitting.program import operations
 
-MOST_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
+MAX_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
 KNOWN_MACHINE = "SWG091N2"  # the only machine of the interpreter
 KNOWN_HEADERS = (";;Gauge:", ";;Carriers:", ";;Position:")
 
@@ -34,6 +34,11 @@ class RoundTrip:
     mistakes: tuple[str, ...]
     notes: tuple[str, ...]
 
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Deprecated: ``mistakes``."""
+        return self.mistakes
+
 
 def round_trip(
     program: str, chart: StitchChart, machine: Machine, interpret: bool | None = None
@@ -42,18 +47,18 @@ def round_trip(
     own, graph = check(program, machine)
     mistakes = [*map(str, own), *_differences(graph, chart, machine)]
     count = f"{len(graph)} stitches with waste, cast-on and end"
-    notes = [f"own checks: {count}, {len(mistakes)} faults"]
+    notes = [f"own checks: {count}, {len(mistakes)} mistakes"]
     length = sum(1 for _ in operations(program))
     if interpret is False or not find_spec("knitout_interpreter"):
         notes.append("interpreter: not run; install it by pip install knitlab[knitting]")
-    elif interpret is None and length > MOST_OPERATIONS:
+    elif interpret is None and length > MAX_OPERATIONS:
         notes.append(f"interpreter: not run, as {length} operations take long; take fewer repeats")
     else:
         try:
             differences = _differences(interpreted(program), chart, machine)
         except NotAChart as error:
             differences = [f"refuses it: {error}"]
-        notes.append(f"interpreter: {count}, {len(differences)} faults")
+        notes.append(f"interpreter: {count}, {len(differences)} mistakes")
         mistakes += [f"the interpreter {each}" for each in differences]
     return RoundTrip(tuple(mistakes), tuple(notes))
 
@@ -82,7 +87,8 @@ def stitches_of(
     if sorted(chains) != list(range(1, wales + 1)):
         knitted = f"from {min(chains)} to {max(chains)}" if chains else "nowhere"
         raise NotAChart(f"the body is knitted on needles {knitted}, not from 1 to {wales}")
-    first, bound_off = machine.setup_courses, machine.end == "bind_off"
+    first = machine.setup_courses
+    bound_off = machine.end == "bind_off"
     # A bind-off knits one more stitch in each wale, and its tail in the last.
     tail = machine.bind_off_tail if bound_off else 0
     more = {wale: len(chain) - first - courses - bound_off for wale, chain in chains.items()}
@@ -113,8 +119,9 @@ def _in_words(stitch: FormedStitch, machine: Machine) -> str:
         names = " and ".join(map(str, stitch.carriers))
         message = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
         raise NotAChart(f"{message} body and one conductor")
-    on_loop_face = (stitch.carriers[0] == carrier) == (machine.plating == "face_first")
-    face: Face = "front" if on_loop_face == stitch.front else "back"
+    is_first = stitch.carriers[0] == carrier
+    on_front = is_first == machine.names_conductor_first(stitch.front, "front")
+    face: Face = "front" if on_front else "back"
     return stitch_in_words(stitch.front, machine.electrode_carriers.index(carrier) + 1, face)
 
 
@@ -157,7 +164,8 @@ def interpreted(text: str) -> list[FormedStitch]:
     stitches: list[FormedStitch] = []
     stitch_of_loop: dict[int, int] = {}
     for loop in sorted(graph.sorted_loops, key=lambda each: int(each.loop_count_on_machine)):
-        number, needle = loop.loop_count_on_machine, loop.source_needle
+        number = loop.loop_count_on_machine
+        needle = loop.source_needle
         carriers: tuple[int, ...] = (int(loop.yarn.carrier.carrier_id),)
         through = tuple(sorted({stitch_of_loop[each] for each in parents[number]}))
         if stitches and through and stitches[-1].through == through:

@@ -18,8 +18,10 @@ from knitlab.export.knitting.program import (
     longest_floats,
     operations,
 )
-from knitlab.export.knitting.stitch_size import implausible_size
 from knitlab.model.stitches import Gauge
+
+WIDTHS = 0.5, 1.5  # of a stitch before it folds, over the distance of two needles; the paper's 0.8
+HEIGHTS = 0.3, 1.5  # of a stitch over its width; the paper's 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,7 @@ class Prediction:
     contraction: tuple[float, float]  # relaxed over flat length of unit cells along (x, y)
     applied_strain: Float[np.ndarray, " strain"]
     poisson_ratio: Float[np.ndarray, " strain"]
-    low: Float[np.ndarray, " strain"]  # over the siblings of the design, NaN if it has none
+    low: Float[np.ndarray, " strain"]  # over perturbed copies of the design, NaN if it has none
     high: Float[np.ndarray, " strain"]
 
     def __repr__(self) -> str:
@@ -82,7 +84,8 @@ class Specification:
         """Width and length in cloth as it folds, if they are predicted [mm]."""
         if self.prediction is None:
             return None
-        (width, length), (along_x, along_y) = self.flat_size, self.prediction.contraction
+        (width, length) = self.flat_size
+        (along_x, along_y) = self.prediction.contraction
         return width * along_x, length * along_y
 
     @property
@@ -131,8 +134,10 @@ class Specification:
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""
-        chart, machine = self.chart, self.machine
-        time, plated = self.duration, int((chart.plated > 0).sum())
+        chart = self.chart
+        machine = self.machine
+        time = self.duration
+        plated = int((chart.plated > 0).sum())
         yield "design", " ".join(chart.title.split())
         whole = "none: it is a whole sample"
         yield "repeats", whole if chart.is_whole_sample else chart.repeats_in_words
@@ -159,7 +164,8 @@ class Specification:
         yield "machine time", f"about {_minutes(time.seconds)}"
         if plated:
             bare = self.unplated
-            more, added = time.seconds - bare.seconds, passes - sum(bare.passes.values())
+            more = time.seconds - bare.seconds
+            added = passes - sum(bare.passes.values())
             share = f"{more / bare.seconds:.0%} more"
             yield "plating adds", f"{_minutes(more)} ({share}) and {added} passes"
         yield "size flat", _millimetres(self.flat_size)
@@ -174,3 +180,24 @@ def _minutes(seconds: float) -> str:
 
 def _millimetres(size: tuple[float, float]) -> str:
     return f"{size[0]:.0f} × {size[1]:.0f} mm (width × length)"
+
+
+def implausible_size(gauge: Gauge, machine: Machine) -> str | None:
+    """How the size of a stitch contradicts the machine or the shape of a stitch; None if neither.
+
+    If the width contradicts the needles, the shape, which depends on it, is not checked.
+    """
+    width = gauge.stitch_width
+    height = gauge.stitch_height
+    pitch = machine.pitch
+    if not WIDTHS[0] <= width / pitch <= WIDTHS[1]:
+        low, high = (factor * pitch for factor in WIDTHS)
+        message = f"stitch_width is {width:.4g} mm, and the needles of {machine.model} are"
+        message += f" {pitch:.3g} mm apart, which makes stitches of {low:.2g} to {high:.2g} mm"
+        hint = "give stitch_width as measured on a swatch of this machine, or the machine of the"
+        return f"{message}: {hint} swatch by model or needles_per_inch"
+    if not HEIGHTS[0] <= height / width <= HEIGHTS[1]:
+        low, high = (factor * width for factor in HEIGHTS)
+        message = f"stitch_height is {height:.4g} mm, and stitches {width:.4g} mm wide are"
+        return f"{message} {low:.2g} to {high:.2g} mm high: measure both on a swatch"
+    return None

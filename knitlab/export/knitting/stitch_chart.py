@@ -30,7 +30,7 @@ from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.solvers.case import Case
 
 FOLD_WALES = 2  # width of a single fold's line on one bed, that of the narrowest stripe measured
-MOST_STITCHES = 4_000_000  # of a chart; a machine has some 500 needles
+MAX_STITCHES = 4_000_000  # of a chart; a machine has some 500 needles
 ASPECT = 2.0  # length over width of a sample on needles (paper, "Kinematics": 200 by 400 mm)
 
 
@@ -64,8 +64,8 @@ def stitch_chart(
         repeats = (along_x, along_y) if turned else (along_y, along_x)
     case = replace(case, unit_cells=repeats or case.unit_cells)
     stitches = math.prod(repeat) * math.prod(case.unit_cells)
-    if stitches > MOST_STITCHES:
-        message = f"take {stitches:,} stitches, above {MOST_STITCHES:,}; repeat the pattern less"
+    if stitches > MAX_STITCHES:
+        message = f"take {stitches:,} stitches, above {MAX_STITCHES:,}; repeat the pattern less"
         raise invalid(f"repeats {case.unit_cells}", message)
     rows, columns = _patch_lines(case)
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
@@ -76,11 +76,15 @@ def stitch_chart(
         front = _panels(case, rows, columns)
     plated = _plated_stitches(case, rows, columns)
     knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit)
-    borders, periodic = (rows.borders, columns.borders), case.options.boundary == "periodic"
+    borders = (rows.borders, columns.borders)
+    periodic = case.options.boundary == "periodic"
     if case.folds:
         knit = np.full(knit.shape, "panel")
     if turned:
-        front, plated, borders, repeat = front.T, plated.T, borders[::-1], repeat[::-1]
+        front = front.T
+        plated = plated.T
+        borders = borders[::-1]
+        repeat = repeat[::-1]
         knit = np.full(knit.T.shape, "rib")
     faces = _plated_faces(case, face)
     return StitchChart(case.label, front, plated, faces, knit, *borders, repeat, periodic)
@@ -105,7 +109,8 @@ class _PatchLines(NamedTuple):
 
     def between(self, ends: tuple[float, float]) -> Int[np.ndarray, " stitch"]:
         """Courses or wales, at least one, between grid coordinates, also beyond its edges."""
-        lines, position = self.grid_lines, np.array(ends)
+        lines = self.grid_lines
+        position = np.array(ends)
         count = len(lines) - 1
         stitch = np.interp(position % count, np.arange(count + 1), lines)
         low, high = np.floor(position // count * lines[-1] + stitch + 0.5).astype(int)
@@ -126,7 +131,8 @@ def _lines_of(
 
 def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
     """The rows and the columns of patches of a case; pure ones by the stitch's shape of 1:2."""
-    sample, grading = case.sample, case.grading
+    sample = case.sample
+    grading = case.grading
     warp = (case.warp,) if grading is None else grading.warp
     weft = (case.weft,) if grading is None else grading.weft
     rows = np.array([stripe.n for stripe in warp])[sample.row_stripe]
@@ -177,7 +183,8 @@ def _plated_stitches(
     for number, strips in enumerate(electrodes.strips, start=1):
         for strip in strips:
             x, y = strip.extents - shift[:, None]
-            courses, wales = rows.between(y), columns.between(x)
+            courses = rows.between(y)
+            wales = columns.between(x)
             plated[np.ix_(courses % rows.size, wales % columns.size)] = number
     touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
     if touching.any():

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # what they are in imports JAX
     from knitlab.model.pattern import Knit
     from knitlab.solvers.case import Case
 
-MOST_FACES = 1_000_000  # grid cells of a mesh
+MAX_FACES = 1_000_000  # grid cells of a mesh
 KNITS: tuple["Knit", ...] = ("rib", "garter", "plain")
 HEIGHT = "height [mm]"
 FOLD_ANGLE = "fold_angle [rad]"
@@ -48,8 +48,8 @@ def fabric_meshes(
     if tuple(repeats) != (1, 1) and not is_periodic(case_file):
         raise invalid(given, "is of periodic fabric, and this sample has edges; give 1 1")
     faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
-    if faces > MOST_FACES:
-        raise invalid(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
+    if faces > MAX_FACES:
+        raise invalid(given, f"makes {faces:,} grid cells, above {MAX_FACES:,}; repeat it less")
     shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])
@@ -91,7 +91,8 @@ def closed_nodes(
 
     periodic = is_periodic(case_file)
     cells_y, cells_x = (case_file.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))
-    rows, columns = np.arange(repeats[0] * cells_y + 1), np.arange(repeats[1] * cells_x + 1)
+    rows = np.arange(repeats[0] * cells_y + 1)
+    columns = np.arange(repeats[1] * cells_x + 1)
     shape = MeshShape(cells_y, cells_x, periodic)
     return np.asarray(nodes_at(shape, configurations(case_file), rows, columns))
 
@@ -113,7 +114,8 @@ def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarra
         for of_electrode, strips in zip(of_sheet, case.electrodes.strips, strict=True):
             for piece in chain.from_iterable(map(split_by_cells, strips)):
                 # Over a seam a strip goes on at the other end.
-                row, column = math.floor(piece.bottom), math.floor(piece.left)
+                row = math.floor(piece.bottom)
+                column = math.floor(piece.left)
                 of_electrode[row % shape.cells_y, column % shape.cells_x] += piece.area
         covered = np.tile(of_sheet, (1, *repeats))
         plated = covered.sum(axis=0)
@@ -140,8 +142,10 @@ def _fold_angles(
     """
     from knitlab.model.energy import fold_angles
 
-    layout, states = case.layout, configurations(case_file)
-    net, shape = layout.net, layout.net.shape
+    layout = case.layout
+    states = configurations(case_file)
+    net = layout.net
+    shape = layout.net.shape
     fabric = layout.fabric(case.stripe_pair)
     # State by state, one compiled program serves any number of them.
     angles = np.stack(

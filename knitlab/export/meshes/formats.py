@@ -126,7 +126,8 @@ def _write_glb(shapes: Shapes, path: Path) -> None:
     visual = trimesh.visual.TextureVisuals(material=material)
     light = np.rint(255 * linear(node_colours(shapes.first))).astype(np.uint8)
     visual.vertex_attributes["color"] = np.insert(light, 3, 255, axis=1)  # opaque
-    scene, solid = trimesh.Scene(), _trimesh(shapes.first, visual)
+    scene = trimesh.Scene()
+    solid = _trimesh(shapes.first, visual)
     scene.add_geometry(solid, node_name="fabric", geom_name="fabric", transform=METRES_OF_Z_UP)
     scene.export(path, "glb")
 

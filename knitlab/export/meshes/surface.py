@@ -14,7 +14,7 @@ TRIANGLES_OF_QUAD = np.array([[0, 1, 2], [2, 3, 0]])
 MITRE_LIMIT = 4.0
 """Largest distance of a node from the sheet, over that of the faces beside it; a fold whose flanks
 enclose 29° reaches it."""
-LEAST = 1e-12  # length of a vector that points nowhere: of a crushed cell, or opposite normals
+MIN_LENGTH = 1e-12  # length of a vector that points nowhere: of a crushed cell, or opposite normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +69,13 @@ class SurfaceMesh:
         """Unit normals of the faces; of a quad, at right angles to its diagonals."""
         corners = self.nodes[self.faces]
         normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), LEAST)
+        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), MIN_LENGTH)
 
     def fold_angles(self) -> Float[np.ndarray, " edge"]:
         """Angle between the faces of every edge, 0 if flat or at the rim, a valley positive [°]."""
         edges, faces = self.edges()
         along = self.nodes[edges[:, 1]] - self.nodes[edges[:, 0]]
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), LEAST)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), MIN_LENGTH)
         # Quads need not be plane, nor their normals at right angles to their sides.
         left, right = (
             normal - (normal * along).sum(axis=1, keepdims=True) * along
@@ -142,14 +142,15 @@ def mitred_normals(sheet: SurfaceMesh) -> Float[np.ndarray, "node 3"]:
     planes that is exact, up to :data:`MITRE_LIMIT`.
     """
     normals = sheet.normals()
-    node, face = sheet.faces.ravel(), np.repeat(np.arange(len(normals)), 4)
+    node = sheet.faces.ravel()
+    face = np.repeat(np.arange(len(normals)), 4)
     total = np.zeros_like(sheet.nodes)
     np.add.at(total, node, normals[face])
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    direction = total / np.maximum(length, LEAST)
+    direction = total / np.maximum(length, MIN_LENGTH)
     cosine = (normals[face] * direction[node]).sum(axis=1)
     sums, squares = (np.bincount(node, cosine**power, len(total)) for power in (1, 2))
-    reach = np.clip(sums / np.maximum(squares, LEAST), 0, MITRE_LIMIT)
+    reach = np.clip(sums / np.maximum(squares, MIN_LENGTH), 0, MITRE_LIMIT)
     return reach[:, None] * direction
 
 
@@ -160,7 +161,8 @@ def largest_thickness(sheet: SurfaceMesh) -> float:
     normal, is a + b s + c s².
     """
     triangles = sheet.triangulated().faces
-    points, offsets = sheet.nodes[triangles], mitred_normals(sheet)[triangles]
+    points = sheet.nodes[triangles]
+    offsets = mitred_normals(sheet)[triangles]
     side, other = (points[:, k] - points[:, 0] for k in (1, 2))
     turn, other_turn = (offsets[:, k] - offsets[:, 0] for k in (1, 2))
     normal = np.cross(side, other)

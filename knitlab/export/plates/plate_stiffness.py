@@ -47,7 +47,7 @@ SIDES = ("length_x", "length_y", "length_shear")
 def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
     """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
 
-    Where its plies touch the plate is unknown. InputError if it is a clamped sample, or was not
+    Where its layers touch, the plate is unknown. InputError if it is a clamped sample, or was not
     tested at a strain.
     """
     case = recorded_case(case_file)
@@ -57,9 +57,12 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
         raise invalid(case.label, "has friction, which plates leave out; take fold_friction = 0")
     _, fabric = case.assemble()
     solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
-    factor, indices, plates = cloth_per_network(case_file), list[int](), list[dict[str, Any]]()
+    factor = cloth_per_network(case_file)
+    indices = list[int]()
+    plates = list[dict[str, Any]]()
     for state in stored_states(case_file, selections):
-        plate, lengths = Plate.unknown(state.status), np.full(3, np.nan)
+        plate = Plate.unknown(state.status)
+        lengths = np.full(3, np.nan)
         if state.shape is not None:
             lengths = factor * np.asarray(state.shape.lengths)
             plate, _ = solver.response(fabric, state.shape)
@@ -85,7 +88,7 @@ def plates_of(
 ) -> xr.Dataset:
     """The plates of a test, or of the designs of a cube that have a periodic shape in its folder.
 
-    InputError if no design has, or a selection or condition is at fault.
+    InputError if no design has, or a selection or condition is invalid.
     """
     simulated = not (is_case(cube) or is_measured(cube))
     if simulated and model_options(cube).get("boundary") == "clamped":
@@ -115,7 +118,8 @@ def in_plane(membrane: np.ndarray, angle: float | np.ndarray = 0.0) -> tuple[Any
 
     The first is force over width and strain while all other forces are zero [N/mm].
     """
-    cosine, sine = np.cos(angle), np.sin(angle)
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
     along = np.stack([cosine**2, sine**2, cosine * sine])
     across = np.stack([sine**2, cosine**2, -cosine * sine])
     # Strain by force; shear counts once in the strain along a direction, twice in the force.
@@ -127,7 +131,9 @@ def in_plane(membrane: np.ndarray, angle: float | np.ndarray = 0.0) -> tuple[Any
 
 def _numbers(plate: Plate, factor: float) -> dict[str, Any]:
     """The numbers of a plate in lengths that are so many times those of its network."""
-    a, b, d = plate.stiffness[:3, :3], plate.stiffness[:3, 3:], plate.stiffness[3:, 3:]
+    a = plate.stiffness[:3, :3]
+    b = plate.stiffness[:3, 3:]
+    d = plate.stiffness[3:, 3:]
     values = {
         "membrane_stiffness": a / factor,
         "coupling_stiffness": b,

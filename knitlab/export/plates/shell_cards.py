@@ -27,7 +27,8 @@ PER_LINE = 8  # entries on a line of a card of Abaqus
 
 def plates_table(plates: xr.Dataset) -> pd.DataFrame:
     """One row for each state that has a shape; the attribute ``units`` has those of the columns."""
-    rows, units = [], dict[str, str]()
+    rows = []
+    units = dict[str, str]()
     for state in known_states(plates):
         row = _labels(state) | {"status": PlateStatus(int(state[STATUS])).name}
         for name, (dims, unit, _) in VARIABLES.items():
@@ -110,7 +111,8 @@ def write_abaqus(plates: xr.Dataset, output: Path) -> None:
         message = f"is a card of one state, and {len(states)} are selected"
         raise invalid(f"output {output}", f"{message}; select one design and one applied strain")
     (state,) = states
-    stiffness, unit = stiffness_of(state), plates.attrs["length_unit"]
+    stiffness = stiffness_of(state)
+    unit = plates.attrs["length_unit"]
     labels = ", ".join(f"{name} = {value}" for name, value in _labels(state).items())
 
     def listed(name: str) -> str:

@@ -27,7 +27,7 @@ POINTS_A_SIDE = 2  # Gauss points along each side of a panel
 PAIRS_AT_ONCE = 512  # near pairs that are computed together
 PAIRS_RATIO = 1.25  # ratio of successive numbers of pairs for which a program is compiled
 TIE = 1e-9  # relative difference in size above which one panel counts as larger
-FEWEST_IMAGES = 2
+MIN_IMAGES = 2
 IMAGES_AN_EXTENT = 3  # distance of multipole images, over the width of conductors
 SMALLEST = 1e-300  # keeps quotients finite where their factor is zero
 
@@ -60,7 +60,7 @@ def images_along(
         panels = np.concatenate([panels, mirror], axis=1)
     across = np.delete(panels, axis, axis=-1)
     extent = np.linalg.norm(np.ptp(across, axis=(1, 2)), axis=-1)
-    count = max(FEWEST_IMAGES, math.ceil(IMAGES_AN_EXTENT * float((extent / period).max())))
+    count = max(MIN_IMAGES, math.ceil(IMAGES_AN_EXTENT * float((extent / period).max())))
     beyond = jnp.array([zeta(power, count + 1) for power in (3, 5)])
     return Images(jnp.asarray(count), beyond, axis)
 
@@ -78,7 +78,8 @@ def near_pairs(
     turns = np.zeros((states, 3))
     if images is not None:
         turns[:, images.axis] = period
-    near, extent = np.eye(count, dtype=bool), np.zeros(count)
+    near = np.eye(count, dtype=bool)
+    extent = np.zeros(count)
     for corners, turn in zip(panels, turns, strict=True):
         centre = corners.mean(axis=1)
         size = np.linalg.norm(corners - np.roll(corners, 2, axis=1), axis=-1).max(axis=1)
@@ -143,7 +144,9 @@ def two_terminal(
 
     It does not depend on a shift of all potentials, which is arbitrary for periodic conductors.
     """
-    one, other, mutual = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]
+    one = matrix[..., 0, 0]
+    other = matrix[..., 1, 1]
+    mutual = matrix[..., 0, 1]
     return (one * other - mutual**2) / (one + other + 2 * mutual)
 
 
@@ -175,9 +178,13 @@ class _Conductors(eqx.Module):
 
     def _due_to(self, sources: Float[Array, "panel 4 3"]) -> Matrix:
         """Mean potential on each panel due to a unit charge on each source, images included."""
-        images, period, apart_squared = self.images, self.period, self.apart_squared
-        centre, middle = self.panels.mean(axis=1), sources.mean(axis=1)
-        turns, axis = jnp.zeros_like(apart_squared), None
+        images = self.images
+        period = self.period
+        apart_squared = self.apart_squared
+        centre = self.panels.mean(axis=1)
+        middle = sources.mean(axis=1)
+        turns = jnp.zeros_like(apart_squared)
+        axis = None
         if images is not None:
             axis = images.axis
             turns = jnp.round((centre[:, None, axis] - middle[None, :, axis]) / period)
@@ -291,7 +298,8 @@ def triangle_potential(
     total = jnp.zeros_like(height)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         along = _unit(edges[first])
-        ahead, behind = _dot(ends[second], along), _dot(ends[first], along)
+        ahead = _dot(ends[second], along)
+        behind = _dot(ends[first], along)
         outwards = _dot(ends[first], _cross(along, normal))
         from_edge = outwards**2 + height**2
         # Of two equivalent forms, the one without cancellation.
@@ -314,7 +322,8 @@ def _dot(one: Vector, other: Vector) -> Array:
 
 
 def _cross(one: Vector, other: Vector) -> Vector:
-    (a, b, c), (x, y, z) = one, other
+    (a, b, c) = one
+    (x, y, z) = other
     return [b * z - c * y, c * x - a * z, a * y - b * x]
 
 

@@ -58,7 +58,8 @@ def capacitances(
     other or themselves. Gaps are searched up to the length of a cell of the paper's grid, which is
     ``refinement`` cells long.
     """
-    shape, states = net.shape, len(configurations.lengths)
+    shape = net.shape
+    states = len(configurations.lengths)
     axis = electrodes.axis if shape.periodic else None
     chart = panel_chart(electrodes, shape, LEVELS[0])
     panels = np.asarray(panels_on(chart, shape, configurations))
@@ -72,7 +73,8 @@ def capacitances(
     status[through] = CapacitorStatus.folded_through
     status[~through & touching(gap, capacitor)] = CapacitorStatus.touching
     value, mutual, error = (np.full(states, np.nan) for _ in range(3))
-    coarse, coarse_level = np.full((states, 2), np.nan), 0
+    coarse = np.full((states, 2), np.nan)
+    coarse_level = 0
     pending = np.flatnonzero(status == CapacitorStatus.measured)
     for level in LEVELS:
         chart = panel_chart(electrodes, shape, level)
@@ -90,7 +92,8 @@ def capacitances(
             change = np.abs(finest - fine)[pending, 0]
             error[pending] = CAUTION * change / np.abs(finest[pending, 0])
             pending = pending[~(error[pending] <= capacitor.accuracy)]
-        coarse, coarse_level = fine, level
+        coarse = fine
+        coarse_level = level
     status[pending] = CapacitorStatus.unresolved
     unmeasured = status != CapacitorStatus.measured
     value[unmeasured] = mutual[unmeasured] = np.nan
@@ -138,8 +141,10 @@ def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configur
 def _hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
     """Hinges on the electrodes or between them, also across the border of periodic fabric."""
     extents = np.array([strip.extents for strips in electrodes.strips for strip in strips])
-    first, last = np.floor(extents[..., 0].min(axis=0)), np.ceil(extents[..., 1].max(axis=0))
-    edge, cells = net.hinge_cells[:, ::-1], (net.shape.cells_x, net.shape.cells_y)
+    first = np.floor(extents[..., 0].min(axis=0))
+    last = np.ceil(extents[..., 1].max(axis=0))
+    edge = net.hinge_cells[:, ::-1]
+    cells = (net.shape.cells_x, net.shape.cells_y)
     within = (edge >= first) & (edge < last)
     within |= (edge + cells < last) & net.shape.periodic
     return within.all(axis=1)

@@ -119,9 +119,11 @@ def _with_cloth(
     would through a sheet: the divergence of ε0 ``polarised`` times the gradient of the potential.
     """
     following = np.roll(panels, -1, axis=1)
-    middles, lengths = (panels + following) / 2, np.linalg.norm(following - panels, axis=-1)
+    middles = (panels + following) / 2
+    lengths = np.linalg.norm(following - panels, axis=-1)
     reach = np.linalg.norm(middles - panels.mean(axis=1)[:, None], axis=-1)
-    points, count = middles.reshape(-1, 3), middles.size // 3
+    points = middles.reshape(-1, 3)
+    count = middles.size // 3
     images = [points, points + period] if period.any() else [points]
     # Panels are neighbours where the middles of two sides are one point.
     pairs = cKDTree(np.concatenate(images)).query_pairs(1e-6 * lengths.max(), output_type="ndarray")
@@ -132,7 +134,8 @@ def _with_cloth(
     distance = distance[one] + distance[other]
     between = distance > 0
     flow = lengths.ravel()[one][between] / distance[between]
-    one, other = one[between] // 4, other[between] // 4
+    one = one[between] // 4
+    other = other[between] // 4
     sheet = np.zeros_like(inverse)
     for rows, columns in ((one, other), (other, one)):
         np.add.at(sheet, (rows, columns), -flow)

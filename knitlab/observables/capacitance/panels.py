@@ -94,7 +94,8 @@ def points_on(
 
     Points are given as (x, y) in grid cells, with the cell (y, x) that is ambiguous on a border.
     """
-    first, last = cells.min(axis=0), cells.max(axis=0)
+    first = cells.min(axis=0)
+    last = cells.max(axis=0)
     rows, columns = (np.arange(low, high + 2) for low, high in zip(first, last, strict=True))
     nodes = nodes_at(shape, configuration, rows, columns)
     row, column = (cells - first).T

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 CENTRAL_PART = 0.2  # central fraction of the strain range over which the paper averages the slope
 RESOLUTION = 200  # number of intervals of a strain range in the search for a window
-FEWEST_POINTS = 3
+MIN_POINTS = 3
 HUMIDITY = 0.05  # change of permittivity that ``humidity_strain`` refers to
 
 Curve = Float[np.ndarray, " point"]
@@ -43,10 +43,11 @@ def sensor_values(
     """
     from scipy.interpolate import PchipInterpolator
 
-    if len(strain) < FEWEST_POINTS:
+    if len(strain) < MIN_POINTS:
         return {}
     curve = PchipInterpolator(strain, capacitance)
-    start, end = float(strain[0]), float(strain[-1])
+    start = float(strain[0])
+    end = float(strain[-1])
     fine = np.linspace(start, end, RESOLUTION + 1)
     low, high, slope = widest_linear(fine, curve(fine), least_linearity)
     change = float(capacitance[-1] / capacitance[0]) - 1
@@ -76,7 +77,8 @@ def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
 
 def mean_slope(strain: Curve, capacitance: Curve) -> float:
     """Mean |dC/dε| over the central 20 % of a strain range (paper, "capacitor testing" D) [pF]."""
-    middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
+    middle = (strain[0] + strain[-1]) / 2
+    half = CENTRAL_PART / 2 * (strain[-1] - strain[0])
     inner = strain[(strain > middle - half) & (strain < middle + half)]
     strains = np.concatenate([[middle - half], inner, [middle + half]])
     return float(np.abs(np.diff(np.interp(strains, strain, capacitance))).sum() / (2 * half))
@@ -105,15 +107,19 @@ def _fits(
     strain: Curve, capacitance: Curve
 ) -> tuple[Float[np.ndarray, "first last"], Float[np.ndarray, "first last"]]:
     """R² and slope of the straight line through every window of points, from first to last."""
-    x, y = strain - strain.mean(), capacitance - capacitance.mean()
+    x = strain - strain.mean()
+    y = capacitance - capacitance.mean()
     sums = np.cumsum([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
     before = np.concatenate([np.zeros((6, 1)), sums[:, :-1]], axis=1)
     count, sx, sy, sxx, sxy, syy = sums[:, None, :] - before[:, :, None]
     count = np.maximum(count, 1)
-    xx, xy, yy = sxx - sx * sx / count, sxy - sx * sy / count, syy - sy * sy / count
+    xx = sxx - sx * sx / count
+    xy = sxy - sx * sy / count
+    yy = syy - sy * sy / count
     ahead = np.arange(len(x))[None, :] > np.arange(len(x))[:, None]
     varies = ahead & (yy > np.finfo(float).eps * np.abs(y).max() ** 2)
-    safe_xx, safe_yy = np.where(ahead, xx, 1.0), np.where(varies, yy, 1.0)
+    safe_xx = np.where(ahead, xx, 1.0)
+    safe_yy = np.where(varies, yy, 1.0)
     squared = np.where(varies, np.minimum(xy**2 / (safe_xx * safe_yy), 1.0), 0.0)
     return squared, np.where(ahead, xy / safe_xx, 0.0)
 

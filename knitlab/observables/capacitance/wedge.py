@@ -52,7 +52,8 @@ def wedge_capacitance(
     """
     if not side_by_side(electrodes):
         raise ValueError("the wedge integral needs two strips of equal width, side by side")
-    axis, across = electrodes.axis, 1 - electrodes.axis
+    axis = electrodes.axis
+    across = 1 - electrodes.axis
     left, right = sorted(
         (strips[0].extents for strips in electrodes.strips), key=lambda e: e[across]
     )
@@ -112,8 +113,10 @@ def _plate(
         return jnp.asarray(points).reshape(*points.shape[:-2], len(run), len(at), 3)
 
     def tangent(along: int) -> Float[Array, "*state run reach 3"]:
-        low, high = places.copy(), places.copy()
-        low[:, along], high[:, along] = cells[:, along], cells[:, along] + 1
+        low = places.copy()
+        high = places.copy()
+        low[:, along] = cells[:, along]
+        high[:, along] = cells[:, along] + 1
         return on(high) - on(low)
 
     return on(places), tangent(1 - axis), tangent(axis)
@@ -132,5 +135,6 @@ def _gauss(lines: list[float]) -> tuple[Float[np.ndarray, " point"], Float[np.nd
     """Gauss points and weights of the intervals between lines."""
     node, weight = np.polynomial.legendre.leggauss(POINTS_A_CELL)
     edges = np.array(lines)
-    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    middle = (edges[1:] + edges[:-1]) / 2
+    half = np.diff(edges) / 2
     return (middle[:, None] + half[:, None] * node).ravel(), (half[:, None] * weight).ravel()

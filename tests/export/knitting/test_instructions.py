@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import knitlab as kl
 from knitlab.export.knitting.instructions import instructions
 from knitlab.export.knitting.stitch_chart import stitch_chart
 from tests.export.knitting.charts import case_of, chart_of_arrays
@@ -101,9 +100,3 @@ def test_rib_is_knitted_in_two_lines():
         "Rows 2, 4 and 6 (WS): *p2, k2; rep from * to end.",
         "Bind off.",
     ]
-
-
-def test_words_are_saved(tmp_path):
-    sample = kl.knit("periodic", n_stripe=2, n_subunit=8)
-    path = sample.save(tmp_path / "words.txt", in_the_round=True)
-    assert path.read_text(encoding="utf-8") == sample.instructions(in_the_round=True)

@@ -55,16 +55,6 @@ def test_courses_go_leftwards_and_rightwards_in_turn():
     assert directions[:4, 0].tolist() == ["-", "+", "-", "+"]
 
 
-def test_plated_stitches_have_their_stitch_number():
-    number, used = None, set()
-    for operation in operations(PROGRAM[PROGRAM.index(";cast-on") :]):
-        if operation.opcode == "x-stitch-number":
-            number = int(operation.parameters[0])
-        elif operation.opcode == "knit":
-            used.add((len(operation.carriers), number))
-    assert used == {(1, MACHINE.body_stitch_number), (2, MACHINE.plated_stitch_number)}
-
-
 def test_a_conductor_that_starts_rightwards_is_anchored_by_tucks_leftwards():
     chart = chart_of_arrays(np.ones((3, 6)), [[0] * 6, [0, 1, 1, 1, 0, 0], [0, 1, 1, 1, 0, 0]])
     lines = knitout(chart, MACHINE).split("\n")
@@ -77,13 +67,6 @@ def test_a_conductor_that_starts_rightwards_is_anchored_by_tucks_leftwards():
     ]
     assert lines[start + 6] == "x-stitch-number 5"
     assert lines[start + 7] == "releasehook 4"
-
-
-def test_a_conductor_that_starts_leftwards_is_anchored_by_one_tuck_of_its_own():
-    chart = chart_of_arrays(np.ones((2, 6)), [[0, 1, 1, 1, 0, 0]] * 2)
-    lines = knitout(chart, MACHINE).split("\n")
-    start = lines.index("inhook 4")
-    assert lines[start + 1 : start + 3] == ["tuck - f4 4", "knit - f4 4 3"]
 
 
 def test_without_hooks_all_begins_rightwards_and_in_and_out_bring_yarn():

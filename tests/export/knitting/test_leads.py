@@ -60,7 +60,3 @@ def test_an_end_inside_goes_to_the_nearest_edge_that_the_other_electrode_leaves_
     assert all((each.edge, each.distance) == ("lower", 4) for each in found[:2])
     assert all("inside, 4 stitches from the lower edge" in str(each) for each in found[:2])
     assert all((each.edge, each.distance) == ("left", 1) for each in found[2:])
-
-
-def test_a_bare_chart_has_none():
-    assert leads_of(chart_of_arrays(np.ones((3, 4)))) == []

@@ -23,12 +23,6 @@ def test_every_value_of_the_file_has_its_unit_and_source():
             assert entry["unit"] == unit_of(types[name])
 
 
-@pytest.mark.parametrize("kind", NAMED)
-def test_machines_and_back_ends_each_state_the_same_values(kind):
-    first, *others = FILE[kind].values()
-    assert all(set(each) == set(first) for each in others)
-
-
 @pytest.mark.parametrize("model", FILE["machines"])
 def test_every_machine_is_as_its_table_and_its_back_end_say(model):
     machine, table = read_machine({"model": model}), FILE["machines"][model]
@@ -47,13 +41,6 @@ def test_the_paper_gives_machine_needles_and_stitch_sizes():
     assert machine.plated_stitch_size == 38
     # 360 needles of 15 an inch are the two feet of the machine.
     assert machine.pitch * machine.needles == pytest.approx(24 * 25.4)
-
-
-def test_the_kniterate_is_taken_by_its_name_and_other_values_replace_its_own():
-    machine = read_machine({"model": "kniterate", "waste_courses": 10})
-    assert (machine.model, machine.needles, machine.carriers) == ("Kniterate", 252, 6)
-    assert not machine.hooks
-    assert machine.waste_courses == 10
 
 
 def test_the_sizes_of_a_yarn_count_on_its_own_machine_only():

@@ -73,12 +73,3 @@ def test_every_group_of_a_plated_course_takes_a_pass_of_its_own():
         assert sheet.duration.passes[kind] - sheet.unplated.passes[kind] == 10 * 4 + 2
     assert sheet.flat_size == (10, 2.5)
     assert sheet.relaxed_size is None
-
-
-def test_a_long_float_is_remarked_on():
-    plated = np.zeros((2, 30), int)
-    plated[:, [1, 28]] = 1
-    chart = chart_of_arrays(np.ones((2, 30)), plated)
-    sheet = specification_of(chart)
-    assert sheet.remarks == ["the yarn of carrier 4 floats past 26 needles"]
-    assert len(list(operations(knitout(chart, read_machine())))) > 60

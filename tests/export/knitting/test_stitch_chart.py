@@ -76,20 +76,6 @@ def test_folds_at_stripe_borders_lie_just_where_the_bed_changes_within_like_patc
         assert ((sense != 0) == (at_lines & inside)).all()
 
 
-def test_plain_knit_is_knitted_on_the_front_bed():
-    chart = stitch_chart(case_of(**DESIGN, pattern="framed"))
-    height, width = chart.row_borders[-2], chart.column_borders[1]
-    assert chart.front[height:].all()
-    assert chart.front[:, :width].all()
-
-
-def test_ribs_of_graded_columns_have_their_own_width():
-    chart = stitch_chart(case_of("graded", pattern="graded_stripes"))
-    lowest = chart.front[0]
-    assert runs(lowest[:16]) == [2] * 8
-    assert runs(lowest[chart.column_borders[8] : chart.column_borders[9]]) in ([8] * 4, [32])
-
-
 @pytest.mark.slow
 def test_needles_are_filled_with_whole_repeats_twice_as_long_as_wide():
     chart = stitch_chart(case_of(**DESIGN), needles=360)
@@ -146,12 +132,6 @@ def test_conductors_of_the_front_cover_mountains_of_how_plain_knit_curls(
         on_folds = chart.front[in_patches & (chart.plated == electrode)]
         assert len(on_folds) == (4 * 64 if knit == "rib" else 8 * 32)
         assert (on_folds == (knit == "rib")).all()
-
-
-def test_an_electrode_narrower_than_a_stitch_takes_one():
-    chart = stitch_chart(case_of("sensor", **DESIGN, layout="checkerboard_faces"))
-    assert [(chart.plated[0] == number).sum() for number in (1, 2)] == [1, 1]
-    assert chart.plated_face == ("front", "back")
 
 
 def test_conductors_lie_on_the_chosen_face():
