@@ -15,7 +15,7 @@ from tqdm.auto import tqdm
 from knitlab.cubes.case_file import configurations
 from knitlab.cubes.cube_file import with_derived
 from knitlab.cubes.recorded_case import recorded_case
-from knitlab.design.trial import ShapeFunction, measure_of, state_slopes
+from knitlab.design.trial import ShapeFunction, shape_measure, state_slopes
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.fold_friction import Friction
@@ -286,7 +286,7 @@ def evaluate(
         return evaluated
     case = recorded_case(test)
     own = tuple(measures.items())
-    measure = measure_of(case.mesh_shape, case.cell_grid, tuple(measures), own)
+    measure = shape_measure(case.mesh_shape, case.cell_grid, tuple(measures), own)
     with suppress(NoDerivative):
         adjoint = adjoint_of(case, shapes[0])
         for k in reached:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from knitlab.cubes.find import Found, find_designs
 from knitlab.cubes.target import Target
-from knitlab.design.objective import Objective, scale_of
+from knitlab.design.objective import Objective, tolerance
 from knitlab.design.request import DesignRequest
 from knitlab.design.search import TRIALS, SearchResult
 from knitlab.design.search_space import SearchSpace
@@ -169,11 +169,11 @@ class Conflict(NamedTuple):
     candidates: pd.Series  # number of the search of each trial
 
 
-def conflict_of(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | None:
+def worst_conflict(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict | None:
     """The two targets or constraints that conflict most in the trials of a design, if any do."""
     trials = trials[trials["distance"].notna()]
     names = [f"off_by_{number}" for number in range(1, len(wanted) + 1)]
-    scaled = trials[names].to_numpy(float) / [scale_of(target) for target in wanted]
+    scaled = trials[names].to_numpy(float) / [tolerance(target) for target in wanted]
     joint = {}
     for pair in combinations(range(len(wanted)), 2):
         one, other = scaled[:, pair].T

@@ -18,9 +18,9 @@ from knitlab.design.candidates import (
     Conflict,
     candidates_plan,
     completed,
-    conflict_of,
     ranked,
     trials_table,
+    worst_conflict,
     write_workflow,
 )
 from knitlab.design.objective import Objective, all_met, check_targets
@@ -74,7 +74,7 @@ class Designed:
     @property
     def conflict(self) -> Conflict | None:
         """The two targets or constraints that conflict most in the trials, if any do."""
-        return conflict_of(self.request.wanted, self.trials)
+        return worst_conflict(self.request.wanted, self.trials)
 
 
 def run_design(

@@ -25,7 +25,7 @@ Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
 
 
-def scale_of(target: Target) -> float:
+def tolerance(target: Target) -> float:
     """Unit of the distance from a target: its tolerance, which those of a request have."""
     assert target.tolerance is not None
     return target.tolerance
@@ -41,7 +41,7 @@ def aimed(target: Target) -> Target:
     width = target.high - target.low
     if target.curve is not None or width == 0:
         return target
-    inside = min(INSIDE * scale_of(target), width / 4)
+    inside = min(INSIDE * tolerance(target), width / 4)
     return replace(target, low=target.low + inside, high=target.high - inside)
 
 
@@ -71,13 +71,13 @@ class Objective:
     def distance(self, off_by: Sequence[Any]) -> Any:
         """Root mean square of distances from the targets, over tolerances; numbers or arrays."""
         pairs = zip(off_by, self.request.targets, strict=False)
-        return np.sqrt(np.mean(np.square([off / scale_of(each) for off, each in pairs]), axis=0))
+        return np.sqrt(np.mean(np.square([off / tolerance(each) for off, each in pairs]), axis=0))
 
     def violation(self, off_by: Sequence[Any]) -> Any:
         """Largest excess over the allowance of a constraint, in tolerances; 0 if all are met."""
         request = self.request
         pairs = zip(off_by[len(request.targets) :], request.subject_to, strict=True)
-        excess = ((off - each.allowance) / scale_of(each) for off, each in pairs)
+        excess = ((off - each.allowance) / tolerance(each) for off, each in pairs)
         return reduce(np.fmax, excess, 0.0)
 
     def slopes(self, trial: Trial) -> Slopes:
@@ -97,7 +97,7 @@ class Objective:
         count = len(self.request.targets)
         for target in map(aimed, self.request.targets):
             at, values, by_variables = self._read(target, trial, slopes)
-            weights = np.sqrt(_weights(at, len(values)) / count) / scale_of(target)
+            weights = np.sqrt(_weights(at, len(values)) / count) / tolerance(target)
             departure = target.departure(values, at)
             rows.append(departure * weights)
             by.append(((departure != 0) * weights)[:, None] * by_variables)
@@ -112,8 +112,8 @@ class Objective:
             for sign, bound in zip((1.0, -1.0), target.bounds(at), strict=True):
                 if np.isfinite(bound).all():
                     room = sign * (values - bound) + INSET * target.allowance
-                    rows.append(room / scale_of(target))
-                    by.append(sign * by_variables / scale_of(target))
+                    rows.append(room / tolerance(target))
+                    by.append(sign * by_variables / tolerance(target))
         return np.concatenate(rows), np.concatenate(by)
 
     def _read(

@@ -107,12 +107,12 @@ class Trial:
             for name in names
         }
         for k in np.flatnonzero(needed) if along else ():
-            measure = measure_of(case.mesh_shape, case.cell_grid, along, self.own)
+            measure = shape_measure(case.mesh_shape, case.cell_grid, along, self.own)
             rows = state_slopes(case, adjoint, float(self.strains[k]), shapes[k], measure)
             for name, row in zip(along, rows, strict=True):
                 slopes[name][k, :stripes] = row
         if of_design:
-            measure = measure_of(case.mesh_shape, case.cell_grid, of_design)
+            measure = shape_measure(case.mesh_shape, case.cell_grid, of_design)
             rows = state_slopes(case, adjoint, 0.0, shapes[0], measure)
             still = jnp.zeros(case.mesh_shape.unknowns)
             relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1], still))
@@ -142,7 +142,7 @@ def state_slopes(
 
 
 @lru_cache(maxsize=64)
-def measure_of(
+def shape_measure(
     shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions = ()
 ) -> Measure:
     """A measure of quantities and own functions, of a size in cloth its relaxed over flat cell."""

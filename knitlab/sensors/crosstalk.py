@@ -41,7 +41,7 @@ def cross_talk(
     shape = electrodes.shape
     free = all_free(shape)
     start = np.asarray(relaxed.flattened())
-    parts = [part_of(electrodes, pair) for pair in sensors]
+    parts = [sensor_part(electrodes, pair) for pair in sensors]
     ends = [[_line(shape, axis, part, end) for end in (0, 1)] for part in parts]
     forces = np.array([high - low for low, high in ends])
     response = LinearResponse(shape, free).at(case.assemble()[1], start, contact_of(case))
@@ -76,7 +76,7 @@ def cross_talk(
     )
 
 
-def part_of(electrodes: ElectrodeSet, pair: tuple[int, int]) -> Strip:
+def sensor_part(electrodes: ElectrodeSet, pair: tuple[int, int]) -> Strip:
     """The part of the fabric that a sensor covers: where its electrodes cross, or both of them."""
     groups = [electrodes.groups[number] for number in pair]
     strips = [strip for group in groups for strip in group]

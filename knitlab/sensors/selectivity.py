@@ -54,7 +54,7 @@ UNSTABLE = "unstable"
 Moves = Float[np.ndarray, "6 node_y node_x 3"]
 
 
-def selectivity_of_case(
+def case_selectivity(
     case_file: xr.Dataset, selections: Mapping[str, Any], along: str
 ) -> xr.Dataset:
     """The selectivity of a periodic case with electrodes, relaxed or at selected strains.

@@ -24,11 +24,6 @@ def request(**changes):
     return checked_request("sleeve", {"targets": [TARGET], **changes})
 
 
-def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
-    asked = request(targets=[TARGET, "reaction_force = 0 @ 0.1", "knit_cell_x < 20 ± 2"])
-    assert [each.tolerance for each in asked.targets] == pytest.approx([0.015, 0.01, 2])
-
-
 @pytest.mark.parametrize(
     ("one", "other", "contradictory"),
     [

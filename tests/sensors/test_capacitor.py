@@ -143,13 +143,6 @@ def test_a_state_is_measured_alike_alone_and_among_others():
 
 
 @pytest.mark.slow
-def test_an_open_sample_has_a_mutual_capacitance_below_that_of_its_terminals():
-    found = measured([1.0], CLAMPED)
-    assert 0 < found.mutual[0] < found.capacitance[0]
-    assert np.isnan(measured([1.0]).mutual[0])
-
-
-@pytest.mark.slow
 def test_electrodes_drawn_cell_by_cell_are_those_laid_along_ridges():
     mask = tuple(8 * letter for letter in ".BB..AA.")
     drawn = measured([1.0], layout=replace(RIDGES, mask=mask))

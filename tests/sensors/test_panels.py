@@ -1,5 +1,4 @@
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,11 +51,6 @@ def chart_area(chart):
     return (x * ahead[1] - ahead[0] * y).sum(axis=1) / 2
 
 
-def panel_area(panels):
-    one, other = panels[..., 2, :] - panels[..., 0, :], panels[..., 3, :] - panels[..., 1, :]
-    return np.linalg.norm(np.cross(one, other), axis=-1) / 2
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
@@ -71,28 +65,6 @@ def test_panels_cover_their_electrode(laid, options, level, low, width):
     for number, strips in enumerate(electrodes.strips):
         covered = areas[chart.electrode == number].sum()
         assert covered == pytest.approx(sum(strip.area for strip in strips))
-
-
-@pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
-def test_no_two_panels_overlap(laid, level):
-    shape, *_ = rib(CLAMPED)
-    chart = panel_chart(laid(shape), shape, level)
-    places = chart.cell[:, None, ::-1] + chart.corners
-    low, high = places.min(axis=1), places.max(axis=1)
-    common = np.minimum(high[:, None], high) - np.maximum(low[:, None], low)
-    overlap = np.prod(np.maximum(common, 0), axis=-1)
-    assert np.allclose(overlap, np.diag(chart_area(chart)), atol=1e-12)
-
-
-@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
-def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(options):
-    shape, cell, flat = rib(options)
-    electrodes = up_the_warp(shape, 0.7, 1.5)
-    chart = panel_chart(electrodes, shape, 2)
-    areas = panel_area(panels_on(chart, shape, flat))
-    for number, (strip,) in enumerate(electrodes.strips):
-        assert areas[chart.electrode == number].sum() == pytest.approx(strip.area * cell.prod())
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -216,12 +188,3 @@ def test_panels_of_many_states_are_those_of_each():
     chart = panel_chart(up_the_warp(shape), shape, 1)
     alone = [panels_on(chart, shape, state) for state in states]
     assert np.array_equal(panels_on(chart, shape, Configuration.stacked(states)), np.stack(alone))
-
-
-@pytest.mark.slow
-def test_panel_positions_are_equal_in_numpy_and_in_jax():
-    shape, _, flat = rib(PERIODIC)
-    chart = panel_chart(up_the_warp(shape), shape, 1)
-    found = panels_on(chart, shape, jax.tree.map(jnp.asarray, flat))
-    assert isinstance(found, jnp.ndarray)
-    assert np.allclose(found, panels_on(chart, shape, flat), atol=1e-14)

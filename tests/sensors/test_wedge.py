@@ -163,12 +163,6 @@ def test_strips_along_weft_and_warp_are_equivalent():
     assert float(found) == pytest.approx(wedge(configuration), rel=1e-12)
 
 
-def test_many_states_equal_single_states():
-    states = [rolled(corrugated(angle)) for angle in (2.5, 2.0, 1.0)]
-    together = wedge_capacitance(PAIR, SHAPE, Configuration.stacked(states))
-    assert np.allclose(together, [wedge(state) for state in states], rtol=1e-12)
-
-
 @pytest.mark.slow
 @pytest.mark.nightly
 @given(SEED)

@@ -44,7 +44,7 @@ def instructions(chart: StitchChart, in_the_round: bool = False) -> str:
         stop = next((k for k in following if worked[k] != worked[k - period]), courses)
         for first in range(start, min(stop, start + period)):
             numbers = range(first + 1, stop + 1, period)
-            lines.append(f"{_rows(row, numbers)}: {words_of(worked[first])}.")
+            lines.append(f"{_rows(row, numbers)}: {row_in_words(worked[first])}.")
         start = stop
     if more:
         times = "once more" if more == 1 else f"{more} times more"
@@ -71,7 +71,7 @@ def _worked(chart: StitchChart, course: int, in_the_round: bool) -> list[Stitch]
     return [(not front, electrode) for front, electrode in pairs]
 
 
-def words_of(stitches: Sequence[Stitch]) -> str:
+def row_in_words(stitches: Sequence[Stitch]) -> str:
     """A row in words: ``*k4, p4; rep from * to end``."""
     count = len(stitches)
     if len(set(stitches)) == 1 and not stitches[0][1]:

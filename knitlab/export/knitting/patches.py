@@ -162,7 +162,9 @@ class ReadChart:
     @property
     def repeat(self) -> tuple[tuple[Band, ...], tuple[Band, ...]]:
         """The rows and the columns of patches that repeat."""
-        return _repeat_of(self.rows, self.letters), _repeat_of(self.columns, self.letters.T)
+        return _smallest_repeat(self.rows, self.letters), _smallest_repeat(
+            self.columns, self.letters.T
+        )
 
     def save_pattern(self, path: str | Path) -> Path:
         """Write the pattern as a ``.toml`` file for ``[design] pattern_files``, named as the file.
@@ -221,14 +223,14 @@ def _span(name: str, numbers: np.ndarray | range) -> str:
     return f"{name} {first}" if first == last else f"{name}s {first} to {last}"
 
 
-def _repeat_of(bands: tuple[Band, ...], letters: np.ndarray) -> tuple[Band, ...]:
+def _smallest_repeat(bands: tuple[Band, ...], letters: np.ndarray) -> tuple[Band, ...]:
     """The first bands, in a number that divides that of all, after which they begin again."""
     keys = [(b.size, b.stripe, "".join(of)) for b, of in zip(bands, letters, strict=True)]
     numbers = (n for n in range(1, len(keys) + 1) if len(keys) % n == 0)
     return bands[: next(n for n in numbers if keys == keys[:n] * (len(keys) // n))]
 
 
-def patches_of(front: Bool[np.ndarray, "course wale"], title: str) -> ReadChart:
+def read_patches(front: Bool[np.ndarray, "course wale"], title: str) -> ReadChart:
     """The patches of a chart, course 0 first; if its edges do not fit, of one moved over them."""
     changes = (np.flatnonzero((of[1:] != of[:-1]).any(axis=1)) + 1 for of in (front, front.T))
     moved = product(*([0, *numbers[:MAX_SHIFTS].tolist()] for numbers in changes))
@@ -255,11 +257,11 @@ def _read(
 ) -> ReadChart:
     front = np.roll(front, (-shift[0], -shift[1]), (0, 1))
     back_first = garter_start == "mountain"
-    rows = bands_of(front[::-1] if back_first else front, "course", tolerance, slender)
+    rows = find_bands(front[::-1] if back_first else front, "course", tolerance, slender)
     if back_first:
         courses = len(front)
         rows = [b._replace(start=courses - b.stop, stop=courses - b.start) for b in rows[::-1]]
-    columns = bands_of(front.T, "wale", tolerance, slender)
+    columns = find_bands(front.T, "wale", tolerance, slender)
     if len(rows) * len(columns) > MAX_BANDS**2:
         # No pattern, and slow to describe patch by patch.
         rows = [Band("course", 0, len(front), None)]
@@ -271,7 +273,7 @@ def _read(
         wrong = {letter: front[patch] != knit for letter, knit in _knits(row, column, back_first)}
         letters[i, j] = min(wrong, key=lambda letter: int(wrong[letter].sum()))
         odd[patch] = wrong[letters[i, j]]
-    repeat = _repeat_of((*rows,), letters), _repeat_of((*columns,), letters.T)
+    repeat = _smallest_repeat((*rows,), letters), _smallest_repeat((*columns,), letters.T)
     knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(letters)
     borders = np.array([0, *(b.stop for b in rows)]), np.array([0, *(b.stop for b in columns)])
     size = repeat[0][-1].stop, repeat[1][-1].stop
@@ -292,7 +294,7 @@ def _knits(row: Band, column: Band, back_first: bool) -> Iterator[tuple[str, np.
         yield "G", np.broadcast_to(first[:, None], shape)
 
 
-def bands_of(
+def find_bands(
     lines: Bool[np.ndarray, "line stitch"], axis: Axis, tolerance: int, slender: int
 ) -> list[Band]:
     """Courses in rows of patches, or wales in columns, whose stripes begin on the front bed."""

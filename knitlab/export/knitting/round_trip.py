@@ -65,13 +65,13 @@ def round_trip(
 
 def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Machine) -> list[str]:
     try:
-        different = chart.difference(stitches_of(graph, chart.front.shape, machine))
+        different = chart.difference(chart_stitches(graph, chart.front.shape, machine))
     except NotAChart as error:
         return [f"knits no chart: {error}"]
     return [f"knits another chart: {different}"] if different else []
 
 
-def stitches_of(
+def chart_stitches(
     graph: Sequence[FormedStitch], size: tuple[int, int], machine: Machine
 ) -> np.ndarray:
     """Read a knit graph as the stitches of a chart, in words, (course, wale); else NotAChart.

@@ -117,7 +117,7 @@ class _PatchLines(NamedTuple):
         return np.arange(low, max(high, low + 1))
 
 
-def _lines_of(
+def _lines_along(
     stripe: Int[np.ndarray, " patch"], periods: Int[np.ndarray, " patch"], cells_per_period: int
 ) -> _PatchLines:
     """Lines of rows or columns with a number of periods of two stripes, of ``stripe`` stitches."""
@@ -142,8 +142,8 @@ def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
     elif case.pure:
         columns = np.maximum(1, columns // GARTER_STITCHES_PER_RIB_STITCH)
     cells = sample.cells_per_period
-    of_rows = _lines_of(rows, sample.row_periods, cells)
-    return of_rows, _lines_of(columns, sample.column_periods, cells)
+    of_rows = _lines_along(rows, sample.row_periods, cells)
+    return of_rows, _lines_along(columns, sample.column_periods, cells)
 
 
 def _panels(case: Case, rows: _PatchLines, columns: _PatchLines) -> Bool[np.ndarray, "course wale"]:

@@ -44,7 +44,7 @@ VARIABLES: dict[str, Described] = {
 SIDES = ("length_x", "length_y", "length_shear")
 
 
-def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
+def case_plates(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
     """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
 
     Where its layers touch, the plate is unknown. InputError if it is a clamped sample, or was not
@@ -83,7 +83,7 @@ def plates_of_case(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) ->
     return found
 
 
-def plates_of(
+def design_plates(
     cube: xr.Dataset, selections: Mapping[str, Any] = {}, where: str | None = None
 ) -> xr.Dataset:
     """The plates of a test, or of the designs of a cube that have a periodic shape in its folder.
@@ -93,7 +93,7 @@ def plates_of(
     simulated = not (is_case(cube) or is_measured(cube))
     if simulated and model_options(cube).get("boundary") == "clamped":
         raise invalid(cube_name(cube), OF_PERIODIC)
-    plates = for_each_design(plates_of_case, cube, selections, where)
+    plates = for_each_design(case_plates, cube, selections, where)
     plates[STATUS] = plates[STATUS].fillna(PlateStatus.no_shape).astype(np.int8)
     return plates
 
@@ -107,7 +107,7 @@ def known_states(plates: xr.Dataset) -> Iterator[xr.Dataset]:
             yield state
 
 
-def stiffness_of(state: xr.Dataset) -> np.ndarray:
+def stiffness_matrix(state: xr.Dataset) -> np.ndarray:
     """The 6 × 6 matrix [A B; Bᵀ D] of one state, in N and mm."""
     a, b, d = (state[name].values for name in list(VARIABLES)[:3])
     return np.block([[a, b], [b.T, d]])

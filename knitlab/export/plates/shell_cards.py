@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.export.plates.plate_stiffness import STATUS, VARIABLES, known_states, stiffness_of
+from knitlab.export.plates.plate_stiffness import STATUS, VARIABLES, known_states, stiffness_matrix
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
 from knitlab.solvers.plate_condensation import PlateStatus
@@ -76,7 +76,7 @@ def write_json(plates: xr.Dataset, output: Path) -> None:
     states = [
         _labels(state)
         | {
-            "ABD": _without_noise(stiffness_of(state)).tolist(),
+            "ABD": _without_noise(stiffness_matrix(state)).tolist(),
             "membrane_force": _without_noise(state["membrane_force"].values).tolist(),
             "moment": _without_noise(state["moment"].values).tolist(),
             "reference_height": float(state["reference_height"]),
@@ -111,7 +111,7 @@ def write_abaqus(plates: xr.Dataset, output: Path) -> None:
         message = f"is a card of one state, and {len(states)} are selected"
         raise invalid(f"output {output}", f"{message}; select one design and one applied strain")
     (state,) = states
-    stiffness = stiffness_of(state)
+    stiffness = stiffness_matrix(state)
     unit = plates.attrs["length_unit"]
     labels = ", ".join(f"{name} = {value}" for name, value in _labels(state).items())
 

@@ -22,9 +22,9 @@ def polar(case: xr.Dataset) -> Figure:
     Of small changes from the relaxed state and from stretched ones, at most four unless they are
     selected. Outside the black circle Poisson's ratio is positive.
     """
-    from knitlab.export.plates.plate_stiffness import in_plane, plates_of_case
+    from knitlab.export.plates.plate_stiffness import case_plates, in_plane
 
-    plates = plates_of_case(case)
+    plates = case_plates(case)
     known = np.isfinite(plates["modulus_x"]) & np.isfinite(plates["modulus_y"])
     plates = plates.isel(applied_strain=np.flatnonzero(known))
     count = plates.sizes["applied_strain"]

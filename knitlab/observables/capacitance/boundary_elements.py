@@ -109,7 +109,7 @@ def maxwell_matrices(
     near: Int[Array, "pair 2"],
     images: Images | None = None,
     period: Float[Array, " state"] | None = None,
-    apart: Float[Array, ""] | float = 0.0,
+    insulation: Float[Array, ""] | float = 0.0,
     ground: Float[Array, " state"] | None = None,
 ) -> Float[Array, "state conductor conductor"]:
     """Maxwell's capacitance matrices in vacuum [pF].
@@ -120,20 +120,20 @@ def maxwell_matrices(
     meaningful.
 
     Corners of panels are in order around each and may repeat [mm]; ``membership`` is 1 if a panel
-    belongs to a conductor, else 0. With a dielectric between different conductors, which keeps them
-    a distance d ``apart``, their distance r counts as √(r² + d²) [mm]. A grounded plane, if there
-    is one, is at a height ``ground`` below all panels [mm].
+    belongs to a conductor, else 0. Between different conductors, with an ``insulation`` of
+    thickness d, a distance r counts as √(r² + d²) [mm]. A grounded plane is at a height ``ground``
+    below all panels [mm].
     """
-    apart_squared = apart**2 * (1 - membership @ membership.T)
+    insulation_squared = insulation**2 * (1 - membership @ membership.T)
 
-    def of_state(panels: Array, period: Array, ground: Array | None) -> Array:
-        conductors = _Conductors(panels, near, images, period, apart_squared)
+    def one_state(panels: Array, period: Array, ground: Array | None) -> Array:
+        conductors = _Conductors(panels, near, images, period, insulation_squared)
         lower = jnp.linalg.cholesky(conductors.potential_coefficients(ground))
         half = jax.scipy.linalg.solve_triangular(lower, membership, lower=True)
         return half.T @ half
 
     periods = jnp.ones(len(panels)) if period is None else period
-    matrices = jax.vmap(of_state)(panels, periods, ground)
+    matrices = jax.vmap(one_state)(panels, periods, ground)
     return 4 * jnp.pi * VACUUM_PERMITTIVITY * matrices
 
 
@@ -157,7 +157,7 @@ class _Conductors(eqx.Module):
     near: Int[Array, "pair 2"]
     images: Images | None
     period: Float[Array, ""]
-    apart_squared: Matrix
+    insulation_squared: Matrix
 
     def potential_coefficients(self, ground: Float[Array, ""] | None) -> Matrix:
         """4πε0 times the mean potential on each panel due to a unit charge on each [1/mm].
@@ -180,10 +180,10 @@ class _Conductors(eqx.Module):
         """Mean potential on each panel due to a unit charge on each source, images included."""
         images = self.images
         period = self.period
-        apart_squared = self.apart_squared
+        insulation_squared = self.insulation_squared
         centre = self.panels.mean(axis=1)
         middle = sources.mean(axis=1)
-        turns = jnp.zeros_like(apart_squared)
+        turns = jnp.zeros_like(insulation_squared)
         axis = None
         if images is not None:
             axis = images.axis
@@ -193,7 +193,7 @@ class _Conductors(eqx.Module):
             steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
             if axis is not None:
                 steps[axis] -= (turns + image) * period
-            return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2 + apart_squared)
+            return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2 + insulation_squared)
 
         points, share = _quadrature(self.panels)
         charges, part = _quadrature(sources)
@@ -211,7 +211,9 @@ class _Conductors(eqx.Module):
             source = sources[charged]
             if axis is not None:
                 source = source.at[..., axis].add((turns[seen_from, charged] * period)[:, None])
-            return _closed_form(self.panels[seen_from], source, apart_squared[seen_from, charged])
+            return _closed_form(
+                self.panels[seen_from], source, insulation_squared[seen_from, charged]
+            )
 
         coefficients = jax.lax.map(closed, self.near.reshape(-1, PAIRS_AT_ONCE, 2)).ravel()
         one, other = self.near.T
@@ -229,11 +231,11 @@ class _Conductors(eqx.Module):
         distance = (centre[:, None] - middle[None]) / period
         along = distance[..., axis] - turns
         squared = (distance**2).sum(axis=-1) - distance[..., axis] ** 2 + along**2
-        squared += apart_squared / period**2
+        squared += insulation_squared / period**2
         second = (3 * along**2 - squared) / 2
         fourth = (35 * along**4 - 30 * along**2 * squared + 3 * squared**2) / 8
-        by_second, by_fourth = images.beyond
-        return total + 2 * (by_second * second + by_fourth * fourth) / period
+        second_weight, fourth_weight = images.beyond
+        return total + 2 * (second_weight * second + fourth_weight * fourth) / period
 
 
 def _mirrored(panels: Any, ground: Any) -> Any:
@@ -244,7 +246,7 @@ def _mirrored(panels: Any, ground: Any) -> Any:
 def _closed_form(
     seen_from: Float[Array, "pair 4 3"],
     charged: Float[Array, "pair 4 3"],
-    apart_squared: Float[Array, " pair"],
+    insulation_squared: Float[Array, " pair"],
 ) -> Float[Array, " pair"]:
     """Mean potential of uniformly charged panels, each of two triangles, over other panels."""
     points, share = _quadrature(seen_from)
@@ -253,7 +255,7 @@ def _closed_form(
     normal = jnp.cross(halves[1] - halves[0], halves[2] - halves[0], axis=0)
     area = jnp.linalg.norm(normal, axis=0).sum(axis=0)
     at = jnp.moveaxis(points, -1, 0)[:, :, None]
-    seen = triangle_potential(at, halves[:, :, None], apart_squared)
+    seen = triangle_potential(at, halves[:, :, None], insulation_squared)
     return (share * seen.sum(axis=1)).sum(axis=0) * 2 / area
 
 
@@ -264,10 +266,10 @@ def _quadrature(
     node, weight = np.polynomial.legendre.leggauss(POINTS_A_SIDE)
     u, v = (grid.ravel()[:, None, None] for grid in np.meshgrid((1 + node) / 2, (1 + node) / 2))
     first, second, third, fourth = jnp.moveaxis(panels, 1, 0)
-    by_u = (1 - v) * (second - first) + v * (third - fourth)
-    by_v = (1 - u) * (fourth - first) + u * (third - second)
+    along_u = (1 - v) * (second - first) + v * (third - fourth)
+    along_v = (1 - u) * (fourth - first) + u * (third - second)
     points = (1 - u) * ((1 - v) * first + v * fourth) + u * ((1 - v) * second + v * third)
-    area = jnp.linalg.norm(jnp.cross(by_u, by_v), axis=-1)
+    area = jnp.linalg.norm(jnp.cross(along_u, along_v), axis=-1)
     share = np.outer(weight, weight).ravel()[:, None] * area
     return points, share / share.sum(axis=0)
 
@@ -275,7 +277,7 @@ def _quadrature(
 def triangle_potential(
     at: Float[Array, "3 *#point"],
     corners: Float[Array, "3 3 *#point"],
-    apart: Float[Array, "*#point"] | float = 0.0,
+    added_squared: Float[Array, "*#point"] | float = 0.0,
 ) -> Float[Array, "..."]:
     """Integral of 1/r over a triangle, as seen from a point [mm].
 
@@ -287,14 +289,14 @@ def triangle_potential(
 
     It also holds on the triangle and its edges. A triangle without area gives 0.
 
-    Triangles are given by corner and component [mm]. ``apart`` is the square c² of a distance that
-    r includes besides, as √(r² + c²), and d too, as the height above a plane is [mm²].
+    Triangles are given by corner and component [mm]. With ``added_squared`` c², r counts as
+    √(r² + c²), and the height d likewise [mm²].
     """
     ends = [[corner[axis] - at[axis] for axis in range(3)] for corner in corners]
     edges = [[b - a for a, b in zip(ends[k], ends[(k + 1) % 3], strict=True)] for k in range(3)]
     normal = _unit(_cross(edges[0], edges[1]))
-    distance = [jnp.sqrt(_dot(end, end) + apart) for end in ends]
-    height = jnp.sqrt(_dot(ends[0], normal) ** 2 + apart)
+    distance = [jnp.sqrt(_dot(end, end) + added_squared) for end in ends]
+    height = jnp.sqrt(_dot(ends[0], normal) ** 2 + added_squared)
     total = jnp.zeros_like(height)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         along = _unit(edges[first])

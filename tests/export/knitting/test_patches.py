@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.api.simulation import case_of_design
-from knitlab.export.knitting.patches import patches_of
+from knitlab.export.knitting.patches import read_patches
 from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.io.shipped import shipped
 from knitlab.runs.parameters import read_parameters
@@ -31,7 +31,7 @@ def chart_of(design, start):
 
 
 def assert_is_read_back(chart):
-    read = patches_of(chart.front, "any")
+    read = read_patches(chart.front, "any")
     assert read.messages == ()
     repeats = read.chart.repeats
     # The pattern makes the same stitches, through the model.
@@ -109,7 +109,7 @@ def test_any_pattern_of_slender_stripes_is_read_back_as_the_same_stitches(patter
 
 def test_a_chart_that_begins_within_a_stripe_is_moved_over_its_edges():
     front = stitch_chart(case_of(n_stripe=4, n_subunit=16)).front
-    read = patches_of(np.roll(front, (12, 6), (0, 1)), "any")
+    read = read_patches(np.roll(front, (12, 6), (0, 1)), "any")
     assert (read.messages, read.begins_at) == ((), (13, 7))
     assert (read.chart.front == front).all()
 
@@ -118,7 +118,7 @@ def test_a_chart_that_begins_within_a_stripe_is_moved_over_its_edges():
 def test_a_stitch_that_fits_no_patch_is_named_and_its_pattern_kept():
     front = stitch_chart(case_of(n_stripe=4, n_subunit=16)).front.copy()
     front[4, 6] = ~front[4, 6]
-    read = patches_of(front, "any")
+    read = read_patches(front, "any")
     (message,) = read.messages
     assert "course 5, wale 7" in message
     assert read.pattern().rows == ("GR", "RG")
@@ -134,7 +134,7 @@ def test_a_stitch_that_fits_no_patch_is_named_and_its_pattern_kept():
     ids=["plain of no stripes", "rib of no stripe", "odd garter"],
 )
 def test_sizes_that_no_stripe_has_are_named(front, words):
-    read = patches_of(np.array(front, bool), "any")
+    read = read_patches(np.array(front, bool), "any")
     assert any(all(word in each for word in words) for each in read.messages)
     if "material" not in "".join(read.messages):
         with refused("pattern"):

@@ -17,9 +17,9 @@ from knitlab.export.knitting.knitout import knitout
 from knitlab.export.knitting.machine import read_machine
 from knitlab.export.knitting.round_trip import (
     MAX_OPERATIONS,
+    chart_stitches,
     interpreted,
     round_trip,
-    stitches_of,
     stripped,
 )
 from knitlab.export.knitting.stitch_chart import stitch_chart
@@ -80,7 +80,7 @@ kniterates = st.fixed_dictionaries(
 def own_reading(program, chart, machine):
     mistakes, graph = check(program, machine)
     assert mistakes == []
-    return graph, stitches_of(graph, chart.front.shape, machine)
+    return graph, chart_stitches(graph, chart.front.shape, machine)
 
 
 @given(charts(), machines)

@@ -134,14 +134,6 @@ def test_conductors_of_the_front_cover_mountains_of_how_plain_knit_curls(
         assert (on_folds == (knit == "rib")).all()
 
 
-def test_conductors_lie_on_the_chosen_face():
-    chart = stitch_chart(case_of("sensor", **DESIGN), face="back")
-    assert chart.plated_face == ("back", "back")
-    plated = np.unique(chart.stitches[chart.plated > 0]).tolist()
-    assert len(plated) == 4
-    assert all(stitch.endswith("conductor on the back") for stitch in plated)
-
-
 def test_electrodes_that_touch_as_whole_stitches_are_refused():
     case = case_of("sensor", n_stripe=2, n_subunit=16, width=3.8)
     with refused("layout", "touch", "course 1", "width"):

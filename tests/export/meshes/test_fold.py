@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import given
 
 import knitlab as kl
-from knitlab.export.meshes.fabric import FOLD_ANGLE, fabric_meshes
+from knitlab.export.meshes.fabric import fabric_meshes
 from knitlab.export.meshes.formats import Shapes, write_meshes
 from knitlab.export.meshes.surface import grid_surface, solid_of
 from tests.export.meshes.synthetic import PREVIEW, bumpy_sheets, kept_file, zigzag
@@ -120,18 +120,6 @@ def test_frames_are_the_shapes_along_the_strain(tmp_path):
         assert frame["frame_unit"] == "mm"
     assert len(frames_of(kl.export(PREVIEW, tmp_path / "b.fold", **ONE).files[0])) == kept_file(
     ).sizes["applied_strain"]  # fmt: skip
-
-
-def test_folds_have_the_angles_and_signs_of_the_model(tmp_path):
-    # At a node on a ridge the field is the mean angle of the fold lines there, mountains positive.
-    (mesh,) = fabric_meshes(kept_file(), [0])
-    write_meshes(Shapes([mesh], [0.0], "unit"), tmp_path / "a.fold")
-    (frame,) = frames_of(tmp_path / "a.fold")
-    edges, angles = np.array(frame["edges_vertices"]), np.array(frame["edges_foldAngle"])
-    of_model = np.degrees(mesh.node_fields[FOLD_ANGLE])[edges].mean(axis=1)
-    sharp = np.abs(angles) > 60
-    assert sharp.sum() > 50
-    assert np.corrcoef(angles[sharp], of_model[sharp])[0, 1] < -0.95
 
 
 def test_a_solid_of_triangles_has_the_angles_that_trimesh_finds(tmp_path):

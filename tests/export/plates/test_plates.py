@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.cubes.case_file import LENGTH_FACTOR, in_cloth
-from knitlab.export.plates.plate_stiffness import in_plane, plates_of_case, stiffness_of
+from knitlab.export.plates.plate_stiffness import case_plates, in_plane, stiffness_matrix
 from knitlab.solvers.plate_condensation import PlateStatus
 from tests.export.meshes.synthetic import PREVIEW, kept_case, kept_file, sample
 from tests.refusals import refused
@@ -59,7 +59,7 @@ def test_in_cloth_the_network_is_larger_and_its_forces_are_the_same():
     cloth = in_cloth(case, kl.open_cube(PREVIEW).sel(n_stripe=4, n_subunit=16))
     factor = cloth.attrs[LENGTH_FACTOR]
     assert factor == pytest.approx(cloth["length_x"].values[0] / case["length_x"].values[0])
-    small, large = plates_of_case(case, chosen), plates_of_case(cloth, chosen)
+    small, large = case_plates(case, chosen), case_plates(cloth, chosen)
     assert small.attrs["length_unit"] == "mm of network"
     assert large.attrs["length_unit"] == "mm"
     powers = {"membrane_stiffness": -1, "coupling_stiffness": 0, "bending_stiffness": 1}
@@ -93,7 +93,7 @@ def test_a_cube_a_test_and_a_condition_give_the_same(state):
     test = in_cloth(kept_file(), cube.sel(n_stripe=4, n_subunit=16))
     xr.testing.assert_allclose(where.squeeze()["moment"], state["moment"])
     alone = kl.plate_stiffness(test, applied_strain=0.15).squeeze()
-    np.testing.assert_allclose(stiffness_of(alone), stiffness_of(state), atol=1e-12)
+    np.testing.assert_allclose(stiffness_matrix(alone), stiffness_matrix(state), atol=1e-12)
 
 
 def test_a_card_of_abaqus_has_the_upper_triangle_by_columns(state, tmp_path):
@@ -107,7 +107,7 @@ def test_a_card_of_abaqus_has_the_upper_triangle_by_columns(state, tmp_path):
     matrix = np.zeros((6, 6))
     matrix.T[np.tril_indices(6)] = np.concatenate(rows)
     matrix = matrix + np.triu(matrix, 1).T
-    np.testing.assert_allclose(matrix, stiffness_of(state), rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(matrix, stiffness_matrix(state), rtol=1e-8, atol=1e-8)
     assert np.linalg.eigvalsh(matrix)[0] > 0
 
 
@@ -117,7 +117,7 @@ def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
     assert len(card["states"]) == 4
     for each in card["states"]:
         labels = {name: each[name] for name in ONE}
-        wanted = stiffness_of(plates.sel(labels))
+        wanted = stiffness_matrix(plates.sel(labels))
         np.testing.assert_allclose(each["ABD"], wanted, atol=1e-8)
     kl.plate_stiffness(PREVIEW, tmp_path / "table.csv", applied_strain=[0.12, 0.15, 0.45])
     table = pd.read_csv(tmp_path / "table.csv")
@@ -164,20 +164,13 @@ def test_clamped_samples_are_refused(tmp_path):
     assert "boundary = periodic" in said.output
     record = json.dumps(sample(kept_case()).record)
     with refused("clamped", "boundary = periodic"):
-        plates_of_case(kept_file().assign_attrs(parameters=record))
-
-
-def test_a_test_without_shapes_or_with_a_condition_is_refused():
-    with refused("positions", "knitlab.simulate"):
-        kl.plate_stiffness(kept_file().drop_vars("position"))
-    with refused("where"):
-        kl.plate_stiffness(kept_file(), where="n_stripe == 4")
+        case_plates(kept_file().assign_attrs(parameters=record))
 
 
 def test_a_strain_that_was_not_reached_is_reported():
     case = kept_file().copy(deep=True)
     case["position"][-1] = np.nan
-    status = plates_of_case(case, {"applied_strain": [0.42, 0.45]})["plate_status"].values
+    status = case_plates(case, {"applied_strain": [0.42, 0.45]})["plate_status"].values
     assert status.tolist() == [PlateStatus.ok, PlateStatus.not_converged]
 
 
