@@ -69,7 +69,7 @@ def for_each_design(
     strains = selections_along(selections, [STRAIN])
     if is_case(cube):
         if where is not None:
-            raise invalid("where", "is a condition on designs, and a test is one; leave it out")
+            raise invalid("where", "chooses designs, but a test is a single one; leave it out")
         return compute(selected_case(cube, selections), strains)
     dims = _dims_of_shapes(cube, selections)
     chosen_indices({STRAIN: cube[STRAIN].values}, strains)
@@ -127,6 +127,6 @@ def reached_strains(
         raise invalid(f"{STRAIN} {strains[missing[0]]:g}", message)
     if len(chosen) > 1 and not several:
         listed = ", ".join(f"{strain:g}" for strain in strains[chosen])
-        message = f"choose the strains {listed} for one mesh; select one, or write a .pvd or .fold"
+        message = f"leave the strains {listed}; select one, or write a .pvd or .fold file"
         raise invalid("selections", message)
     return chosen

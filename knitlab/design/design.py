@@ -94,7 +94,7 @@ def run_design(
     began = time.time()
     run = RunOptions(workers=workers)
     if own and workers:
-        raise invalid("workers", "own measures run in this process only; give workers = 0")
+        raise invalid("workers", "cannot compute your own measures; give workers = 0")
     space = search_space(request)
     objective = Objective(request, own, space.parameter_slopes())
     check_targets(request.wanted, own, space.case(space.designs[0])[0])
@@ -103,7 +103,7 @@ def run_design(
         raise invalid("the package cmaes", message)
     path = folder / REQUEST
     if path.is_file() and path.read_bytes() != request.text.encode():
-        message = "holds the design of another request; name another results folder, or remove it"
+        message = "holds the results of another request; choose another folder, or delete it"
         raise invalid(str(folder), message)
     # The run that tests the candidates locks the folder itself.
     with locked(folder / SEARCHES), interrupted_by_signals():
@@ -159,8 +159,8 @@ def _starts(
         if (count := len(space.designs)) <= request.starts:
             return space.designs, 0, ()
         if budget <= count:
-            message = f"is used up by the coarse sweep of {count} designs; raise it, or give cubes"
-            raise invalid(f"budget {budget}", f"{message} to start from")
+            message = f"is less than the coarse sweep of {count} designs takes; raise it, or give"
+            raise invalid(f"budget {budget}", f"{message} cubes to start from")
         plan = make_plan(space.workflow, {**space.settings, **request.choices})
         if run_plan(plan, folder, options).stopped:
             raise KeyboardInterrupt

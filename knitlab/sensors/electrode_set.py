@@ -96,7 +96,7 @@ class ElectrodeSet:
         cells = self.shape.cells_x, self.shape.cells_y
         strips = [strip for group in self.groups for strip in group]
         if any(strip.extents[self.along] != (0, cells[self.along]) for strip in strips):
-            message = "is of cloth whose electrodes are ridges from end to end; leave it out"
+            message = "needs electrodes that are ridges from end to end; leave it out"
             raise invalid("cloth_permittivity", message)
         ends = sorted(strip.extents[across] for strip in strips)
         lines = [0.0, *(end for pair in ends for end in pair), float(cells[across])]
@@ -117,10 +117,12 @@ def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -
         count = len(ridge_lines(replace(layout, within="fabric"), case.sample, case.options))
         names = [f"{layout.along[0]}{k + 1}" for k in range(count)]
     if len(names) < 2 or len(set(names)) < len(names):
-        raise invalid("electrodes", f"are {', '.join(names) or 'none'}; give two or more different")
+        raise invalid(
+            "electrodes", f"are {', '.join(names) or 'none'}; give at least two different names"
+        )
     letters = {part[:1] for name in names for part in name.split("+")} & {"w", "c"}
     if shape.periodic and letters == {"w", "c"}:
-        message = "cross those along courses, and periodic fabric repeats along one direction"
+        message = "cross those along courses, but periodic electrodes repeat along one direction"
         raise invalid("electrodes along wales", f"{message}; simulate with boundary = clamped")
     groups = tuple(tuple(_strips(name, case, layout)) for name in names)
     only = letters.pop() if len(letters) == 1 else layout.along[0]
@@ -152,7 +154,7 @@ def _ridge(name: re.Match[str], case: Case, layout: ElectrodeLayout) -> Strip:
     lines = ridge_lines(layout, case.sample, case.options)
     number = int(name[2])
     if number > len(lines):
-        message = f"is not there: this fabric has {len(lines)} ridges of this kind"
+        message = f"does not exist: this fabric has {len(lines)} ridges of this kind"
         raise invalid(f"electrode {name[0]}", f"{message}; choose one of them")
     return ridge_strip(layout, case.sample, case.stitches_per_cell, lines[number - 1])
 
@@ -178,6 +180,6 @@ def _strips(name: str, case: Case, layout: ElectrodeLayout) -> Iterator[Strip]:
         strip = next(strips, None)
         if strip is None:
             examples = ", or ".join(kind.example for kind in KINDS)
-            message = f"is no ridge or rectangle of grid cells; give {examples}; join several by +"
+            message = f"is not a ridge or a rectangle of grid cells; give {examples}, joined by +"
             raise invalid(f"electrode {shown(part)}", message)
         yield strip

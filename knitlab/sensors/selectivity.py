@@ -68,7 +68,7 @@ def case_selectivity(
         raise invalid(case.label, f"is a clamped sample; {hint}")
     if capacitor.ground != "none":
         hint = "simulate it with ground = none"
-        raise invalid(case.label, f"has a plane that does not bend with it; {hint}")
+        raise invalid(case.label, f"has a plane, which does not bend with the cloth; {hint}")
     solver = _Solver(case, capacitor)
     measured = case_file["capacitance"].values
     indices = list[int]()

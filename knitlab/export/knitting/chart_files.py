@@ -62,8 +62,8 @@ def _rows_of_text(path: Path) -> Stitches:
                 message = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
                 raise invalid(where, f"{message} and {' '.join(PURLS)} for a purl, nothing else")
         if rows and len(symbols) != len(rows[0]):
-            message = f"has {len(symbols)} stitches, and the first row {len(rows[0])}"
-            raise invalid(where, f"{message}; give all rows the same")
+            message = f"has {len(symbols)} stitches, but the first row has {len(rows[0])}"
+            raise invalid(where, f"{message}; make all rows equally long")
         rows.append([symbol in KNITS for symbol in symbols])
     if not rows or not rows[0]:
         raise invalid(str(path), "has no stitches; write a row of k and p for each course")
@@ -77,7 +77,7 @@ def _rows_of_image(path: Path) -> Stitches:
     pixels = pixels[..., :3]
     colours = np.unique(pixels @ (1 << 16, 1 << 8, 1))
     if len(colours) > 2:
-        message = f"has {len(colours)} colours; save it with one pixel a stitch in two colours"
+        message = f"has {len(colours)} colours; save it in two colours with one pixel per stitch"
         raise invalid(str(path), message)
     lightness = pixels.sum(axis=-1)
     return lightness == lightness.max()
@@ -99,21 +99,21 @@ def _stitches_of_program(path: Path, carrier: int | None) -> tuple[Stitches, str
     stitches, double, joined = _knitted(operations(text), range(start + 1, last + 1))
     counts = Counter(each for _, carriers in stitches for each in carriers)
     if not counts and double:
-        message = f"knits on both beds of a wale until line {double}, a tube or double cloth"
-        raise invalid(str(path), f"{message}; only single cloth is a chart")
+        message = f"knits on both beds of a wale until line {double}: a tube or double cloth"
+        raise invalid(str(path), f"{message}; only single cloth has a chart")
     if not counts:
-        raise invalid(str(path), "knits no stitch through another; give a program that knits")
+        raise invalid(str(path), "knits no stitch through another one; give a program that knits")
     body = str(carrier) if carrier else counts.most_common(1)[0][0]
     if body not in counts:
         listed = ", ".join(sorted(counts))
         raise invalid(str(path), f"knits nothing with carrier {body}; name one of {listed}")
     remarks = []
     if double:
-        remarks.append(f"from line {double + 1}, before which both beds knit")
+        remarks.append(f"from line {double + 1}; before it both beds knit")
     if len(counts) > 1 and not marked:
         remarks.append(f"of carrier {body} alone")
     if joined:
-        remarks.append(f"up to line {joined}, that joins loops")
+        remarks.append(f"up to line {joined}, which joins loops")
     chains: dict[int, list[bool]] = defaultdict(list)
     for needle, carriers in stitches:
         if body in carriers:
@@ -128,7 +128,7 @@ def _stitches_of_program(path: Path, carrier: int | None) -> tuple[Stitches, str
             del chain[courses:]
         if len(chain) != courses:
             message = f"has {len(chain)} stitches of carrier {body} on needle {number}, and"
-            raise invalid(str(path), f"{message} {courses} on others; only a rectangle is a chart")
+            raise invalid(str(path), f"{message} {courses} on others; only a rectangle has a chart")
     first = min(chains)
     end = max(chains)
     if len(chains) != end - first + 1:

@@ -43,8 +43,8 @@ def _header_mistakes(text: str, machine: Machine) -> list[Mistake]:
     carriers = f";;Carriers: {' '.join(map(str, range(1, machine.listed_carriers + 1)))}"
     hint = "keep to its count of carriers, or choose another machine by model"
     for header, message in (
-        (width, f"is not {width}; write that, as {why}"),
-        (carriers, f"{machine.back_end} takes {carriers} alone; {hint}"),
+        (width, f"is not {width}; write this line, because {why}"),
+        (carriers, f"{machine.back_end} takes only {carriers}; {hint}"),
     ):
         name = header.partition(" ")[0]
         stated = [(k, line) for k, line in enumerate(lines, 1) if line.startswith(name)]
@@ -78,7 +78,7 @@ class _State:
             self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
         if operation.opcode in OF_CARRIERS and operation.opcode.endswith("hook") != machine.hooks:
             own = f"{machine.bring_in} and {machine.bring_out}"
-            self._report(f"{machine.back_end} is for {own} alone; write these")
+            self._report(f"{machine.back_end} takes only {own}; use these")
         if not outside:
             named = (*operation.needles, *map(int, operation.carriers))
             getattr(self, f"_{operation.opcode}")(*named)
@@ -117,7 +117,7 @@ class _State:
         for carrier in [each for each in carriers if each in self.unused]:
             first = f"the first stitch of carrier {carrier}"
             if carriers != (carrier,):
-                message = f"{first} has others too, which {self.machine.back_end} refuses"
+                message = f"{first} also has other carriers, which {self.machine.back_end} refuses"
                 self._report(f"{message}; tuck with carrier {carrier} alone before")
             words = "leftwards", "rightwards"
             inwards, outwards = words if self.machine.hooks else words[::-1]
@@ -137,10 +137,10 @@ class _State:
             message = f"{across} holds a loop of this wale, {state}"
             self._report(f"{message}; transfer it before knitting here")
         elif not through:
-            self._report("knits on a needle without a loop; cast on there, or drop no loop before")
+            self._report("knits on a needle without a loop; cast on there, or keep its loop")
         conductors = [each for each in carriers if each in self.machine.electrode_carriers]
         if len(conductors) > 1:
-            self._report("joins the conductors of two electrodes; knit one of them")
+            self._report("joins the conductors of two electrodes; knit with one of them")
         elif conductors and (body := self.machine.body_carrier) not in carriers:
             self._report(f"knits a conductor alone; plate it with the body's carrier {body}")
         self._form(needle, carriers, tuple(through))
@@ -164,14 +164,14 @@ class _State:
         if not moved:
             self._report(f"{source} holds no loop; transfer only where the bed changes")
         elif there and (not self.racking or len(moved) + len(there) > MAX_STITCHES_HELD):
-            self._report(f"{target} holds a loop, and may hold one; knit or move that first")
+            self._report(f"{target} already holds a loop; knit or move that first")
         self.held[target] = [*there, *moved]
 
     def _drop(self, needle: Needle) -> None:
         dropped = self.held.pop(needle, [])
         for carrier in (each for number in dropped for each in self.graph[number].carriers):
             if carrier in self.active:
-                message = f"drops a loop of carrier {carrier}, which goes on, so that the wale runs"
+                message = f"drops a loop of carrier {carrier}, which is in use: the wale runs"
                 self._report(f"{message}; drop after outhook {carrier}")
 
     def _check_hook_is_free(self) -> None:
@@ -180,7 +180,7 @@ class _State:
 
     def _in(self, carrier: int) -> None:
         if carrier in self.active:
-            self._report(f"carrier {carrier} is in action already; take the line out")
+            self._report(f"carrier {carrier} is in action already; remove the line")
         if carrier > self.machine.carriers:
             self._report(f"the machine has {self.machine.carriers} carriers; name one of them")
         self.active.add(carrier)
@@ -188,7 +188,7 @@ class _State:
 
     def _out(self, carrier: int) -> None:
         if carrier not in self.active:
-            self._report(f"carrier {carrier} is not in action; take the line out")
+            self._report(f"carrier {carrier} is not in action; remove the line")
         self.active.discard(carrier)
 
     def _inhook(self, carrier: int) -> None:
@@ -199,7 +199,7 @@ class _State:
 
     def _releasehook(self, carrier: int) -> None:
         if carrier != self.hooked:
-            self._report(f"the hook does not hold carrier {carrier}; take the line out")
+            self._report(f"the hook does not hold carrier {carrier}; remove the line")
         elif self.hook_from is None:
             self._report(f"carrier {carrier} has no stitch yet; release it after one")
         self.hooked = self.hook_from = None

@@ -29,13 +29,13 @@ NOT_GIVEN = "not given"
 
 def _word(text: str) -> str:
     if not text or any(letter.isspace() or letter in ",;" for letter in text):
-        raise ValueError(f"is one word without ',' and ';', but is {text!r}")
+        raise ValueError(f"must be one word without ',' and ';', but is {text!r}")
     return text
 
 
 def _even(count: int) -> int:
     if count % 2:
-        raise ValueError(f"is an even number, so that its yarn ends on the right, but is {count}")
+        raise ValueError(f"must be even, so that the yarn ends on the right, but is {count}")
     return count
 
 
@@ -200,18 +200,21 @@ def _combination_mistakes(machine: Machine) -> list[Mistake]:
     used = {name: getattr(machine, name) for name in names}
     used["electrode A"], used["electrode B"] = machine.electrode_carriers
     mistakes = [
-        Mistake(f"machine {name}", f"is carrier {number}, and there are {count}; name one of these")
+        Mistake(
+            f"machine {name}",
+            f"is carrier {number}, but there are {count}; choose one of these",
+        )
         for name, number in used.items()
         if number > count
     ]
     if len(set(used.values())) < len(used):
-        message = f"two of {used} are one carrier; give each its own"
+        message = f"two of {used} share one carrier; give each its own"
         mistakes.append(Mistake("machine carriers", message))
     limits = {"speed_number": machine.largest_speed_number}
     uses = ("body", "plated", "waste")
     limits |= {f"{use}_stitch_number": machine.largest_stitch_number for use in uses}
     for name, largest in limits.items():
         if (number := getattr(machine, name)) > largest:
-            message = f"is {number}, and {machine.back_end} takes 0 to {largest}; give one of these"
+            message = f"is {number}, but {machine.back_end} takes 0 to {largest}"
             mistakes.append(Mistake(f"machine {name}", message))
     return mistakes

@@ -119,13 +119,13 @@ class ReadChart:
             n = self._n(band)
             if n is None and band.stripe is None:
                 fitting = ", ".join(str(2 * band.per_stitch * n) for n in self._known)
-                message = f"{where}: a patch of this size, {band.size}, holds no even number of"
-                yield f"{message} stripes; take a multiple of one of {fitting}"
+                message = f"{where}: a patch of this size, {band.size}, does not hold an even"
+                yield f"{message} number of stripes; use a multiple of one of {fitting}"
             elif n is None:
-                yield f"{where}: garter stripes {band.stripe} courses high; take an even number"
+                yield f"{where}: garter stripes are {band.stripe} courses high; use an even number"
             elif n not in self._known:
                 known = ", ".join(map(str, self._known))
-                message = f"{where}: {stripes[band.axis]} of n_stripe {n}, measured are {known}"
+                message = f"{where}: {stripes[band.axis]} have n_stripe {n}; measured: {known}"
                 yield f"{message}; give a material that has it"
 
     def _odd_stitches(self) -> Iterator[str]:

@@ -52,7 +52,7 @@ def round_trip(
     if interpret is False or not find_spec("knitout_interpreter"):
         notes.append("interpreter: not run; install it by pip install knitlab[knitting]")
     elif interpret is None and length > MAX_OPERATIONS:
-        notes.append(f"interpreter: not run, as {length} operations take long; take fewer repeats")
+        notes.append(f"interpreter: not run, as {length} operations take long; check fewer repeats")
     else:
         try:
             differences = _differences(interpreted(program), chart, machine)
@@ -117,8 +117,8 @@ def _in_words(stitch: FormedStitch, machine: Machine) -> str:
     carrier, *others = conductors
     if others or carrier not in machine.electrode_carriers:
         names = " and ".join(map(str, stitch.carriers))
-        message = f"needle {stitch.position} knits carriers {names}, which are not a yarn of the"
-        raise NotAChart(f"{message} body and one conductor")
+        message = f"needle {stitch.position} knits carriers {names}, not the body's carrier and one"
+        raise NotAChart(f"{message} conductor")
     is_first = stitch.carriers[0] == carrier
     on_front = is_first == machine.names_conductor_first(stitch.front, "front")
     face: Face = "front" if on_front else "back"

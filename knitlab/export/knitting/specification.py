@@ -114,9 +114,9 @@ class Specification:
             if passed > self.machine.longest_float:
                 remarks.append(f"the yarn of carrier {carrier} floats past {passed} needles")
         if inside := [lead.name for lead in self.leads if lead.distance]:
-            hint = "leave these ends long and lead them to the edge over the back"
+            hint = "leave these ends long, and lead them to the edge over the back"
             message = f"{', '.join(inside)}: the conductive yarn ends inside the fabric"
-            remarks.append(f"{message}: {hint}; the model has no leads")
+            remarks.append(f"{message}; {hint} (the model has no leads)")
         if self.prediction is not None and self.prediction.passes_through_itself:
             remarks.append("the relaxed shape passes through itself: its size is uncertain")
         return remarks
@@ -124,7 +124,7 @@ class Specification:
     @property
     def _missing_sizes(self) -> list[str]:
         uses = {"body": "stitch_size", "plated": "plated_stitch_size"}
-        hint = "find it by a swatch, and give {} in the material or {}_stitch_size of the machine"
+        hint = "find it with a swatch, and set {} of the material or {}_stitch_size of the machine"
         return [
             f"no stitch size of the {use} is given: {hint.format(name, use)}"
             for use, name in uses.items()
@@ -192,7 +192,7 @@ def implausible_size(gauge: Gauge, machine: Machine) -> str | None:
     pitch = machine.pitch
     if not WIDTHS[0] <= width / pitch <= WIDTHS[1]:
         low, high = (factor * pitch for factor in WIDTHS)
-        message = f"stitch_width is {width:.4g} mm, and the needles of {machine.model} are"
+        message = f"stitch_width is {width:.4g} mm, but the needles of {machine.model} are"
         message += f" {pitch:.3g} mm apart, which makes stitches of {low:.2g} to {high:.2g} mm"
         hint = "give stitch_width as measured on a swatch of this machine, or the machine of the"
         return f"{message}: {hint} swatch by model or needles_per_inch"

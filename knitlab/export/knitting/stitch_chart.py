@@ -49,15 +49,15 @@ def stitch_chart(
     a drawing on both faces A on the front and B on the back.
     """
     if case.folds and set(case.sample.knit.ravel()) != {"P"}:
-        message = f"has {len(case.folds)} single folds beside rib or garter, which folds by itself"
-        raise invalid(f"design {case.label}", f"{message}; take a pattern of plain knit for them")
+        message = f"has {len(case.folds)} single folds beside rib or garter, which fold anyway"
+        raise invalid(f"design {case.label}", f"{message}; use a pattern of plain knit")
     turned = is_turned(case)
     unit = _patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].size, unit[1].size
     if needles is not None:
         courses, wales = repeat[::-1] if turned else repeat
         if not (along_x := needles // wales):
-            message = f"one repeat takes {wales} of them; give at least {wales}"
+            message = f"are too few: one repeat takes {wales}; give at least {wales}"
             raise invalid(f"needles {needles}", message)
         length = ASPECT * along_x * wales * GARTER_STITCHES_PER_RIB_STITCH
         along_y = max(1, round(length / courses))
@@ -65,7 +65,7 @@ def stitch_chart(
     case = replace(case, unit_cells=repeats or case.unit_cells)
     stitches = math.prod(repeat) * math.prod(case.unit_cells)
     if stitches > MAX_STITCHES:
-        message = f"take {stitches:,} stitches, above {MAX_STITCHES:,}; repeat the pattern less"
+        message = f"make {stitches:,} stitches; take fewer repeats, for at most {MAX_STITCHES:,}"
         raise invalid(f"repeats {case.unit_cells}", message)
     rows, columns = _patch_lines(case)
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
@@ -190,7 +190,7 @@ def _plated_stitches(
     if touching.any():
         course, wale = np.argwhere(touching)[0].tolist()
         where = f"course {course + 1}, wale {wale + 1}, as whole stitches"
-        hint = "take a smaller width, or ridges farther apart"
+        hint = "choose a smaller width, or ridges farther apart"
         raise invalid("layout", f"electrodes A and B touch at {where}; {hint}")
     return plated
 

@@ -44,12 +44,14 @@ def fabric_meshes(
     case = recorded_case(case_file)
     given = f"repeats {' '.join(map(str, repeats))}"
     if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
-        raise invalid(given, "is not 1 or more along y and along x; give two whole numbers")
+        raise invalid(given, "must be two whole numbers of 1 or more, along y and along x")
     if tuple(repeats) != (1, 1) and not is_periodic(case_file):
-        raise invalid(given, "is of periodic fabric, and this sample has edges; give 1 1")
+        raise invalid(given, "applies to periodic fabric only; for a sample with edges, give 1 1")
     faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
     if faces > MAX_FACES:
-        raise invalid(given, f"makes {faces:,} grid cells, above {MAX_FACES:,}; repeat it less")
+        raise invalid(
+            given, f"makes {faces:,} grid cells; take fewer repeats, for at most {MAX_FACES:,}"
+        )
     shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])

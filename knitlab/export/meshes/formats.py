@@ -52,7 +52,7 @@ FORMATS: dict[str, MeshFormat] = {}
 """Every format by its suffix; the functions below add them."""
 
 
-def _format(suffix: str, **properties: Any) -> Callable[[Writer], Writer]:
+def mesh_format(suffix: str, **properties: Any) -> Callable[[Writer], Writer]:
     """Register a function that writes one file, which is then written atomically."""
 
     def register(write: Writer) -> Writer:
@@ -90,18 +90,18 @@ def linear(colours: UInt8[np.ndarray, "node 3"]) -> Float[np.ndarray, "node 3"]:
     return np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
 
 
-@_format(".vtu")
+@mesh_format(".vtu")
 def _write_vtu(shapes: Shapes, path: Path) -> None:
     mesh = shapes.first
     _meshio(mesh, mesh.node_fields, mesh.face_fields).write(path, "vtu")
 
 
-@_format(".obj")
+@mesh_format(".obj")
 def _write_obj(shapes: Shapes, path: Path) -> None:
     _meshio(shapes.first).write(path, "obj")
 
 
-@_format(".ply")
+@mesh_format(".ply")
 def _write_ply(shapes: Shapes, path: Path) -> None:
     mesh = shapes.first
     fields = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
@@ -111,12 +111,12 @@ def _write_ply(shapes: Shapes, path: Path) -> None:
     _meshio(mesh, fields).write(path, "ply")
 
 
-@_format(".stl", has_quads=False)
+@mesh_format(".stl", has_quads=False)
 def _write_stl(shapes: Shapes, path: Path) -> None:
     _trimesh(shapes.first).export(path, "stl")
 
 
-@_format(".glb", has_quads=False)
+@mesh_format(".glb", has_quads=False)
 def _write_glb(shapes: Shapes, path: Path) -> None:
     import trimesh
 
@@ -157,7 +157,7 @@ def _write_series(shapes: Shapes, path: Path) -> list[Path]:
 FORMATS[".pvd"] = MeshFormat(_write_series, is_series=True)
 
 
-@_format(".fold", is_series=True)
+@mesh_format(".fold", is_series=True)
 def _write_fold(shapes: Shapes, path: Path) -> None:
     """A FOLD file, version 1.2, with a frame for each strain.
 

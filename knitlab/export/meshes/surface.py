@@ -112,7 +112,7 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
     above 0, or above :func:`largest_thickness`.
     """
     if not thickness > 0:
-        raise invalid(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")
+        raise invalid(f"thickness {thickness:g}", "must be above 0 mm")
     most = largest_thickness(sheet)
     if thickness >= most:
         digit = 10.0 ** (math.floor(math.log10(most)) - 1)

@@ -20,8 +20,8 @@ from knitlab.solvers.plate_condensation import Plate, PlateSolver, PlateStatus
 
 DIRECTIONS = ("xx", "yy", "xy")  # x along the courses (weft), y along the wales (warp)
 STATUS = "plate_status"
-OF_PERIODIC = (
-    "is of clamped samples, and a plate is the mean of periodic fabric;"
+NOT_PERIODIC = (
+    "has clamped samples, but a plate is the average of periodic fabric;"
     " simulate it with boundary = periodic"
 )
 VARIABLES: dict[str, Described] = {
@@ -52,9 +52,12 @@ def case_plates(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr
     """
     case = recorded_case(case_file)
     if case.options.boundary != "periodic":
-        raise invalid(case.label, OF_PERIODIC)
+        raise invalid(case.label, NOT_PERIODIC)
     if case.friction.acts:
-        raise invalid(case.label, "has friction, which plates leave out; take fold_friction = 0")
+        raise invalid(
+            case.label,
+            "has friction, which plates do not model; simulate it with fold_friction = 0",
+        )
     _, fabric = case.assemble()
     solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
     factor = cloth_per_network(case_file)
@@ -92,7 +95,7 @@ def design_plates(
     """
     simulated = not (is_case(cube) or is_measured(cube))
     if simulated and model_options(cube).get("boundary") == "clamped":
-        raise invalid(cube_name(cube), OF_PERIODIC)
+        raise invalid(cube_name(cube), NOT_PERIODIC)
     plates = for_each_design(case_plates, cube, selections, where)
     plates[STATUS] = plates[STATUS].fillna(PlateStatus.no_shape).astype(np.int8)
     return plates

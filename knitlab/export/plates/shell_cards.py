@@ -108,7 +108,7 @@ def write_abaqus(plates: xr.Dataset, output: Path) -> None:
     """Write the one state that is left as ``*SHELL GENERAL SECTION``, in N and mm."""
     states = _usable(plates)
     if len(states) != 1:
-        message = f"is a card of one state, and {len(states)} are selected"
+        message = f"holds one state, but {len(states)} are selected"
         raise invalid(f"output {output}", f"{message}; select one design and one applied strain")
     (state,) = states
     stiffness = stiffness_matrix(state)
@@ -149,7 +149,7 @@ def _usable(plates: xr.Dataset) -> list[xr.Dataset]:
         status = PlateStatus(int(state[STATUS]))
         if status is not PlateStatus.ok:
             name = ", ".join(f"{label} = {value}" for label, value in _labels(state).items())
-            message = f"is {status.name.replace('_', ' ')}, which no shell element can have"
+            message = f"is {status.name.replace('_', ' ')}, which a shell element cannot represent"
             raise invalid(name, f"{message}; select other states, or write a .csv")
     return states
 
