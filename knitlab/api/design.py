@@ -42,7 +42,7 @@ def design(
     The nearest designs of ``cubes``, or of a coarse sweep, are refined within the bounds of
     ``vary``: by least squares with exact adjoint derivatives, with constraints by SLSQP, and
     without derivatives, or at a snap, by the evolution strategy CMA-ES. Results are simulated
-    again from the flat sheet, with siblings, and ranked by the worst within that spread. An
+    again from the flat sheet, with perturbed copies, and ranked by the worst within that spread. An
     interrupted design continues when it is run again.
 
     Args:
@@ -54,7 +54,7 @@ def design(
         workflow: name or path of the workflow that all other settings are taken from.
         cubes: cubes of designs to start from; a coarse sweep by default.
         starts: largest number of designs that are refined.
-        robustness: number of siblings of each result.
+        robustness: number of perturbed copies of each result.
         measures: own functions of a configuration, in JAX, that targets may refer to by name:
             ``{"height": lambda shape: shape.positions[..., 2].max()}``.
         budget: largest number of simulations of sweep and searches, or a time such as

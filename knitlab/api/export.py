@@ -158,13 +158,13 @@ def plate_stiffness(
         [-0.8, -0.71]
     """
     # They import JAX.
-    from knitlab.export.plates.plate_stiffness import plates_of
+    from knitlab.export.plates.plate_stiffness import design_plates
     from knitlab.export.plates.shell_cards import CARDS
 
     selections = {**selections, **named}
     if output is not None:
         check_suffix(output := Path(output), CARDS, "a card or table")
-    plates = plates_of(cube_with_shapes(cube), selections, where)
+    plates = design_plates(cube_with_shapes(cube), selections, where)
     if output is not None:
         CARDS[output.suffix.lower()](plates, output)
     return plates

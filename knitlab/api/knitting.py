@@ -15,7 +15,7 @@ from knitlab.export.knitting.chart_files import Edge, read_stitches
 from knitlab.export.knitting.instructions import instructions
 from knitlab.export.knitting.knitout import knitout
 from knitlab.export.knitting.machine import NOT_GIVEN, Machine, paper_yarn, read_machine, same_model
-from knitlab.export.knitting.patches import ReadChart, patches_of
+from knitlab.export.knitting.patches import ReadChart, read_patches
 from knitlab.export.knitting.patches import pattern_name as pattern_name
 from knitlab.export.knitting.round_trip import RoundTrip, round_trip
 from knitlab.export.knitting.specification import Specification
@@ -266,7 +266,7 @@ def read_chart(
     """
     path = Path(path)
     stitches, remark = read_stitches(path, first, carrier)
-    return patches_of(stitches, f"{path.name} ({remark})" if remark else path.name)
+    return read_patches(stitches, f"{path.name} ({remark})" if remark else path.name)
 
 
 def _assumptions(

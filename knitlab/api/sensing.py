@@ -30,7 +30,7 @@ from knitlab.sensors import selectivity as core
 from knitlab.sensors.crosstalk import cross_talk as cross_talk_of
 from knitlab.sensors.electrode_set import ElectrodeSet, electrode_set, sensor_case
 from knitlab.sensors.readings import Others, capacitance_matrices
-from knitlab.sensors.selectivity import DIRECTIONS, STATUS, selectivity_of_case
+from knitlab.sensors.selectivity import DIRECTIONS, STATUS, case_selectivity
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import NoDerivative
 
@@ -224,7 +224,7 @@ def selectivity(
     if along not in DIRECTIONS:
         raise invalid("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
     opened = cube_with_shapes(cube)
-    compute = partial(selectivity_of_case, along=along)
+    compute = partial(case_selectivity, along=along)
     found = for_each_design(compute, opened, selections, where)
     found[STATUS] = found[STATUS].fillna("")
     if is_case(opened):
