@@ -30,9 +30,9 @@ from knitlab.claims.samples import (
 from knitlab.lab.fit_statistics import LinearFit, common_slope_probability, linear_fit
 from knitlab.observables.schema import DESIGN_DIMS, Status
 
-MOST_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
-FEWEST_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve
-Measured = tuple[float | None, str]  # margin of one sample, and the measured value as text
+MAX_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
+MIN_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve
+Measured = tuple[float | None, str] | None  # margin of a sample, and its value; None if unknown
 Measure = Callable[[xr.Dataset], Measured]
 Direction = Literal["rises", "falls"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
@@ -64,7 +64,7 @@ def value_within(
     def measure(sample: xr.Dataset) -> Measured:
         values = sample[of].values[np.isfinite(sample[of].values)]
         if not values.size:
-            return None, ""
+            return None
         least, most = float(values.min()), float(values.max())
         margin = worst(within(end, lowest - slack, highest + slack) for end in (least, most))
         return margin, f"{least:.2f} to {most:.2f}" if sample[of].ndim else f"{least:.3g}"
@@ -89,8 +89,8 @@ def rises_and_falls(
 
     def measure(sample: xr.Dataset) -> Measured:
         curve = sample[of].dropna("applied_strain")
-        if curve.size < FEWEST_POINTS:
-            return None, ""
+        if curve.size < MIN_POINTS:
+            return None
         top = int(curve.values.argmax())
         first, peak, last = curve.values[[0, top, -1]].tolist()
         falls = (peak - last) / peak if peak > max(first, 0.0) else 0.0
@@ -118,8 +118,8 @@ def fall_confined(
         curve = sample[of].dropna("applied_strain")
         fall = curve[int(curve.values.argmax()) :] if curve.size else curve
         fall = fall[: int(fall.values.argmin()) + 1] if fall.size else fall
-        if fall.size < FEWEST_POINTS:
-            return None, ""
+        if fall.size < MIN_POINTS:
+            return None
         first, last = fall.values[[0, -1]].tolist()
         done = np.maximum.accumulate((first - fall.values) / (first - last))
         wanted = part if end == "begins" else 1 - part
@@ -139,8 +139,8 @@ def follows(
 
     def measure(sample: xr.Dataset) -> Measured:
         curve = sample[of].dropna("applied_strain")
-        if curve.size < FEWEST_POINTS:
-            return None, ""
+        if curve.size < MIN_POINTS:
+            return None
         applied = curve["applied_strain"]
         off = float(abs(curve - applied).max() / applied.max())
         slope = float((np.diff(curve) / np.diff(applied)).min())
@@ -162,8 +162,8 @@ def largest_at_centre(
             raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
         field = sample[of].sel(applied_strain=applied_strain, method="nearest")
         along = field.dropna("cell_y", how="all").mean("cell_x").values
-        if along.size < FEWEST_POINTS:
-            return None, ""
+        if along.size < MIN_POINTS:
+            return None
         middle = central(along.size)
         centre, beside = along[middle].max(), np.delete(along, middle).max()
         scale = float(abs(along).max())
@@ -210,15 +210,16 @@ def _each(cube: xr.Dataset, about: About, measure: Measure, *variables: str) -> 
     samples = Samples.of(cube, about, *variables)
     margins, texts = dict[Labels, float](), dict[Labels, str]()
     for labels, sample in samples.complete.items():
-        margin, text = measure(sample)
+        margin, text = measure(sample) or (None, "")
         if margin is not None:
-            margins[labels], texts[labels] = margin, f"{name_of(labels)} {text}"
+            margins[labels] = margin
+            texts[labels] = f"{name_of(labels)} {text}"
     if not margins:
         raise samples.too_few(0)
     failing = [labels for labels, margin in margins.items() if margin < 0]
     opening = f"{len(failing)} of {len(margins)} do not: " if failing else ""
     shown = failing or list(margins)
-    first = sorted(shown, key=lambda labels: margins[labels])[:MOST_LISTED]
+    first = sorted(shown, key=lambda labels: margins[labels])[:MAX_LISTED]
     listed = ", ".join(texts[labels] for labels in shown if labels in first)
     more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
     return samples.result(min(margins.values()), opening + listed + more, margins)
@@ -276,10 +277,10 @@ def _trend(
     if wrong:
         shown = [
             f"{name_of(one)} to {name_of(next_)}: {values[one]:.3g} to {values[next_]:.3g}"
-            for one, next_ in wrong[:MOST_LISTED]
+            for one, next_ in wrong[:MAX_LISTED]
         ]
         text = f"{len(wrong)} of {len(steps)} steps do not: {', '.join(shown)}"
-    elif len(values) <= MOST_LISTED:
+    elif len(values) <= MAX_LISTED:
         text += ": " + ", ".join(f"{name_of(each)} {values[each]:.3g}" for each in ordered)
     return samples.result(worst(margins.values()), text, values)
 
@@ -409,11 +410,11 @@ def _lines(
     """
     values = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of).values(of)
     points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
-    enough = {n: np.array(each) for n, each in points.items() if len(each) >= FEWEST_POINTS}
+    enough = {n: np.array(each) for n, each in points.items() if len(each) >= MIN_POINTS}
     lines = {n: linear_fit(*each.T) for n, each in enough.items()}
     if len(lines) < fewest or needed not in (None, *lines):
         missing = ", ".join(str(n) for n in n_stripe if n not in lines)
-        reason = f"fewer than {FEWEST_POINTS} designs measured for n_stripe {missing}"
+        reason = f"fewer than {MIN_POINTS} designs measured for n_stripe {missing}"
         raise NotMeasured(reason, len(n_stripe), "lines")
     at = tuple((n, int(m)) for n, line in lines.items() for m in line.x)
     count: dict[str, Any] = {"judged": len(lines), "wanted": len(n_stripe), "counted": "lines"}

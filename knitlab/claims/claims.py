@@ -87,7 +87,7 @@ class Claim(StrictModel):
 
 
 def read_claims(path: Path | None = None) -> list[Claim]:
-    """The claims of a file, by default ``params/claims.toml``; InputError has every fault of it."""
+    """The claims of a file, by default ``params/claims.toml``; InputError lists all mistakes."""
     path = path or shipped("params") / "claims.toml"
     claims, mistakes = [], list[Mistake]()
     for name, table in read_toml(path).items():

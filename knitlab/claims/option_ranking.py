@@ -16,14 +16,14 @@ from knitlab.claims.samples import by_labels, stated_options
 from knitlab.cubes.cube_file import base_dims, cube_name, parameters_of, swept_dims
 from knitlab.observables.schema import DESIGN_DIMS, Status
 
-Key = tuple[tuple[str, str | float], ...]  # options, in the order of NAMES
+Options = tuple[tuple[str, str | float], ...]  # names and values, in the order of NAMES
 
-OF_STRIPES = ("cell_size", "hinge_stiffness", "length_scale")
+STRIPE_OPTIONS = ("cell_size", "hinge_stiffness", "length_scale")
 """Options that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
 that rest flat stay flat, and the walls are for patterned fabric."""
-OF_FABRIC = ("fold_phase", "hinges", "garter_start", "fold_angle", "z_max")
-OF_MOTION = ("ending", "damping_ratio", "relax_time", "strain_rate")  # on which rest depends, too
-NAMES = (*OF_STRIPES, *OF_FABRIC, *OF_MOTION, "drag")
+FABRIC_OPTIONS = ("fold_phase", "hinges", "garter_start", "fold_angle", "z_max")
+MOTION_OPTIONS = ("ending", "damping_ratio", "relax_time", "strain_rate", "drag")
+NAMES = STRIPE_OPTIONS + FABRIC_OPTIONS + MOTION_OPTIONS
 CLIPPED = 1.0  # margins beyond count as this in a sum, so that no claim outweighs the rest
 
 
@@ -56,25 +56,32 @@ def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list
     """Rank the model options of cubes by :attr:`RankedOptions.score`, the best first.
 
     Options are judged by all slices that were computed with them; slices of pure stripes serve all
-    options that do not differ in :data:`OF_STRIPES`.
+    options that do not differ in :data:`STRIPE_OPTIONS`.
     """
-    boards, stripes = defaultdict[Key, list[Slice]](list), defaultdict[Key, list[Slice]](list)
+    boards, stripes = (
+        defaultdict[Options, list[Slice]](list),
+        defaultdict[Options, list[Slice]](list),
+    )
     for cube in cubes:
-        path, dims = Path(cube_name(cube)), swept_dims(cube)
+        dims = swept_dims(cube)
         for indices in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
             one = cube.isel(dict(zip(dims, indices, strict=True)))
-            key = tuple(options_of(one).items())
+            options = tuple(options_of(one).items())
             if base_dims(one) == DESIGN_DIMS:
-                boards[key].append((path, one))
+                boards[options].append((Path(cube_name(cube)), one))
             else:
-                stripes[_of_stripes(key)].append((path, one))
+                stripes[_of_stripes(options)].append((Path(cube_name(cube)), one))
     ranked = []
-    for key in [*(boards or stripes)]:
-        judgements = judged_slices(claims, [*boards[key], *stripes[_of_stripes(key)]])
-        statuses = [by_labels(one["status"]).items() for _, one in boards[key]]
-        designs = {each for items in statuses for each, status in items if status == Status.ok}
+    for options in [*(boards or stripes)]:
+        judgements = judged_slices(claims, [*boards[options], *stripes[_of_stripes(options)]])
+        designs = {
+            labels
+            for _, one in boards[options]
+            for labels, status in by_labels(one["status"]).items()
+            if status == Status.ok
+        }
         results = {each.claim.name: each.result for each in judgements}
-        ranked.append(RankedOptions(dict(key), results, len(designs)))
+        ranked.append(RankedOptions(dict(options), results, len(designs)))
     return sorted(ranked, key=lambda each: each.score, reverse=True)
 
 
@@ -86,17 +93,12 @@ def differing(ranked: Sequence[RankedOptions]) -> list[str]:
 def options_of(cube: xr.Dataset) -> dict[str, str | float]:
     """The model options of a cube at one value of every swept setting."""
     parameters = parameters_of(cube)
-    motion = parameters.get("dynamics") or {}
-    drag = (parameters.get("solver") or {}).get("drag")
-    of_motion = {name: motion[name] for name in OF_MOTION if name in motion}
-    stated = ({"drag": drag} if drag else {}) | of_motion | stated_options(cube)
-    # NetCDF attributes are NumPy's numbers.
-    return {
-        name: stated[name].item() if isinstance(stated[name], np.generic) else stated[name]
-        for name in NAMES
-        if name in stated
-    }
+    stated = {**(parameters.get("solver") or {}), **(parameters.get("dynamics") or {})}
+    stated |= stated_options(cube)
+    # NetCDF attributes are numbers of NumPy, whose text is another one.
+    values = {name: np.asarray(stated[name]).item() for name in NAMES if name in stated}
+    return {name: value for name, value in values.items() if (name, value) != ("drag", 0)}
 
 
-def _of_stripes(key: Key) -> Key:
-    return tuple((name, each) for name, each in key if name in OF_STRIPES)
+def _of_stripes(options: Options) -> Options:
+    return tuple((name, value) for name, value in options if name in STRIPE_OPTIONS)

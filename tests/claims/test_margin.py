@@ -84,7 +84,7 @@ def test_verdict_and_grade_agree(margin):
         (below(1.5, 2.0, strict=True), 0.25),
         (above(0.97, 0.98, scale=0.02), -0.5),
         (above(1.0, 0.0, scale=0.0), margins.LARGEST),
-        (above(0.0, 0.0, strict=True), margins.LEAST_MISS),
+        (above(0.0, 0.0, strict=True), margins.MIN_MISS),
     ],
 )
 def test_margins_of_known_distances(found, expected):

@@ -14,7 +14,7 @@ from knitlab.figures.registry import figure
 from knitlab.figures.style import MINUS, TWO_COLUMNS, Look, name_rows, subplots
 from knitlab.io.errors import invalid
 
-MOST = 16  # largest number of sets of options that the figure shows
+MAX_SETS = 16  # largest number of sets of options that the figure shows
 COLOURS = {
     Grade.holds: "#0072B2",
     Grade.near_miss: "#F5D7A1",
@@ -30,7 +30,7 @@ def options(cubes: Sequence[xr.Dataset]) -> Figure:
     """Which of the paper's claims each set of model options meets, the best set first."""
     claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.topic))
     ranked = ranked_options(cubes, claims)
-    shown = ranked[:MOST]
+    shown = ranked[:MAX_SETS]
     names = [
         claim.name
         for claim in claims
