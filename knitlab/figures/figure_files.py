@@ -132,7 +132,7 @@ def maybe_draw(
 
 @contextmanager
 def reporting(name: str, mistakes: list[Mistake]) -> Iterator[None]:
-    """Add why a figure cannot be drawn to faults; CannotWrite ends the drawing of all."""
+    """Add why a figure cannot be drawn to mistakes; CannotWrite ends the drawing of all."""
     try:
         yield
     except CannotWrite:

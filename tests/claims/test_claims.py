@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 
 from knitlab.claims.claims import read_claims
 from knitlab.claims.judgement import judged
 from knitlab.claims.margin import Grade
-from knitlab.cli import main
 from knitlab.cubes.cube_file import write_cube
 from knitlab.io.errors import InputError
 from knitlab.lab.fit_statistics import common_slope_probability, linear_fit
@@ -264,15 +262,6 @@ def test_a_claim_that_fails_for_one_design_fails_though_others_are_missing(verdi
     assert found["wide_stripes_reach_minus_02_to_minus_07"] is Grade.fails
 
 
-def test_command_refuses_another_suffix(tmp_path):
-    write_cube(good_stripes(), tmp_path / "stripes.nc")
-    ran = CliRunner().invoke(
-        main, ["claims", str(tmp_path / "stripes.nc"), "-o", str(tmp_path / "page.txt")]
-    )
-    assert ran.exit_code == 2
-    assert "is not a page of Markdown; give it the suffix .md" in ran.output
-
-
 def test_every_fault_of_a_claims_file_is_listed(tmp_path):
     path = tmp_path / "claims.toml"
     path.write_text(
@@ -316,11 +305,3 @@ def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
     write_cube(good_checkerboards(), tmp_path / "cube.nc")
     with pytest.raises(InputError, match=r"selections n_stripe=4: is not a swept setting"):
         judged(read_claims(), [tmp_path], {"n_stripe": 4})
-
-
-def test_a_page_of_an_unknown_format_is_refused_before_any_output(tmp_path):
-    write_cube(good_checkerboards(), tmp_path / "cube.nc")
-    result = CliRunner().invoke(main, ["claims", str(tmp_path), "-o", str(tmp_path / "page.txt")])
-    assert result.exit_code == 2
-    assert not result.stdout
-    assert "is not a page of Markdown; give it the suffix .md" in result.stderr

@@ -1,7 +1,5 @@
 """The page of claims: reliable claims, near misses, and figures."""
 
-import re
-
 import pytest
 from click.testing import CliRunner
 
@@ -9,8 +7,7 @@ from knitlab.claims.claims import TOPICS, read_claims
 from knitlab.claims.judgement import judged
 from knitlab.cli import main
 from knitlab.cubes.cube_file import write_cube
-from knitlab.figures.claims_page import _blocks, introduction, reliance, write_page
-from knitlab.io.errors import InputError
+from knitlab.figures.claims_page import _blocks, introduction, reliance
 from tests.claims.test_claims import good_checkerboards, good_stripes
 
 
@@ -32,11 +29,6 @@ def judgements(cubes):
     return judged(read_claims(), cubes)
 
 
-def test_a_page_of_another_format_is_refused(tmp_path):
-    with pytest.raises(InputError, match="is not a page of Markdown; give it the suffix"):
-        write_page([], tmp_path / "page.html")
-
-
 def test_model_options_are_shown_as_they_are(tmp_path):
     boards = good_checkerboards().assign_attrs(model_boundary="<b>", model_cell_size="<i>")
     write_cube(boards, tmp_path / "cube.nc")
@@ -55,27 +47,6 @@ def test_a_markdown_page_has_its_figures_in_a_folder(cubes, tmp_path):
     figures = list((tmp_path / "page").glob("*.png"))
     assert figures
     assert all(f"page/{path.name}" in page.read_text() for path in figures)
-
-
-@pytest.mark.slow
-def test_the_page_begins_with_reliable_claims_and_separates_near_misses(cubes, tmp_path):
-    page = tmp_path / "page.md"
-    write_page(judged(read_claims(), cubes[1:]), page)
-    text = page.read_text()
-    heads = re.findall("^## (.*)$", text, re.MULTILINE)
-    assert heads == [
-        "What you may rely on, and what not",
-        "What holds",
-        "Near misses: they fail by at most 0.25",
-        "What fails by more than 0.25",
-        "What was not measured",
-    ]
-    parts = dict(zip(heads, re.split("^## .*$", text, flags=re.MULTILINE)[1:], strict=True))
-    assert "lower n is stiffer at first" in parts["Near misses: they fail by at most 0.25"]
-    failed = parts["What fails by more than 0.25"]
-    assert "for pure rib and garter the 3D model gives the same curves" in failed
-    assert "one more row of springs than of hinges" in failed
-    assert "one more row of springs than of hinges" not in parts["What holds"]
 
 
 @pytest.mark.slow
@@ -110,12 +81,3 @@ def test_claims_that_another_cube_contradicts_are_not_reliable(cubes, tmp_path):
     assert reliance(alone) == reliance(each) == "narrow"
     assert each.contrary
     assert "but it fails at -1.80 on 20 of 20 designs of" in str(introduction([each]))
-
-
-def test_rows_along_weft_and_warp_are_labelled(judgements):
-    twins = [each.claim for each in judgements if "_along_w" in each.claim.name]
-    assert len(twins) == 8
-    for claim in twins:
-        along = claim.measured_along
-        assert f"_along_{along}" in claim.name
-        assert claim.quoted == f"{claim.text} (here along the {along})"

@@ -173,27 +173,23 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
 
 
 @pytest.mark.parametrize(
-    ("kind", "output", "selections", "message"),
+    ("kind", "output", "selections", "named"),
     [
-        ("auxetic", "map.jpeg2", {}, "has no suffix of a figure; give one of .pdf, .svg, .png"),
-        ("auxetic", "map.pdf", {"n_stripe": 3}, "no n_stripe = 3"),
-        ("shape", "shape.png", {}, "holds no node position"),
-        (
-            "curves",
-            "curves.png",
-            {"n_stripe": 2, "n_subunit": 64},
-            "none of this selection has been simulated",
-        ),
-        ("auxetic", "map.pdf", {"cell_x": 1}, "is not a coordinate of auxetic"),
-        ("sensitivity", "map.pdf", {}, "run with sensitivities = true"),
-        ("samples", "map.pdf", {}, "holds none of these designs; shapes are in case files"),
+        ("auxetic", "map.jpeg2", {}, ["map.jpeg2", ".svg"]),
+        ("auxetic", "map.pdf", {"n_stripe": 3}, ["n_stripe", "3", "choose from 2, 4, 8"]),
+        ("shape", "shape.png", {}, ["cases", "node position"]),
+        ("curves", "curves.png", {"n_stripe": 2, "n_subunit": 64}, ["designs", "run"]),
+        ("auxetic", "map.pdf", {"cell_x": 1}, ["cell_x", "auxetic", "n_subunit"]),
+        ("sensitivity", "map.pdf", {}, ["sensitivities = true"]),
+        ("samples", "map.pdf", {}, ["cases", "case files"]),
     ],
 )
 def test_a_figure_that_cannot_be_drawn_writes_nothing(
-    cube_file, tmp_path, kind, output, selections, message
+    cube_file, tmp_path, kind, output, selections, named
 ):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError) as caught:
         draw_figure(kind, [cube_file], tmp_path / output, selections)
+    assert all(text in str(caught.value) for text in named)
     assert list(tmp_path.iterdir()) == [cube_file]
 
 
@@ -236,7 +232,7 @@ def test_stretched_samples_have_the_colour_of_each_unit_cell():
 
 
 def test_stretched_samples_are_between_clamps():
-    with pytest.raises(InputError, match="not periodic fabric"):
+    with pytest.raises(InputError, match="periodic"):
         samples([made_up_case(periodic=True)])
 
 
@@ -255,7 +251,7 @@ def test_a_shape_has_the_colour_of_its_height_at_the_selected_strain(strain):
 def test_a_strain_whose_shape_is_not_kept_is_refused():
     case = made_up_case(periodic=False)
     case["position"][1] = np.nan
-    with pytest.raises(InputError, match="has no shape, which this case file keeps at 0;"):
+    with pytest.raises(InputError, match="applied_strain=0.2.* at 0"):
         draw("shape", [case], {"applied_strain": 0.2})
 
 
@@ -264,7 +260,7 @@ def test_a_file_that_is_no_cube_is_named(tmp_path, content):
     path = tmp_path / "cube.nc"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(InputError, match=r"does not exist|is not a netCDF file"):
+    with pytest.raises(InputError, match=r"cube\.nc"):
         draw_figure("auxetic", [path], tmp_path / "map.png")
 
 

@@ -112,17 +112,17 @@ def test_a_cube_by_p_has_the_same_designs():
 @pytest.mark.parametrize(
     ("options", "chosen", "message"),
     [
-        ({"of": "poisson_ration"}, {}, "did you mean 'poisson_ratio'"),
-        ({"of": "status"}, {}, "status is not a number"),
-        ({"x": "theta_0", "of": "poisson_ratio"}, {}, "no dimension of poisson_ratio 'theta_0'"),
-        ({"of": "poisson_ratio"}, {}, "give x and y"),
-        ({"x": "n_subunit", "y": "n_subunit"}, {}, "choose another dimension"),
+        ({"of": "poisson_ration"}, {}, "poisson_ratio"),
+        ({"of": "status"}, {}, "status"),
+        ({"x": "theta_0", "of": "poisson_ratio"}, {}, "theta_0"),
+        ({"of": "poisson_ratio"}, {}, "x and y"),
+        ({"x": "n_subunit", "y": "n_subunit"}, {}, "y: .*n_subunit"),
         (
             {"x": "n_subunit", "y": "n_stripe", "of": "poisson_ratio"},
             {"k_t_factor": 1.0, "pattern": "framed"},
-            "select applied_strain of 0.0, 0.1, 0.2",
+            "applied_strain of 0.0, 0.1, 0.2",
         ),
-        ({"x": "n_subunit", "y": "k_t_factor"}, {"n_stripe": 3}, "no n_stripe = 3"),
+        ({"x": "n_subunit", "y": "k_t_factor"}, {"n_stripe": 3}, "n_stripe = 3"),
     ],
 )
 def test_what_cannot_be_shown_is_explained(options, chosen, message):
@@ -131,7 +131,7 @@ def test_what_cannot_be_shown_is_explained(options, chosen, message):
 
 
 def test_only_a_grid_takes_a_variable():
-    with pytest.raises(InputError, match="of: is not an option of auxetic, only of grid"):
+    with pytest.raises(InputError, match="of: .*auxetic.*grid, swept"):
         draw("auxetic", [made_up_cube()], options={"of": "poisson_ratio"})
 
 

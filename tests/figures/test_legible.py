@@ -100,20 +100,6 @@ def test_a_sheet_fills_its_frame_and_does_not_leave_it(size):
     assert 0.9 < reach < 1
 
 
-def test_every_mark_of_the_capacitors_is_explained():
-    cube = with_electrodes()
-    cube["capacitance_unloading"] = 1.2 * cube["capacitance"]
-    figure = draw("capacitors", [cube])
-    notes = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
-    assert {
-        "(4, 16)",
-        "(4, 32)",
-        "central 20% of the range: mean slope",
-        "end of the range",
-        "unloading, where it differs",
-    } <= notes
-
-
 def test_colours_follow_decades_where_values_span_several():
     colours = value_colours(np.array([1e-9, 1e-6, 1e-3, np.nan]))
     assert colours.norm(1e-6) == pytest.approx(0.5)

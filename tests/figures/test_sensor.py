@@ -130,11 +130,3 @@ def test_a_bad_window_is_refused(tmp_path, kind, window, message):
     result = CliRunner().invoke(main, [*command, "-o", str(tmp_path / "map.png")])
     assert result.exit_code == 2
     assert message in result.output
-
-
-def test_the_steepest_of_a_range_is_found_by_a_query(tmp_path):
-    with_electrodes().to_netcdf(tmp_path / "cube.nc")
-    asked = ("--where", "working_range >= 0.1 and status == 'ok'", "--sort", "-sensitivity")
-    columns = ("--columns", "n_stripe,n_subunit,sensitivity,working_range", "--format", "csv")
-    result = CliRunner().invoke(main, ["query", str(tmp_path / "cube.nc"), *asked, *columns])
-    assert result.stdout.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]

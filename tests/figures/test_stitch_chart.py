@@ -59,20 +59,6 @@ def test_a_stitch_is_drawn_twice_as_wide_as_high_and_both_axes_count():
         assert (labels[0], labels[-1]) == ("1", str(count))
 
 
-def test_marks_are_explained_in_knitting_terms():
-    shown = texts(stitch_chart_figure(PLATED))
-    for text in (
-        "knit on the front bed: face stitch (knit)",
-        "knit on the back bed: reverse stitch (purl)",
-        "electrode A, outlined: conductor on the front; darker: purl",
-        "border of a patch",
-        "repeat: 32 wales",
-        "repeat: 64 courses",
-        "garter",
-    ):
-        assert text in shown
-
-
 def test_of_a_large_chart_one_repeat_is_drawn_with_its_electrodes():
     rows, columns = drawn_block(LARGE)
     assert (rows.stop - rows.start, columns.stop - columns.start) == LARGE.repeat

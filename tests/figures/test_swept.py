@@ -51,10 +51,10 @@ def test_curves_are_reduced():
 @pytest.mark.parametrize(
     ("cube", "of", "message"),
     [
-        (made_up_cube, "periods", "has no swept setting; give several values"),
-        (lambda: two_layouts().expand_dims(width=[1, 2], axis=2), "periods", "sweeps"),
-        (two_layouts, "poisson_ratio", "is not a single number of a design"),
-        (two_layouts, "status", "status is not a number"),
+        (made_up_cube, "periods", "several values"),
+        (lambda: two_layouts().expand_dims(width=[1, 2], axis=2), "periods", "width"),
+        (two_layouts, "poisson_ratio", "poisson_ratio"),
+        (two_layouts, "status", "status"),
         (two_layouts, "poisson", "poisson"),
     ],
 )
