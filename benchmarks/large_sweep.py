@@ -27,7 +27,7 @@ from knitlab.runs.results_folder import PLAN
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.simulate import Progress
 from knitlab.runs.workers import Batch
-from tests.runs.stand_in import contents
+from tests.runs.fake_simulator import contents
 
 DESIGNS_OF_PREVIEW = 10
 COLD_STARTS = 3
@@ -69,13 +69,13 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
         timed("  plan.json", lambda: plan.write(results / PLAN))
         timed(f"  split into {SHARDS} shards", lambda: split(plan.batches, plan.cases, SHARDS))
 
-        stand_in = StandIn()
-        options = RunOptions(simulate=stand_in)
+        fake_simulator = StandIn()
+        options = RunOptions(simulate=fake_simulator)
         began = time.process_time()
         timed("run", lambda: run_plan(plan, results / "periodic", options))
         whole = time.process_time() - began
-        say("  of it the stand-in, a case", 1e3 * stand_in.seconds / len(plan.cases), "ms")
-        say("  overhead, a case", 1e3 * (whole - stand_in.seconds) / len(plan.cases), "ms")
+        say("  of it the stand-in, a case", 1e3 * fake_simulator.seconds / len(plan.cases), "ms")
+        say("  overhead, a case", 1e3 * (whole - fake_simulator.seconds) / len(plan.cases), "ms")
         say("  cube", (results / "periodic" / CUBE).stat().st_size / 1e6, "MB")
         again = [word for setting in overrides for word in ("--set", setting)]
         for words in (
@@ -87,7 +87,7 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
             cold(*words)
         if merge:
             for number in range(1, OWN_FOLDERS + 1):
-                part = RunOptions(simulate=stand_in, shard=Shard(number, OWN_FOLDERS))
+                part = RunOptions(simulate=fake_simulator, shard=Shard(number, OWN_FOLDERS))
                 run_plan(plan, results / f"shard-{number}" / "periodic", part)
             shards = sorted(results.glob("shard-*"))
             timed(f"merge of {OWN_FOLDERS} folders", lambda: merge_folders(shards, results / "all"))

@@ -221,10 +221,10 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Mistake]:
                 one, other = (case_file.case_path(each.path, case_id) for each in (owner, folder))
                 if filecmp.cmp(one, other, shallow=False):
                     continue
-            agree, sentence = comparison(folder.numbers(case_id), owner.numbers(case_id))
+            agree, line = comparison(folder.numbers(case_id), owner.numbers(case_id))
             if not agree:
                 message = f"has other numbers in {folder.path} than in {owner.path}"
-                message += f" ({sentence.partition(':')[0]}); compute it alone with knitlab"
+                message += f" ({line.partition(':')[0]}); compute it alone with knitlab"
                 message += " reproduce, and remove the wrong one"
                 mistakes[case_id] = Mistake(f"case {case_id}", message)
     named = list(mistakes.values())[:MAX_CASES_NAMED]

@@ -122,9 +122,10 @@ def make_plan(
     """The plan of a workflow, by name or file, with overrides; InputError has every mistake."""
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
-    mistakes, parameters, read = ErrorCollector(), None, None
-    axes, designs = workflow_text.Axes(), Designs()
-    made: dict[str, Case] = {}
+    mistakes, parameters, checked = ErrorCollector(), None, None
+    axes = workflow_text.Axes()
+    designs = Designs()
+    planned: dict[str, Case] = {}
     inputs = [text.path, *folder.glob("*.toml")]
     with mistakes:
         parameters = read_parameters(folder)
@@ -137,7 +138,7 @@ def make_plan(
                 stripes = parameters.stripes.model_copy(update={"interpolate": interpolate})
                 parameters = replace(parameters, stripes=stripes)
     with mistakes:
-        read, axes = text.checked()
+        checked, axes = text.checked()
     with mistakes:
         if parameters and (design := text.section("design")):
             parameters, files = with_pattern_files(design, parameters, text)
@@ -146,43 +147,43 @@ def make_plan(
         elif parameters and (pure := text.section("stripes")):
             designs = designs_of_stripes(pure, parameters, text.source)
     with mistakes:
-        if parameters and read and not mistakes.all:
+        if parameters and checked and not mistakes.all:
             sets = math.prod(len(axes[name]) for name in {*axes} - {*text.paired[1:]})
             if (number := len(designs) * sets) > MAX_CASES:
                 message = f"asks for {number:,} cases, above {MAX_CASES:,}; give shorter lists"
                 raise invalid(str(text.path), message)
-            made = {
+            planned = {
                 case.case_id: case
-                for labels, chosen in workflow_text.combinations(read, axes, text.paired)
+                for labels, chosen in workflow_text.combinations(checked, axes, text.paired)
                 for case in cases(chosen, labels, designs, parameters, text.source)
             }
-            mistakes.all += _misplaced_electrodes(made, text)
-    if parameters is None or read is None or mistakes.all:
+            mistakes.all += _misplaced_electrodes(planned, text)
+    if parameters is None or checked is None or mistakes.all:
         raise InputError(mistakes.all)
     # Paired settings share the last dimension.
     dims = [name for name in axes if name not in text.paired] + [SAMPLE] * bool(text.paired)
     return Plan(
         workflow=text.path.stem,
-        title=read.title,
-        figures=read.figures,
-        cases=made,
-        batches=batched(made),
+        title=checked.title,
+        figures=checked.figures,
+        cases=planned,
+        batches=batched(planned),
         excluded={design: reason for design, reason in designs.items() if reason},
         coordinates={dim: workflow_text.coordinate(dim) for dim in dims},
         overrides=text.overrides,
         inputs=file_digests(sorted(inputs)),
-        stripes=_stripes_digest(parameters, read, set(axes)),
-        gauge=overridden(parameters.gauge, read.gauge),
+        stripes=_stripes_digest(parameters, checked, set(axes)),
+        gauge=overridden(parameters.gauge, checked.gauge),
         material=parameters.material,
         yarn=parameters.yarn,
-        warnings=unusual_values(read, made.values(), parameters),
+        warnings=unusual_values(checked, planned.values(), parameters),
     )
 
 
-def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Mistake]:
+def _misplaced_electrodes(planned: dict[str, Case], text: WorkflowText) -> list[Mistake]:
     """Mistakes in the electrodes of cases, each once for all designs that have it."""
     designs: dict[str, list[str]] = defaultdict(list)
-    for case in made.values():
+    for case in planned.values():
         for message in electrode_problems(case):
             designs[message].append(case.label)
     given = text.table.get("electrodes", {})
@@ -193,8 +194,8 @@ def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Mis
     ]
 
 
-def _stripes_digest(parameters: Parameters, read: Workflow, swept: set[str]) -> str:
-    changes = read.model.model_dump(include=set(CHANGES) - swept)
+def _stripes_digest(parameters: Parameters, workflow: Workflow, swept: set[str]) -> str:
+    changes = workflow.model.model_dump(include=set(CHANGES) - swept)
     # For linear springs the digest is that of a version without other laws.
     for name in [name for name in SPRING_LAW_CHANGES if changes.get(name) is None]:
         changes.pop(name, None)

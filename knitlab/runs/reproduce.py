@@ -26,7 +26,7 @@ HEADER = (
     f"{'strain':>8} {'outcome':>15} {'residual [N]':>13} {'iterations':>10} {'energy [N mm]':>14}"
     f" {'nu':>9} {'force [N]':>10}"
 )
-AGREES = 1e-3  # difference up to which results agree, in the units of `largest_differences`
+TOLERANCE = 1e-3  # difference up to which results agree, in the units of `largest_differences`
 CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capacitance"}
 """Curves that are compared, and their names in messages."""
 
@@ -102,9 +102,9 @@ def reproduce(
     except Exception:  # the report shows whatever it raises
         report(traceback.format_exc().rstrip())
         return False
-    again = measured(case, test)
+    recomputed = measured(case, test)
     report(HEADER)
-    curves = again["poisson_ratio"].values, again["reaction_force"].values
+    curves = recomputed["poisson_ratio"].values, recomputed["reaction_force"].values
     for strain, state, ratio, force in zip(case.applied_strain, test.states, *curves, strict=False):
         report(
             f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
@@ -115,32 +115,32 @@ def reproduce(
     path = case_path(recorded.folder, recorded.case_id)
     if not path.is_file():
         return not reason
-    agree, sentence = comparison(again, read_case(recorded.folder, recorded.case_id))
-    report(f"{sentence} {path}")
+    agree, line = comparison(recomputed, read_case(recorded.folder, recorded.case_id))
+    report(f"{line} {path}")
     return agree and not reason
 
 
 def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
-    """Whether new results of a case agree with kept ones, and a sentence with the differences."""
-    differ, same = largest_differences(results, kept)
-    agree = same and max(differ.values()) <= AGREES
+    """Whether new results of a case agree with kept ones, and a line with the differences."""
+    errors, same_states = largest_differences(results, kept)
+    agree = same_states and max(errors.values()) <= TOLERANCE
     verdict = "agrees with" if agree else "DOES NOT agree with"
-    listed = ", ".join(f"{CURVES[name]} by {value:.1e}" for name, value in differ.items())
+    listed = ", ".join(f"{CURVES[name]} by {value:.1e}" for name, value in errors.items())
     listed = listed.replace("nu by", "nu differs by at most")
-    missing = "" if same else ", and other states are missing"
+    missing = "" if same_states else ", and other states are missing"
     return agree, f"{listed} of the largest{missing}: {verdict}"
 
 
 def largest_differences(results: xr.Dataset, kept: xr.Dataset) -> tuple[dict[str, float], bool]:
     """Largest difference of each curve, relative but for ν, and whether the same states exist."""
     results, kept = xr.align(results, kept, join="outer")
-    differ, same = {}, True
+    errors, same_states = {}, True
     for name in [name for name in CURVES if name in results and name in kept]:
         new, old = results[name].values, kept[name].values
         largest = 1.0 if name == "poisson_ratio" else max(_largest(old), np.finfo(float).tiny)
-        differ[name] = _largest(new - old) / largest
-        same &= bool((np.isfinite(new) == np.isfinite(old)).all())
-    return differ, same
+        errors[name] = _largest(new - old) / largest
+        same_states &= bool((np.isfinite(new) == np.isfinite(old)).all())
+    return errors, same_states
 
 
 def _largest(values: np.ndarray) -> float:

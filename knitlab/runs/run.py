@@ -238,16 +238,16 @@ def _simulate(
     ):
         attempts = 0
         while batches:
-            again: list[Sequence[Case]] = []
-            together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
-            for batch, error in itertools.chain.from_iterable(map(pool, together)):
+            to_retry: list[Sequence[Case]] = []
+            groups = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
+            for batch, error in itertools.chain.from_iterable(map(pool, groups)):
                 if error and error.cannot_write:
                     raise error.cannot_write
                 if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
-                    again.append(batch)
+                    to_retry.append(batch)
                     continue
                 if error and len(batch) > 1:
-                    again += [[case] for case in batch]
+                    to_retry += [[case] for case in batch]
                     continue
                 for case_id in (case.case_id for case in batch):
                     bar.ended(case_id)
@@ -261,7 +261,8 @@ def _simulate(
                 done.stopped |= asked.is_set()
                 if done.stopped:
                     return done
-            batches, attempts = again, attempts + 1
+            batches = to_retry
+            attempts += 1
     return done
 
 

@@ -12,7 +12,7 @@ from knitlab.cubes.cube_file import write_cube
 from knitlab.cubes.model_line import model_line, model_lines
 from knitlab.runs.plan import make_plan
 from tests.cubes.artificial_cubes import made_up_cube
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 BARRIER = {
     "method": "equilibrium",
@@ -95,6 +95,6 @@ def test_commands_print_the_line_beside_their_output(folder, words, monkeypatch)
 
 
 def test_the_line_of_a_run_is_that_of_its_workflow(tmp_path):
-    stand_in.run_here(tmp_path, 0)
+    fake_simulator.run_here(tmp_path, 0)
     line = kl.open_cube(tmp_path).knitlab.model
     assert line == "relaxed lengths, contact at 0.4 mm, periodic fabric, equilibrium"

@@ -12,7 +12,7 @@ from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.solvers.case import case_of
 from knitlab.solvers.equilibrium.adjoint import LinearResponse, NoDerivative
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 SMALL = ("n_stripe=4", "n_subunit=8", "strain_max=0.06")
 ASKED = ("sensitivities=true",)
@@ -54,7 +54,9 @@ def test_sensitivities_are_the_differences_of_results_with_other_parameters(cube
 
 
 def test_a_cube_has_no_sensitivities_by_default(tmp_path):
-    plain = run_plan(make_plan("periodic", SMALL), tmp_path, RunOptions(simulate=stand_in.simulate))
+    plain = run_plan(
+        make_plan("periodic", SMALL), tmp_path, RunOptions(simulate=fake_simulator.simulate)
+    )
     assert not NAMES & set(plain.cube.data_vars)
     assert "stripe_parameter" not in plain.cube.coords
 
@@ -70,7 +72,7 @@ def test_requesting_sensitivities_changes_the_case_and_is_read_back():
 
 @pytest.mark.slow
 def test_designs_with_and_without_share_a_cube(tmp_path):
-    options = RunOptions(simulate=stand_in.simulate)
+    options = RunOptions(simulate=fake_simulator.simulate)
     more = make_plan("periodic", ("n_stripe=6", "n_subunit=24", "strain_max=0.06", *ASKED))
     run_plan(make_plan("periodic", SMALL), tmp_path, options)
     first = run_plan(more, tmp_path, options).cube

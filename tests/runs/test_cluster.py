@@ -19,7 +19,7 @@ import xarray as xr
 
 from knitlab.cubes.case_file import is_undamaged
 from knitlab.runs.run import RunOptions, run_plan
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 HERE = Path(__file__).resolve().parents[2]
 WORKERS = 3
@@ -45,9 +45,9 @@ RUN = """
 import sys
 from pathlib import Path
 from knitlab.runs.run import RunOptions, run_plan
-from tests.runs import stand_in
-options = RunOptions(scheduler=sys.argv[1], simulate=stand_in.simulate)
-run = run_plan(stand_in.plan_of(), Path(sys.argv[2]), options)
+from tests.runs import fake_simulator
+options = RunOptions(scheduler=sys.argv[1], simulate=fake_simulator.simulate)
+run = run_plan(fake_simulator.plan_of(), Path(sys.argv[2]), options)
 print(len(run.simulated), len(run.failures), run.stopped)
 """
 
@@ -125,9 +125,9 @@ def sound(plan, results):
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_run_outlives_a_worker_and_continues_after_its_scheduler(tmp_path):
-    plan = stand_in.plan_of()
+    plan = fake_simulator.plan_of()
     results = tmp_path / "results"
-    whole = run_plan(plan, tmp_path / "whole", RunOptions(simulate=stand_in.simulate))
+    whole = run_plan(plan, tmp_path / "whole", RunOptions(simulate=fake_simulator.simulate))
 
     with cluster(results) as first:
         run = program(RUN, first.address, results)

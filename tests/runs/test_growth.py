@@ -1,4 +1,4 @@
-"""Cubes that grow, swept settings, and stale results, by a cheap stand-in."""
+"""Cubes that grow, swept settings, and stale results, by a fake simulator."""
 
 import itertools
 import json
@@ -22,7 +22,7 @@ from knitlab.runs.results_folder import CaseState, changed_inputs, read_plan
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.status import folder_status
 from knitlab.solvers.case import case_of
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 PAIRS = ("n_stripe=4", "n_subunit=16,24", "strain_max=0.06")
 
@@ -32,7 +32,7 @@ def planned(*overrides):
 
 
 def ran(plan, results, **options):
-    return run_plan(plan, results, RunOptions(simulate=stand_in.simulate, **options))
+    return run_plan(plan, results, RunOptions(simulate=fake_simulator.simulate, **options))
 
 
 def bits(cube, **labels):
@@ -218,7 +218,7 @@ def test_a_plan_reports_which_of_its_files_have_changed(tmp_path):
 def test_the_status_of_a_folder_before_its_first_cube(tmp_path):
     plan = planned(*PAIRS)
     plan.write(tmp_path / "plan.json")
-    stand_in.simulate(tmp_path, list(plan.cases.values())[:1], lambda *_: None)
+    fake_simulator.simulate(tmp_path, list(plan.cases.values())[:1], lambda *_: None)
     counts = folder_status(tmp_path, plan.dims, plan.designs, check=True).counts
     assert counts == {"done, not yet in the cube": 1, "pending": 1}
     os.truncate(next((tmp_path / "cases").glob("*.nc")), 100)
@@ -246,9 +246,9 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
 
 
 def test_a_case_file_of_an_earlier_version_leaves_out_what_it_does_not_have(tmp_path):
-    plan = stand_in.plan_of(factors=1)
+    plan = fake_simulator.plan_of(factors=1)
     case_id, case = next(iter(plan.cases.items()))
-    stand_in.write(tmp_path, case)
+    fake_simulator.write(tmp_path, case)
     written = xr.load_dataset(case_path(tmp_path, case_id))
     write_case_file(tmp_path, case_id, written.drop_vars("self_intersections"))
     cube = build_cube(plan, tmp_path, None, {}, ())

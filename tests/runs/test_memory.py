@@ -11,7 +11,7 @@ from knitlab.runs import batches
 from knitlab.runs.batches import workers_that_fit
 from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
-from tests.runs.stand_in import simulate
+from tests.runs.fake_simulator import simulate
 
 BATCH = make_plan("periodic", ("n_stripe=4",)).batches[0]
 

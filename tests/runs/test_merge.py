@@ -1,4 +1,4 @@
-"""Merging of results folders: nothing lost, nothing contradictory joined; by a cheap stand-in."""
+"""Merging of results folders: nothing lost, nothing contradictory joined; by a fake simulator."""
 
 import json
 import shutil
@@ -20,14 +20,14 @@ from knitlab.runs.results_folder import planned_designs, read_plan
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.status import folder_status
 from tests.file_events import kill_fork
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 COUNT = 3
 HERE = Path(__file__).resolve().parents[2]
 SMALL = ("n_stripe=4,8", "n_subunit=16,32", "strain_max=0.06")
 
 
-def ran(plan, results, shard=None, simulate=stand_in.simulate):
+def ran(plan, results, shard=None, simulate=fake_simulator.simulate):
     return run_plan(plan, results, RunOptions(simulate=simulate, shard=shard))
 
 
@@ -110,7 +110,7 @@ def test_a_shard_that_was_killed_before_its_cube_is_merged_too(made, tmp_path, f
 
 @pytest.mark.slow
 def test_failures_are_merged(made, tmp_path, plan):
-    bad = ran(plan, made / "bad" / "periodic", Shard(1, 1), stand_in.simulate_poisoned)
+    bad = ran(plan, made / "bad" / "periodic", Shard(1, 1), fake_simulator.simulate_poisoned)
     merged = merge_folders([made / "bad"], tmp_path)
     assert counts(merged.folder)["failed"] == len(bad.failures) > 0
     lines = (merged.folder / "failures.jsonl").read_text().splitlines()
@@ -212,7 +212,7 @@ def test_what_was_computed_otherwise_is_refused(finished, tmp_path, words, messa
 
 @pytest.mark.slow
 def test_other_code_is_refused_unless_it_is_allowed(finished, tmp_path, plan, monkeypatch):
-    monkeypatch.setattr(stand_in, "MODEL", "model 0")
+    monkeypatch.setattr(fake_simulator, "MODEL", "model 0")
     ran(plan, tmp_path / "other" / "periodic")
     both = [finished / "whole", tmp_path / "other"]
     with pytest.raises(InputError, match=r"model 1 in .*whole.*, model 0 in "):

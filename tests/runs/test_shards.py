@@ -1,4 +1,4 @@
-"""Shards of a plan in one results folder and in their own; by a cheap stand-in."""
+"""Shards of a plan in one results folder and in their own; by a fake simulator."""
 
 import json
 import os
@@ -18,13 +18,13 @@ from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import PLAN, planned_designs, read_plan
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.status import folder_status
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 HERE = Path(__file__).resolve().parents[2]
 COUNT = 3
 
 
-def ran(plan, results, shard=None, simulate=stand_in.simulate, **options):
+def ran(plan, results, shard=None, simulate=fake_simulator.simulate, **options):
     chosen = None if shard is None else Shard(shard, COUNT)
     return run_plan(plan, results, RunOptions(simulate=simulate, shard=chosen, **options))
 
@@ -45,7 +45,7 @@ def left(folder):
 
 @pytest.fixture(scope="module")
 def plan():
-    return stand_in.plan_of(2)
+    return fake_simulator.plan_of(2)
 
 
 @pytest.fixture(scope="module")
@@ -96,10 +96,10 @@ def test_failures_of_shards_are_joined_and_shown_meanwhile(tmp_path, plan):
         failed = [
             entry["case_id"]
             for number in (1, 2)
-            for entry in ran(plan, tmp_path, number, stand_in.simulate_poisoned).failures
+            for entry in ran(plan, tmp_path, number, fake_simulator.simulate_poisoned).failures
         ]
         assert counts(tmp_path)["failed"] == len(failed) > 0
-    last = ran(plan, tmp_path, 3, stand_in.simulate_poisoned)
+    last = ran(plan, tmp_path, 3, fake_simulator.simulate_poisoned)
     assert {*failed, *(entry["case_id"] for entry in last.failures)} == bad
     lines = (tmp_path / "failures.jsonl").read_text().splitlines()
     assert {json.loads(line)["case_id"] for line in lines} == bad
@@ -113,9 +113,9 @@ def test_failures_of_shards_are_joined_and_shown_meanwhile(tmp_path, plan):
 @pytest.mark.slow
 def test_unconverged_designs_of_shards_keep_their_reasons(tmp_path, plan, tmp_path_factory):
     for number in range(1, COUNT + 1):
-        ran(plan, tmp_path, number, stand_in.simulate_unconverged)
+        ran(plan, tmp_path, number, fake_simulator.simulate_unconverged)
     once = tmp_path_factory.mktemp("once")
-    ran(plan, once, simulate=stand_in.simulate_unconverged)
+    ran(plan, once, simulate=fake_simulator.simulate_unconverged)
     texts = [(folder / "failures.jsonl").read_text() for folder in (tmp_path, once)]
     assert texts[0] == texts[1] != ""
 
@@ -132,7 +132,7 @@ def test_a_shard_refuses_a_folder_in_other_use(tmp_path, plan):
         ran(plan, tmp_path, 1)
     with locked(tmp_path, (1, COUNT)):
         plan.write(tmp_path / PLAN)
-        of_two = RunOptions(simulate=stand_in.simulate, shard=Shard(1, 2))
+        of_two = RunOptions(simulate=fake_simulator.simulate, shard=Shard(1, 2))
         for use in (
             lambda: ran(plan, tmp_path, 1),
             lambda: run_plan(plan, tmp_path, of_two),
@@ -141,7 +141,7 @@ def test_a_shard_refuses_a_folder_in_other_use(tmp_path, plan):
             with pytest.raises(InputError, match=rf"process {os.getpid()} .*shard 1 of {COUNT}"):
                 use()
         with pytest.raises(InputError, match=r"plan\.json.* cases"):
-            ran(stand_in.plan_of(1), tmp_path, 2)
+            ran(fake_simulator.plan_of(1), tmp_path, 2)
     assert ran(plan, tmp_path, 1).failures == ()
 
 
@@ -162,9 +162,9 @@ import sys
 from pathlib import Path
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.batches import Shard
-from tests.runs import stand_in
-options = RunOptions(simulate=stand_in.simulate, shard=Shard.of(sys.argv[2]))
-run_plan(stand_in.plan_of(2), Path(sys.argv[1]), options)
+from tests.runs import fake_simulator
+options = RunOptions(simulate=fake_simulator.simulate, shard=Shard.of(sys.argv[2]))
+run_plan(fake_simulator.plan_of(2), Path(sys.argv[1]), options)
 """
 
 
@@ -184,7 +184,7 @@ def test_shards_at_the_same_time_give_the_cube_of_one_run(tmp_path, plan, whole)
 KILLS = """
 import sys
 from pathlib import Path
-from tests.runs.stand_in import plan_of
+from tests.runs.fake_simulator import plan_of
 from tests.file_events import kill_fork
 from tests.runs.test_shards import ran
 plan, results = plan_of(2), Path(sys.argv[1])

@@ -1,4 +1,4 @@
-"""Sweeps survive kills, failing cases, damage, full disks and second runs; by a cheap stand-in."""
+"""Sweeps survive kills, failing cases, damage, full disks and second runs; by a fake simulator."""
 
 import hashlib
 import json
@@ -27,7 +27,7 @@ from knitlab.runs import results_folder
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState, read_plan
 from knitlab.runs.run import RunOptions, run_plan
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 HERE = Path(__file__).resolve().parents[2]
 WORKERS = 2
@@ -36,7 +36,7 @@ ENOUGH = 8
 
 
 def plan_of(factors=1):
-    return stand_in.plan_of(factors)
+    return fake_simulator.plan_of(factors)
 
 
 def few_cases():
@@ -44,7 +44,7 @@ def few_cases():
     return make_plan("periodic", ("n_stripe=4,8", "n_subunit=16,32", "strain_max=0.06"))
 
 
-def ran(plan, results, simulate=stand_in.simulate, **options):
+def ran(plan, results, simulate=fake_simulator.simulate, **options):
     return run_plan(plan, results, RunOptions(simulate=simulate, **options))
 
 
@@ -56,9 +56,9 @@ def statuses(run):
     return {status.name: int((run.cube["status"] == status).sum()) for status in Status}
 
 
-def stand_in_process(*words, **options):
-    """A process of the stand-in; its standard output ends when it and all its workers have."""
-    command = [sys.executable, "-m", "tests.runs.stand_in", *map(str, words)]
+def simulator_process(*words, **options):
+    """A process of the fake simulator; its output ends when it and all its workers have."""
+    command = [sys.executable, "-m", "tests.runs.fake_simulator", *map(str, words)]
     return subprocess.Popen(
         command, cwd=HERE, stdout=subprocess.PIPE, pipesize=mmap.PAGESIZE, text=True, **options
     )
@@ -72,18 +72,18 @@ def await_cases(process, count):
 
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
-    return ran(stand_in.plan_of(), tmp_path_factory.mktemp("uninterrupted"))
+    return ran(fake_simulator.plan_of(), tmp_path_factory.mktemp("uninterrupted"))
 
 
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_kills_at_any_change_of_a_file_lose_no_finished_case(tmp_path, uninterrupted):
-    command = [sys.executable, "-m", "tests.runs.stand_in", "kills", tmp_path, "60"]
+    command = [sys.executable, "-m", "tests.runs.fake_simulator", "kills", tmp_path, "60"]
     said = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
     hit = int(said.stdout.split(", ")[1].split()[0])
     assert hit >= 8, said.stdout
-    after = ran(stand_in.plan_of(), tmp_path)
+    after = ran(fake_simulator.plan_of(), tmp_path)
     same(after.cube, uninterrupted.cube)
     assert not list(tmp_path.rglob(".writing-*"))
 
@@ -91,8 +91,8 @@ def test_kills_at_any_change_of_a_file_lose_no_finished_case(tmp_path, uninterru
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_killed_run_with_workers_resumes(tmp_path, uninterrupted):
-    plan = stand_in.plan_of()
-    process = stand_in_process("run", tmp_path, WORKERS)
+    plan = fake_simulator.plan_of()
+    process = simulator_process("run", tmp_path, WORKERS)
     await_cases(process, ENOUGH)
     process.kill()
     process.communicate()  # its workers end with it
@@ -111,7 +111,7 @@ def ignoring_ctrl_c():
 def ended_by(number, results, **options):
     """A run with workers that gets a signal after some cases, and the cube that it leaves."""
     with TemporaryFile("w+") as log:
-        process = stand_in_process(
+        process = simulator_process(
             "run", results, WORKERS, stderr=log, start_new_session=True, **options
         )
         await_cases(process, ENOUGH)
@@ -125,13 +125,15 @@ def ended_by(number, results, **options):
     cube = xr.load_dataset(results / "cube.nc")
     done = int((cube["status"] == Status.ok).sum())
     assert ENOUGH <= done < cube["status"].size
-    assert done + int((cube["status"] == Status.pending).sum()) == len(stand_in.plan_of().cases)
+    assert done + int((cube["status"] == Status.pending).sum()) == len(
+        fake_simulator.plan_of().cases
+    )
 
 
 @pytest.mark.slow
 def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
     ended_by(signal.SIGINT, tmp_path)
-    same(ran(stand_in.plan_of(), tmp_path).cube, uninterrupted.cube)
+    same(ran(fake_simulator.plan_of(), tmp_path).cube, uninterrupted.cube)
 
 
 @pytest.mark.slow
@@ -144,16 +146,18 @@ def test_a_terminated_run_ends_as_by_ctrl_c(tmp_path, before):
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
 def test_a_case_that_raises_does_not_affect_others(tmp_path, workers):
-    run = ran(plan_of(2), tmp_path, stand_in.simulate_poisoned, workers=workers)
-    poisoned = [case for case in run.failures if case["n_stripe"] == stand_in.POISONED]
+    run = ran(plan_of(2), tmp_path, fake_simulator.simulate_poisoned, workers=workers)
+    poisoned = [case for case in run.failures if case["n_stripe"] == fake_simulator.POISONED]
     assert len(poisoned) == len(run.failures) == 6
     assert statuses(run)["ok"] == 14
     for failure in run.failures:
         assert failure["status"] == "failed"
         assert "poisoned on purpose" in failure["reason"]
         assert "FloatingPointError" in failure["trace"]
-        assert failure["case"]["design"]["n_stripe"] == stand_in.POISONED
-    assert (run.cube["status"].sel(n_stripe=stand_in.POISONED, n_subunit=64) == Status.failed).all()
+        assert failure["case"]["design"]["n_stripe"] == fake_simulator.POISONED
+    assert (
+        run.cube["status"].sel(n_stripe=fake_simulator.POISONED, n_subunit=64) == Status.failed
+    ).all()
     mended = ran(plan_of(2), tmp_path)
     assert sorted(mended.simulated) == sorted(failure["case_id"] for failure in run.failures)
     assert mended.failures == ()
@@ -163,7 +167,7 @@ def test_a_case_that_raises_does_not_affect_others(tmp_path, workers):
 @pytest.mark.parametrize(("n_stripe", "threads"), [("8", 4), ("4,8", 2)])
 def test_cores_without_a_batch_become_threads_of_other_workers(tmp_path, n_stripe, threads):
     plan = make_plan("periodic", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
-    ran(plan, tmp_path, stand_in.simulate_and_tell_threads, workers=4)
+    ran(plan, tmp_path, fake_simulator.simulate_and_tell_threads, workers=4)
     result = [path.read_text() for path in tmp_path.glob("threads-*")]
     assert result == [f"{threads} 1"] * len(n_stripe.split(","))
 
@@ -171,17 +175,17 @@ def test_cores_without_a_batch_become_threads_of_other_workers(tmp_path, n_strip
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_case_that_kills_its_worker_does_not_affect_others(tmp_path):
-    run = ran(few_cases(), tmp_path, stand_in.simulate_deadly, workers=WORKERS)
+    run = ran(few_cases(), tmp_path, fake_simulator.simulate_deadly, workers=WORKERS)
     assert statuses(run)["failed"] == 2
     assert statuses(run)["ok"] == 2
-    assert {failure["n_stripe"] for failure in run.failures} == {stand_in.POISONED}
+    assert {failure["n_stripe"] for failure in run.failures} == {fake_simulator.POISONED}
     assert "its worker died" in run.failures[0]["reason"]
 
 
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_worker_lost_once_costs_nothing(tmp_path):
-    run = ran(plan_of(), tmp_path, stand_in.simulate_once_lost, workers=WORKERS)
+    run = ran(plan_of(), tmp_path, fake_simulator.simulate_once_lost, workers=WORKERS)
     assert (tmp_path / "died-once").exists()
     assert run.failures == ()
 
@@ -202,10 +206,10 @@ def test_a_worker_killed_at_its_start_is_a_sentence_and_no_case_is_lost(tmp_path
     killer = threading.Thread(target=killed_at_its_start, daemon=True)
     killer.start()
     with pytest.raises(InputError, match=r"^workers 2: "):
-        ran(stand_in.plan_of(), tmp_path, workers=WORKERS)
+        ran(fake_simulator.plan_of(), tmp_path, workers=WORKERS)
     killer.join(timeout=1)
     assert not killer.is_alive()
-    same(ran(stand_in.plan_of(), tmp_path, workers=WORKERS).cube, uninterrupted.cube)
+    same(ran(fake_simulator.plan_of(), tmp_path, workers=WORKERS).cube, uninterrupted.cube)
 
 
 @pytest.mark.slow
@@ -213,7 +217,7 @@ def test_a_worker_killed_at_its_start_is_a_sentence_and_no_case_is_lost(tmp_path
     ("workers", "timeout"), [(0, 0.5), pytest.param(WORKERS, 3.0, marks=pytest.mark.slow)]
 )
 def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
-    unending = stand_in.simulate_endlessly
+    unending = fake_simulator.simulate_endlessly
     run = ran(few_cases(), tmp_path, unending, workers=workers, case_timeout=timeout)
     assert statuses(run)["failed"] == 2
     assert statuses(run)["ok"] == 2
@@ -236,7 +240,7 @@ def test_an_existing_scheduler_is_used(tmp_path):
         poisoned = ran(
             plan_of(2),
             tmp_path / "poisoned",
-            stand_in.simulate_poisoned,
+            fake_simulator.simulate_poisoned,
             scheduler=cluster.scheduler_address,
         )
     assert run.failures == ()
@@ -251,7 +255,7 @@ def test_batches_that_raise_are_retried_as_often_as_requested(tmp_path):
         tries.append(len(cases))
         if len(tries) < 3:
             raise OSError("not yet")
-        stand_in.simulate(results, cases, progress)
+        fake_simulator.simulate(results, cases, progress)
 
     plan = make_plan("periodic", ("n_stripe=4", "n_subunit=16", "strain_max=0.06"))
     assert ran(plan, tmp_path, third_time, retries=1).failures
@@ -261,7 +265,9 @@ def test_batches_that_raise_are_retried_as_often_as_requested(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bad", [stand_in.simulate_poisoned, stand_in.simulate_unconverged])
+@pytest.mark.parametrize(
+    "bad", [fake_simulator.simulate_poisoned, fake_simulator.simulate_unconverged]
+)
 def test_fail_fast_stops_at_the_first_case_that_is_not_ok(tmp_path, bad):
     run = ran(plan_of(40), tmp_path, bad, fail_fast=True)
     assert run.stopped
@@ -317,9 +323,9 @@ def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
     ran(plan, tmp_path)
     (tmp_path / "cube.nc").unlink()
     for case_id, case in plan.cases.items():
-        if case.design["n_stripe"] == stand_in.POISONED:
+        if case.design["n_stripe"] == fake_simulator.POISONED:
             case_path(tmp_path, case_id).write_bytes(b"no longer netCDF")
-    run = ran(plan, tmp_path, stand_in.simulate_poisoned)
+    run = ran(plan, tmp_path, fake_simulator.simulate_poisoned)
     assert statuses(run)["failed"] == 3
     assert statuses(run)["ok"] == 7
 
@@ -331,8 +337,8 @@ def test_a_refresh_that_fails_is_reported_and_loses_nothing(tmp_path, monkeypatc
     plan = make_plan("periodic", ("strain_max=0.06", "k_t_factor=1", other or "z_max=1.9"))
     if not other:
         monkeypatch.setattr(results_folder, "MODEL", "model 0")
-    run = ran(plan, tmp_path, stand_in.simulate_poisoned, refresh=True)
-    assert [failure["n_stripe"] for failure in run.failures] == [stand_in.POISONED] * 3
+    run = ran(plan, tmp_path, fake_simulator.simulate_poisoned, refresh=True)
+    assert [failure["n_stripe"] for failure in run.failures] == [fake_simulator.POISONED] * 3
     assert all("poisoned on purpose" in failure["reason"] for failure in run.failures)
     monkeypatch.undo()
     same(ran(plan_of(), tmp_path).cube, before.cube)
@@ -342,23 +348,23 @@ def test_a_refresh_that_fails_is_reported_and_loses_nothing(tmp_path, monkeypatc
 @pytest.mark.parametrize("garbage", [b"garbage", b"[]", b"{}", b"\xff\xfe\x00"])
 def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
     plan = plan_of()
-    before = ran(plan, tmp_path, stand_in.simulate_unconverged)
+    before = ran(plan, tmp_path, fake_simulator.simulate_unconverged)
     (tmp_path / "failures.jsonl").write_bytes(garbage)
     (tmp_path / "plan.json").write_bytes(garbage)
     with pytest.raises(InputError, match=r"plan\.json"):
         read_plan(tmp_path)
     first, second = list(plan.cases)[:2]
     case_path(tmp_path, first).write_bytes(garbage)
-    again = ran(plan, tmp_path, stand_in.simulate_unconverged)
+    again = ran(plan, tmp_path, fake_simulator.simulate_unconverged)
     assert again.simulated == (first,)
     assert again.failures == before.failures
     (tmp_path / "cube.nc").write_bytes(garbage)
-    same(ran(plan, tmp_path, stand_in.simulate_unconverged).cube, before.cube)
+    same(ran(plan, tmp_path, fake_simulator.simulate_unconverged).cube, before.cube)
     assert (tmp_path / "cube-damaged.nc").read_bytes() == garbage
     # Its checksum is correct, but it is not a case.
     case_path(tmp_path, second).write_bytes(garbage)
     append_checksum(case_path(tmp_path, second))
-    assert ran(plan, tmp_path, stand_in.simulate_unconverged).simulated == (second,)
+    assert ran(plan, tmp_path, fake_simulator.simulate_unconverged).simulated == (second,)
 
 
 def test_a_second_run_names_the_holder_of_the_lock(tmp_path):
@@ -370,7 +376,7 @@ def test_a_second_run_names_the_holder_of_the_lock(tmp_path):
 
 @pytest.mark.slow
 def test_a_lock_ends_with_its_process(tmp_path):
-    process = stand_in_process("run", tmp_path, 0)
+    process = simulator_process("run", tmp_path, 0)
     await_cases(process, 1)
     with pytest.raises(InputError, match=f"process {process.pid} of"):
         ran(plan_of(), tmp_path)
@@ -387,14 +393,14 @@ import time
 from pathlib import Path
 from knitlab.io.errors import CannotWrite
 from knitlab.runs.run import RunOptions, run_plan
-from tests.runs import stand_in
+from tests.runs import fake_simulator
 
 results = Path(sys.argv[1])
-options = RunOptions(workers=int(sys.argv[2]), simulate=stand_in.simulate)
-run_plan(stand_in.plan_of(2), results, RunOptions(simulate=stand_in.simulate))
+options = RunOptions(workers=int(sys.argv[2]), simulate=fake_simulator.simulate)
+run_plan(fake_simulator.plan_of(2), results, RunOptions(simulate=fake_simulator.simulate))
 before = {path: path.read_bytes() for path in results.rglob("*.*") if path.is_file()}
 try:
-    run_plan(stand_in.plan_of(), results, options)
+    run_plan(fake_simulator.plan_of(), results, options)
 except CannotWrite as error:
     print(error)
 for path, contents in before.items():
@@ -437,9 +443,9 @@ def test_failures_hold_what_reproduces_them(tmp_path):
     from knitlab.solvers.case import case_of
 
     plan = plan_of()
-    run = ran(plan, tmp_path, stand_in.simulate_unconverged)
+    run = ran(plan, tmp_path, fake_simulator.simulate_unconverged)
     lines = [json.loads(line) for line in (tmp_path / "failures.jsonl").read_text().splitlines()]
     assert lines == json.loads(json.dumps(run.failures))
     for line in lines:
         assert case_of(line["case"]) == plan.cases[line["case_id"]]
-        assert line["reason"] == "made up to be so"
+        assert line["reason"] == "synthetic"

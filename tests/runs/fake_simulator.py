@@ -1,4 +1,4 @@
-"""A cheap stand-in for the simulation: case files of the real shape, in milliseconds.
+"""A fake simulator: case files of the real shape, in milliseconds.
 
 Run as a program it does what the fault tests need another process for.
 """
@@ -27,7 +27,7 @@ from tests.file_events import kill_fork
 
 ONE_OF_XLA = os.environ.get("PJRT_NPROC")
 POISONED = 8
-"""n_stripe of the designs that the bad stand-ins fail on."""
+"""n_stripe of the designs that the bad simulators fail on."""
 FACTORS = 4
 EVENT_BYTES = 512
 """A pipe of one page holds eight messages, so a process is at most eight messages ahead."""
@@ -58,7 +58,7 @@ def contents(case, status=Status.ok):
     values["iterations"] = (("applied_strain",), np.ones(sizes["applied_strain"]))
     coordinates = {**case.design, "applied_strain": list(case.applied_strain)}
     dataset = described(xr.Dataset(values, coordinates))
-    dataset.attrs["reason"] = "" if status is Status.ok else "made up to be so"
+    dataset.attrs["reason"] = "" if status is Status.ok else "synthetic"
     return dataset
 
 
