@@ -52,7 +52,8 @@ def ends(elements: Elements) -> np.ndarray:
     """Grid indices of the first two nodes of elements; images lie beyond the periodic boundary."""
     shape = elements.shape
     first = np.stack(np.divmod(elements.nodes[:, :2], shape.nodes_x), axis=-1)
-    return first + elements.images[:, :2, ::-1] * [shape.cells_y, shape.cells_x]
+    beyond = elements.images[:, :2, ::-1].astype(int) * [shape.cells_y, shape.cells_x]
+    return first + beyond
 
 
 def draw(case_file: xr.Dataset) -> Figure:

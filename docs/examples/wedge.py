@@ -26,7 +26,7 @@ def draw() -> Figure:
     families |= {f"pure {knit}": stripes.sel(knit=knit) for knit in stripes["knit"].values}
     figure = Figure(figsize=(ONE_COLUMN * 1.15, 2.8), layout="constrained")
     axes = figure.add_subplot()
-    looks = zip(families.items(), shades(len(families), 0.85), MARKERS, strict=False)
+    looks = zip(families.items(), shades(len(families)), MARKERS, strict=False)
     for (name, family), shade, marker in looks:
         excess = (family["capacitance_wedge"] / family["capacitance"] - 1).values.ravel()
         fold = np.degrees(family["fold_between"].values.ravel())

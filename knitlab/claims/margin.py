@@ -22,7 +22,7 @@ from enum import StrEnum
 
 NEAR = 0.25  # a claim that fails by at most this margin is a near miss
 GOOD = 0.25  # a claim that holds by at least this margin holds with a good margin
-LARGEST = 1000.0  # margins beyond this, of either sign, are given as this
+MAX_MARGIN = 1000.0  # margins beyond this, of either sign, are given as this
 MIN_MISS = math.nextafter(0.0, -1.0)  # margin of a value on a limit that the claim excludes
 Labels = tuple[str | int, ...]
 """Labels of one sample along the cube's dimensions: (4, 16), or ("rib", 4, "periodic")."""
@@ -96,10 +96,10 @@ def above(
     distance = float(value) - float(limit)
     if distance == 0:
         return MIN_MISS if strict else 0.0
-    margin = distance / float(scale) if scale > 0 else math.copysign(LARGEST, distance)
+    margin = distance / float(scale) if scale > 0 else math.copysign(MAX_MARGIN, distance)
     if margin == 0 and distance < 0:
         return MIN_MISS
-    return min(max(margin, -LARGEST), LARGEST)
+    return min(max(margin, -MAX_MARGIN), MAX_MARGIN)
 
 
 def below(value: float, limit: float, *, strict: bool = False) -> float | None:

@@ -34,7 +34,7 @@ PERIODS_LABEL = (
     "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
 )
 LETTERS_IN_WIDTH = 130  # of a legend below a figure of two columns
-MOST_NAMED = 16  # largest number of columns or rows that have a tick each
+MAX_NAMED = 16  # largest number of columns or rows that have a tick each
 # Frame of a measured cell.
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 
@@ -96,7 +96,7 @@ def remove_frame(axes: Axes) -> None:
 def name_columns_and_rows(axes: Axes, columns: Sequence[str], rows: Sequence[str]) -> None:
     """Fit the axes to a map of cells, and name as many of its columns and rows as have room."""
     for axis, names in ((axes.xaxis, columns), (axes.yaxis, rows)):
-        named = slice(None, None, 1 + (len(names) - 1) // MOST_NAMED)
+        named = slice(None, None, 1 + (len(names) - 1) // MAX_NAMED)
         axis.set_ticks(range(len(names))[named], names[named])
     axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(-0.5, len(rows) - 0.5))
     remove_frame(axes)

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.cells import designs_of
-from knitlab.figures.style import Look, shades, subplots
+from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import RUN, STRAIN, Status
 
@@ -55,7 +55,7 @@ def draw_curves(
             small: Look = {"fontsize": 6, "title_fontsize": 6, "borderpad": 0, "labelspacing": 0.15}
             small["handlelength"] = 1.6 if any(map(is_measured, cubes)) else 1
             beside.legend(title="n_subunit", loc=corner, **small)
-        column[-1].set_xlabel("applied strain [1]")
+        column[-1].set_xlabel(STRAIN_LABEL)
     for axes, row in zip(grid[:, 0], rows.values(), strict=True):
         axes.set_ylabel(row.label)
     for axes in (*grid[0], *grid[-1]):

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.kinds.curves import ROWS
-from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, name_rows
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, STRAIN_LABEL, TWO_COLUMNS, name_rows
 from knitlab.lab.calibration import Calibration
 from knitlab.lab.fit import Fit
 from knitlab.lab.swatch import Swatch
@@ -51,7 +51,7 @@ def calibration_figure(
         above.set_title(f"{title}, {direction} the ridges" if panels > 1 else title, fontsize=7)
         below.axhline(0, color="0.7", lw=0.6)
         below.plot(strain, 1000 * (measured - found), ".", ms=3, color=FITTED)
-        below.set(xlabel="applied strain [1]")
+        below.set(xlabel=STRAIN_LABEL)
     axes[0, 0].legend()
     axes[0, 0].set(ylabel="force over width [N/mm]" if fitted.per_width else "force on one row [N]")
     axes[1, 0].set(ylabel=f"residual [m{fitted.force_unit}]")
@@ -77,7 +77,7 @@ def fit_figure(fit: Fit, title: str) -> Figure:
             below.plot(strain, (curves[column] - values) / errors, ".", ms=3, color=colour)
         below.set_yscale("symlog", linthresh=3)
         below.set_yticks((-10, 0, 10), ("−10", "0", "10"))
-        below.set_xlabel("applied strain [1]")
+        below.set_xlabel(STRAIN_LABEL)
         if column == 0:
             below.set_ylabel("difference\nover error [1]")
             handles = above.get_legend_handles_labels()[0]

@@ -8,10 +8,17 @@ from matplotlib.figure import Figure
 
 from knitlab.cubes.find import Found, Reached
 from knitlab.cubes.target import Target
-from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look, subplots
+from knitlab.figures.style import (
+    CATEGORY_COLOURS,
+    ONE_COLUMN,
+    STRAIN_LABEL,
+    TWO_COLUMNS,
+    Look,
+    subplots,
+)
 from knitlab.observables.schema import VARIABLES
 
-MOST_SHOWN = 6  # designs that are drawn, the nearest first
+MAX_SHOWN = 6  # designs that are drawn, the nearest first
 WANTED = CATEGORY_COLOURS[2]
 OWN, OTHERS, FRONT = CATEGORY_COLOURS[0], "0.7", CATEGORY_COLOURS[1]
 RANGE = "range over slightly different fabrics"
@@ -26,7 +33,7 @@ def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) 
     each design, as bands would cover each other.
     """
     names = []
-    for _, design in nearest.table.head(MOST_SHOWN).iterrows():
+    for _, design in nearest.table.head(MAX_SHOWN).iterrows():
         labels = f"({', '.join(str(design[name]) for name in NAMED_BY if name in design)})"
         if "candidate" in design:
             names.append(f"candidate {design['candidate']}: {labels}")
@@ -50,7 +57,7 @@ def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) 
                 for values, colour, name in zip(reached.values, COLOURS, names, strict=False):
                     panel.plot(reached.at, values, color=colour, label=name)
             if curved:
-                panel.set(xlabel="applied strain [1]", xlim=(reached.at[0], reached.at[-1]))
+                panel.set(xlabel=STRAIN_LABEL, xlim=(reached.at[0], reached.at[-1]))
         # Not before all curves are drawn, which the limits of the panels must hold.
         for panel in panels:
             _draw_wanted(panel, reached.target)

@@ -9,7 +9,7 @@ from knitlab.figures.design_map import draw_map
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, name_rows, number, subplots
 from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
 
-MOST_BARS = 6  # designs up to which bars are drawn in place of maps
+MAX_BARS = 6  # designs up to which bars are drawn in place of maps
 
 
 def matrix_figure(matrix: xr.Dataset) -> Figure:
@@ -58,7 +58,7 @@ def selectivity_figure(selectivity: xr.Dataset) -> Figure:
         }
     )
     known = int(np.isfinite(state["selectivity"]).sum())
-    if known > MOST_BARS and state["selectivity"].dims == DESIGN_DIMS:
+    if known > MAX_BARS and state["selectivity"].dims == DESIGN_DIMS:
         present = xr.where(first["sensing_status"] == "", int(Status.excluded), int(Status.ok))
         figure = _maps(state.assign(status=present))
     else:

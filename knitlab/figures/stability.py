@@ -8,7 +8,14 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from knitlab.figures.cells import number_table
-from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look, subplots
+from knitlab.figures.style import (
+    CATEGORY_COLOURS,
+    ONE_COLUMN,
+    STRAIN_LABEL,
+    TWO_COLUMNS,
+    Look,
+    subplots,
+)
 
 MARKS = {"limit": ("^", "limit point: it snaps"), "branch": ("o", "branch point")}
 SHOWN = 6  # shapes
@@ -23,7 +30,7 @@ def branches_figure(points: xr.Dataset) -> Figure:
         (force, "reaction_force", "reaction force [N]"),
         (eigenvalue, "lowest_eigenvalue", "lowest eigenvalue [N/mm]"),
     ):
-        axes.set(xlabel="applied strain [1]", ylabel=label)
+        axes.set(xlabel=STRAIN_LABEL, ylabel=label)
         values = points[name].values
         for branch in np.unique(points["branch"]):
             own = points["branch"].values == branch

@@ -16,7 +16,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.export.knitting.chart import StitchChart, electrode_name
-from knitlab.figures.style import TWO_COLUMNS, Look, print_style
+from knitlab.figures.style import STRAIN_LABEL, TWO_COLUMNS, Look, print_style
 
 if TYPE_CHECKING:
     from knitlab.export.knitting.leads import Lead
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 FRONT, BACK = "white", "0.68"
 ELECTRODES = {1: ("#FAD7A0", "#DC7633"), 2: ("#AED6F1", "#2471A3")}
 """Colours of the plated stitches of electrodes, on the front and on the back bed."""
-NARROWEST_MARKED = 0.045  # width of a stitch from which on purls have a mark of their own [in]
-MOST_DRAWN = (256, 128)  # courses and wales up to which more than one repeat is drawn
+MIN_MARKED_WIDTH = 0.045  # width of a stitch from which on purls have a mark of their own [in]
+MAX_DRAWN = (256, 128)  # courses and wales up to which more than one repeat is drawn
 WORD = 0.6  # width of a patch from which on its knit is named by a word, else by its letter [in]
 MARGIN = 0.7  # room for the numbers of an axis [in]
 REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}  # around the repeat, or the sample
@@ -68,7 +68,7 @@ def title_of(chart: StitchChart) -> str:
 
 def drawn_block(chart: StitchChart) -> tuple[slice, slice]:
     """Courses and wales that are drawn: all, or of a large chart the repeat with most electrode."""
-    if chart.courses <= MOST_DRAWN[0] and chart.wales <= MOST_DRAWN[1]:
+    if chart.courses <= MAX_DRAWN[0] and chart.wales <= MAX_DRAWN[1]:
         return slice(0, chart.courses), slice(0, chart.wales)
     (height, width), (along_y, along_x) = chart.repeat, chart.repeats
     blocks = chart.plated.reshape(along_y, height, along_x, width)
@@ -89,7 +89,7 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence["L
     extent = (columns.start, columns.stop, rows.start, rows.stop)
     axes.imshow(colours, origin="lower", extent=extent, aspect=0.5, interpolation="nearest")
     left, right, low, high = extent
-    if stitch >= NARROWEST_MARKED:
+    if stitch >= MIN_MARKED_WIDTH:
         # Thin lines between stitches, and a dash for every purl.
         axes.hlines(np.arange(low + 1, high), left, right, colors="0.85", lw=0.25)
         axes.vlines(np.arange(left + 1, right), low, high, colors="0.85", lw=0.25)
@@ -259,6 +259,6 @@ def _draw_prediction(axes: Axes, prediction: "Prediction | None") -> None:
     if np.isfinite(low).any():
         axes.fill_between(strain, low, high, color="0.8", lw=0, label="slightly different fabrics")
     axes.plot(strain, prediction.poisson_ratio, color="black", label="design")
-    axes.set(xlabel="applied strain [1]", ylabel="Poisson's ratio ν [1]")
+    axes.set(xlabel=STRAIN_LABEL, ylabel="Poisson's ratio ν [1]")
     axes.set_title(f"predicted for {prediction.sample}\n(cube {prediction.source})", fontsize=8)
     axes.legend()

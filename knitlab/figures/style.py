@@ -25,6 +25,7 @@ OKABE_ITO = "#0072B2 #D55E00 #009E73 #CC79A7 #E69F00 #56B4E9 black 0.5"
 CATEGORY_COLOURS = tuple(OKABE_ITO.split())  # colours of things without an order
 MARKERS = "osD^vP*X"  # markers of things without an order
 MINUS = "\u2212"
+STRAIN_LABEL = "applied strain [1]"
 
 DOTS_PER_INCH = 320  # resolution of PNG files, and of what vector files hold as a picture
 # Ratio of the largest of positive values to their median above which colours follow decades. To the

@@ -83,7 +83,7 @@ def test_verdict_and_grade_agree(margin):
         (within(0.15, 0.1, 0.2), 0.25),
         (below(1.5, 2.0, strict=True), 0.25),
         (above(0.97, 0.98, scale=0.02), -0.5),
-        (above(1.0, 0.0, scale=0.0), margins.LARGEST),
+        (above(1.0, 0.0, scale=0.0), margins.MAX_MARGIN),
         (above(0.0, 0.0, strict=True), margins.MIN_MISS),
     ],
 )

@@ -251,7 +251,7 @@ def test_a_shape_has_the_colour_of_its_height_at_the_selected_strain(strain):
 def test_a_strain_whose_shape_is_not_kept_is_refused():
     case = made_up_case(periodic=False)
     case["position"][1] = np.nan
-    with pytest.raises(InputError, match="applied_strain=0.2.* at 0"):
+    with pytest.raises(InputError, match=r"applied_strain=0.2.* at 0"):
         draw("shape", [case], {"applied_strain": 0.2})
 
 

@@ -131,7 +131,7 @@ def test_what_cannot_be_shown_is_explained(options, chosen, message):
 
 
 def test_only_a_grid_takes_a_variable():
-    with pytest.raises(InputError, match="of: .*auxetic.*grid, swept"):
+    with pytest.raises(InputError, match=r"of: .*auxetic.*grid, swept"):
         draw("auxetic", [made_up_cube()], options={"of": "poisson_ratio"})
 
 

@@ -40,8 +40,8 @@ PROVENANCE = {
     "random_seeds": "random seeds",
     "references": "reference",
 }
-WIDEST = 1400  # width to which figures are reduced [pixels]
-MOST_FIGURES = 10
+MAX_WIDTH = 1400  # width to which figures are reduced [pixels]
+MAX_FIGURES = 10
 
 
 def cube_content(cube: xr.Dataset) -> dict[str, Any]:
@@ -186,7 +186,7 @@ def run_of(
 def figures_of(folder: Path) -> dict[str, Any]:
     """The PNG figures of a results folder, reduced for the screen, and how many are left out."""
     paths = sorted((folder / "figures").glob("*.png"))
-    shown = [{"name": path.stem, "source": _reduced(path)} for path in paths[:MOST_FIGURES]]
+    shown = [{"name": path.stem, "source": _reduced(path)} for path in paths[:MAX_FIGURES]]
     return {"shown": shown, "left_out": len(paths) - len(shown)}
 
 
@@ -194,7 +194,7 @@ def _reduced(path: Path) -> str:
     """A figure as the address of an image: reduced without other loss, or as it is if smaller."""
     drawn = Image.fromarray(read_image(path)[..., :3])
     stored = path.read_bytes()
-    drawn.thumbnail((WIDEST, 4 * WIDEST), Image.Resampling.LANCZOS)
+    drawn.thumbnail((MAX_WIDTH, 4 * MAX_WIDTH), Image.Resampling.LANCZOS)
     written = io.BytesIO()
     drawn.save(written, "WEBP", lossless=True)
     reduced = written.getvalue()

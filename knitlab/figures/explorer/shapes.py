@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from knitlab.model.pattern import PatchGrid
     from knitlab.solvers.case import Case
 
-MOST_NODES = 4096  # of a large sample that are shown: those of the paper's largest unit cell
+MAX_NODES = 4096  # of a large sample that are shown: those of the paper's largest unit cell
 NO_POSITIONS = "Its case file holds no node positions, so that there is no shape."
 NO_STATE = "No state of it was reached, so that there is no shape."
 LEVELS = (1 << 12) - 1
-SMALLEST_STEP = 1e-9  # step of a component that does not vary [mm]
+MIN_STEP = 1e-9  # step of a component that does not vary [mm]
 
 
 class Window(NamedTuple):
@@ -72,7 +72,7 @@ def pack_positions(positions: Float[np.ndarray, "strain node_y node_x 3"]) -> di
     """
     nodes = (0, 1, 2)
     origin = positions.min(axis=nodes)
-    step = np.maximum(np.ptp(positions, axis=nodes) / LEVELS, SMALLEST_STEP)
+    step = np.maximum(np.ptp(positions, axis=nodes) / LEVELS, MIN_STEP)
     levels = np.moveaxis(np.rint((positions - origin) / step).astype(np.int32), -1, 1)
     differences = np.diff(levels, n=2, axis=0, prepend=np.zeros_like(levels[:1]).repeat(2, axis=0))
     # Of small numbers without a sign nearly all high bytes are 0.
@@ -90,10 +90,10 @@ def _window(case: "Case") -> Window:
     """All of a fabric, or of a large sample the central unit cells."""
     sample, (along_y, along_x) = case.sample, case.unit_cells
     height, width = sample.grid
-    if case.options.boundary == "periodic" or (height + 1) * (width + 1) <= MOST_NODES:
+    if case.options.boundary == "periodic" or (height + 1) * (width + 1) <= MAX_NODES:
         return Window((0, height), (0, width))
     # A unit cell of a graded fabric may be as large as the sample.
-    fraction = (MOST_NODES / (height * width)) ** 0.5
+    fraction = (MAX_NODES / (height * width)) ** 0.5
     rows, shown_y = _central(sample.row_borders, along_y, fraction)
     columns, shown_x = _central(sample.column_borders, along_x, fraction)
     note = f"central {shown_y} × {shown_x} of {along_y} × {along_x} unit cells (warp × weft)"

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from knitlab.cubes.cube_file import base_dims, is_measured, source_of
 from knitlab.figures.curves import break_note, broken, snapped_before
 from knitlab.figures.registry import figure
-from knitlab.figures.style import CATEGORY_COLOURS, Look, subplots
+from knitlab.figures.style import CATEGORY_COLOURS, STRAIN_LABEL, Look, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.capacitance.sensor import CENTRAL_PART, CapacitorStatus
 from knitlab.observables.schema import RUN
@@ -48,8 +48,8 @@ def capacitors(cubes: Sequence[xr.Dataset]) -> Figure:
     lengths = [float(cell["electrode_length"]) for cell in cells if "electrode_length" in cell]
     simulated = "simulated " if any_measured else ""
     note = f"\n{simulated}electrodes of {max(lengths):.0f} mm" if lengths else ""
-    ratios.set(xlabel="applied strain [1]", ylabel="$C/C_0$ [1]")
-    absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{note}")
+    ratios.set(xlabel=STRAIN_LABEL, ylabel="$C/C_0$ [1]")
+    absolute.set(xlabel=STRAIN_LABEL, ylabel=f"$C$ [pF]{note}")
     values = [float(cell["sensitivity"]) for cell in cells]
     colours = CATEGORY_COLOURS[: len(cells)]
     bars = slopes.bar(range(len(cells)), np.nan_to_num(values), color=colours)

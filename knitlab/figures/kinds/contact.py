@@ -8,7 +8,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
 from knitlab.figures.registry import figure
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, name_rows
+from knitlab.figures.style import (
+    CATEGORY_COLOURS,
+    MARKERS,
+    STRAIN_LABEL,
+    TWO_COLUMNS,
+    Look,
+    name_rows,
+)
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import DESIGN_DIMS, Status
 
@@ -52,7 +59,7 @@ def contact(cube: xr.Dataset) -> Figure:
     _draw_changes(force, touching["reaction_force"] / without["reaction_force"] - 1, colours)
     ratio.set_ylabel("change of\nPoisson's ratio [1]")
     ratio.tick_params(labelbottom=False)
-    force.set(xlabel="applied strain [1]", ylabel="change of\nreaction force")
+    force.set(xlabel=STRAIN_LABEL, ylabel="change of\nreaction force")
     force.yaxis.set_major_formatter(PercentFormatter(1.0))
     _draw_sizes(panels["sizes"], without, touching, colours)
     handles = [Line2D([], [], color=colour[n], label=f"n_stripe = {n}") for n in stripes]

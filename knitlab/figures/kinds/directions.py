@@ -12,8 +12,8 @@ from knitlab.io.errors import invalid
 from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
 
 ANGLE = "load_angle"
-FEWEST = 3  # angles
-MOST = len(MARKERS)  # designs whose curves can be told apart
+MIN_ANGLES = 3  # angles
+MAX_DESIGNS = len(MARKERS)  # designs whose curves can be told apart
 
 
 @figure(coordinates=(STRAIN,), compares=True)
@@ -23,16 +23,16 @@ def directions(cube: xr.Dataset) -> Figure:
     0° is along the courses (weft), 90° along the wales (warp). Pulls in opposite directions are the
     same. The strain is the one selected, or the largest at which all pulls have a Poisson's ratio.
     """
-    if cube.sizes.get(ANGLE, 0) < FEWEST:
+    if cube.sizes.get(ANGLE, 0) < MIN_ANGLES:
         hint = "run one with load = off_axis and load_angle = 0,15,…,90"
-        message = f"compares {FEWEST} or more angles of pull, which this cube has not"
+        message = f"compares {MIN_ANGLES} or more angles of pull, which this cube has not"
         raise invalid("directions", f"{message}; {hint}")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ANGLE, STRAIN, ...)
     done = (stacked["status"] == Status.ok).any(ANGLE).values
     stacked = stacked.isel(design=done)
-    if not 0 < stacked.sizes["design"] <= MOST:
+    if not 0 < stacked.sizes["design"] <= MAX_DESIGNS:
         count = stacked.sizes["design"]
-        raise invalid("directions", f"shows 1 to {MOST} designs, not {count}; select some")
+        raise invalid("directions", f"shows 1 to {MAX_DESIGNS} designs, not {count}; select some")
     complete = stacked["poisson_ratio"].notnull().all(["design", ANGLE]).values
     if not complete.any():
         raise invalid("directions", "there is no strain at which all pulls have a Poisson's ratio")

@@ -11,7 +11,7 @@ from knitlab.figures.style import frame_polar, shades, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import STRAIN
 
-MOST_STATES = 4
+MAX_STATES = 4
 ANGLES = np.linspace(0, 2 * np.pi, 361)
 
 
@@ -30,8 +30,8 @@ def polar(case: xr.Dataset) -> Figure:
     count = plates.sizes["applied_strain"]
     if not count:
         raise invalid("polar", "shows stiffness, and no state that is left has any; select others")
-    if count > MOST_STATES:
-        shown = np.unique(np.linspace(0, count - 1, MOST_STATES).round().astype(int))
+    if count > MAX_STATES:
+        shown = np.unique(np.linspace(0, count - 1, MAX_STATES).round().astype(int))
         plates = plates.isel(applied_strain=shown)
     figure, panels = subplots(3.6, 1, 2, subplot_kw={"projection": "polar"})
     handles = []

@@ -13,8 +13,8 @@ from knitlab.observables.schema import Status
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}
 PERIODS = {"rib": "$w$ (period)", "garter": "$h$ (period)"}
-MOST_DESIGNS = 60  # largest number of rows that remain legible
-MOST_OVER_MEDIAN = 3  # limit of the colour scale over the median of the largest sensitivities
+MAX_DESIGNS = 60  # largest number of rows that remain legible
+MAX_OVER_MEDIAN = 3  # limit of the colour scale over the median of the largest sensitivities
 NOTE = (
     "change of Poisson's ratio for a relative change of a number $p$ of a stripe;"
     " framed: the largest in magnitude of a design"
@@ -31,8 +31,8 @@ def sensitivity(cube: xr.Dataset) -> Figure:
     if QUANTITY not in cube:
         raise invalid("sensitivity", "needs sensitivities; run with sensitivities = true")
     designs = cells.designs_of(cube)
-    if len(designs) > MOST_DESIGNS:
-        message = f"shows {MOST_DESIGNS} designs at most, not {len(designs)}; select some"
+    if len(designs) > MAX_DESIGNS:
+        message = f"shows {MAX_DESIGNS} designs at most, not {len(designs)}; select some"
         raise invalid("sensitivity", message)
     parameters = [str(name) for name in cube["stripe_parameter"].values]
     columns = [k + 0.25 * name.startswith("garter_") for k, name in enumerate(parameters)]
@@ -41,7 +41,7 @@ def sensitivity(cube: xr.Dataset) -> Figure:
     bound = float(largest.max(initial=0))
     if largest.size:
         # One design near a snap would dominate the colours of all.
-        bound = min(bound, MOST_OVER_MEDIAN * float(np.median(largest)))
+        bound = min(bound, MAX_OVER_MEDIAN * float(np.median(largest)))
     bound = bound or 1.0
     colours = value_colours(np.array([-bound, bound]))
     rgba = colours.to_rgba(values)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from knitlab.figures.registry import figure
-from knitlab.figures.style import Look, shades, subplots
+from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
 from knitlab.observables.schema import RUN, STRAIN, STRIPE_DIMS
 
 SHEETS: dict[str, Look] = {
@@ -45,7 +45,7 @@ def stripe_panels(cube: xr.Dataset) -> tuple[Figure, Sequence[Axes]]:
     knits = cube["knit"].values
     figure, (panels,) = subplots(3.2, 1, len(knits), squeeze=False)
     for axes, knit in zip(panels, knits, strict=True):
-        axes.set(title=f"$n \\times n$ {knit}", xlabel="applied strain [1]")
+        axes.set(title=f"$n \\times n$ {knit}", xlabel=STRAIN_LABEL)
     return figure, panels
 
 

@@ -26,7 +26,7 @@ NOTES = (
     "better, and the part of the variance that would vanish if this number were known exactly",
 )
 LINE = 90  # characters
-MOST_PLACES = 4  # decimal places of a value at most
+MAX_PLACES = 4  # decimal places of a value at most
 
 
 @figure(coordinates=(STRAIN,), options=("material", "of", "uncertainty_of"))
@@ -63,8 +63,8 @@ def uncertainty(
         knit, _, symbol = str(explained[PARAMETER].values[leading]).partition("_")
         leader = f"{knit} {SYMBOLS.get(symbol, symbol)} {float(explained[leading]):.0%}"
         # Two digits of the deviation, and as many decimal places of the value.
-        digits = 1 - floor(log10(deviation)) if deviation > 0 else MOST_PLACES
-        form = f".{min(max(digits, 0), MOST_PLACES)}f"
+        digits = 1 - floor(log10(deviation)) if deviation > 0 else MAX_PLACES
+        form = f".{min(max(digits, 0), MAX_PLACES)}f"
         return f"{number(float(design[name]), form)} ± {deviation:{form}}\n{leader}"
 
     figure, axes = subplots(max(2.4, 1.2 + 0.55 * row_count(cells.designs_of(shown))))

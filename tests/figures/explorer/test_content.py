@@ -15,7 +15,7 @@ from knitlab.cubes.cube_file import open_cube
 from knitlab.figures.explorer import shapes
 from knitlab.figures.explorer.cube_content import (
     DAMAGED_CASE_FILE,
-    MOST_FIGURES,
+    MAX_FIGURES,
     NO_CASE_FILE,
     cube_content,
     figures_of,
@@ -122,7 +122,7 @@ def test_what_round_off_leaves_of_zero_is_zero(content):
 
 
 def test_of_a_large_sample_the_central_unit_cells_are_shown(monkeypatch):
-    monkeypatch.setattr(shapes, "MOST_NODES", 300)
+    monkeypatch.setattr(shapes, "MAX_NODES", 300)
     cube = open_cube(REFERENCE / "preview")
     case_id = cube["case_id"].sel(n_stripe=4, n_subunit=16).item()
     case, strains = read_case(REFERENCE / "preview", case_id), cube["applied_strain"].values
@@ -172,10 +172,10 @@ def test_figures_are_reduced_for_the_screen(content):
 
 def test_figures_that_are_left_out_are_counted(tmp_path):
     (tmp_path / "figures").mkdir()
-    for number in range(MOST_FIGURES + 3):
+    for number in range(MAX_FIGURES + 3):
         Image.new("RGB", (4, 4)).save(tmp_path / "figures" / f"{number:02}.png")
     found = figures_of(tmp_path)
-    assert (len(found["shown"]), found["left_out"]) == (MOST_FIGURES, 3)
+    assert (len(found["shown"]), found["left_out"]) == (MAX_FIGURES, 3)
 
 
 def test_a_damaged_figure_is_a_sentence(tmp_path):

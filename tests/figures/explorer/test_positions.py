@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from knitlab.figures.explorer.shapes import LEVELS, SMALLEST_STEP, pack_positions
+from knitlab.figures.explorer.shapes import LEVELS, MIN_STEP, pack_positions
 from tests.figures.explorer.conftest import PREVIEW
 
 NODES = array_shapes(min_dims=3, max_dims=3, max_side=5).map(lambda shape: (*shape, 3))
@@ -48,7 +48,7 @@ def test_positions_are_off_by_half_a_step_at_most(positions):
 @given(arrays(float, NODES, elements=LENGTHS))
 def test_a_step_is_a_4095th_of_the_extent(positions):
     extent = np.ptp(positions, axis=(0, 1, 2))
-    wanted = np.maximum(extent / 4095, SMALLEST_STEP)
+    wanted = np.maximum(extent / 4095, MIN_STEP)
     np.testing.assert_allclose(pack_positions(positions)["step"], wanted)
 
 

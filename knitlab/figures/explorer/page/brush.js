@@ -1,6 +1,6 @@
 // A brush: a line with a tick for every design, on which dragging marks a window.
 
-import { drawn } from "explorer/elements";
+import { svgElement } from "explorer/elements";
 import { number } from "explorer/numbers";
 import { linear, widened } from "explorer/scale";
 
@@ -13,7 +13,7 @@ export function brush({ store, cube }, { name, low, high }, set) {
   const [least, most] = cube.extentOf(name);
   const x = linear(widened([least, most], 0.02), [SIDE, WIDTH - SIDE]);
   const values = cube.designs.map((_, design) => cube.value(name, design, store.state.strain));
-  const marked = drawn("rect", { class: "window", y: 3, height: 22 });
+  const marked = svgElement("rect", { class: "window", y: 3, height: 22 });
   const show = (from, to) => {
     marked.setAttribute("x", Math.max(Math.min(from, to), 0));
     marked.setAttribute("width", Math.abs(to - from));
@@ -25,7 +25,7 @@ export function brush({ store, cube }, { name, low, high }, set) {
     const { left, width } = svg.getBoundingClientRect();
     return Math.min(Math.max(((event.clientX - left) * WIDTH) / width, 0), WIDTH);
   };
-  const svg = drawn(
+  const svg = svgElement(
     "svg",
     {
       class: "brush",
@@ -45,13 +45,13 @@ export function brush({ store, cube }, { name, low, high }, set) {
         else set(null, null);
       },
     },
-    drawn("path", { class: "tick-line", d: `M${SIDE} ${LINE}H${WIDTH - SIDE}` }),
+    svgElement("path", { class: "tick-line", d: `M${SIDE} ${LINE}H${WIDTH - SIDE}` }),
     marked,
     ...values
       .filter((value) => value !== null)
-      .map((value) => drawn("circle", { class: "dot", cx: x(value), cy: LINE, r: 4 })),
-    drawn("text", { class: "tick start", x: 2, y: HEIGHT - 2 }, number(least)),
-    drawn("text", { class: "tick end", x: WIDTH - 2, y: HEIGHT - 2 }, number(most)),
+      .map((value) => svgElement("circle", { class: "dot", cx: x(value), cy: LINE, r: 4 })),
+    svgElement("text", { class: "tick start", x: 2, y: HEIGHT - 2 }, number(least)),
+    svgElement("text", { class: "tick end", x: WIDTH - 2, y: HEIGHT - 2 }, number(most)),
   );
   return svg;
 }

@@ -1,6 +1,6 @@
 // One chart of a variable against the applied strain.
 
-import { drawn } from "explorer/elements";
+import { svgElement } from "explorer/elements";
 import { mark } from "explorer/marks";
 import { number, percent, withUnit } from "explorer/numbers";
 import { extent, linear, ticks, widened } from "explorer/scale";
@@ -24,7 +24,7 @@ export function chart({ store, cube, passes }, variable, shown, width) {
     const distances = cube.strains.map((each) => Math.abs(x(each) - place));
     store.set({ strain: distances.indexOf(Math.min(...distances)) });
   };
-  return drawn(
+  return svgElement(
     "svg",
     {
       class: "chart",
@@ -39,9 +39,9 @@ export function chart({ store, cube, passes }, variable, shown, width) {
     },
     ...frame(cube, variable, x, y, width),
     ...others.map((design) =>
-      drawn("path", { class: "other", d: path(points(cube, variable.name, design, x, y)) }),
+      svgElement("path", { class: "other", d: path(points(cube, variable.name, design, x, y)) }),
     ),
-    drawn("path", { class: "now", d: `M${x(strain)} ${TOP}V${HEIGHT - BOTTOM}` }),
+    svgElement("path", { class: "now", d: `M${x(strain)} ${TOP}V${HEIGHT - BOTTOM}` }),
     ...own.flatMap((each) => curve(each, variable.name, x, y)),
   );
 }
@@ -63,17 +63,17 @@ function frame(cube, variable, x, y, width) {
   const floor = HEIGHT - BOTTOM;
   return [
     ...ticks([low, high], 4).flatMap((value) => [
-      drawn("path", {
+      svgElement("path", {
         class: value === 0 ? "zero" : "grid",
         d: `M${LEFT} ${y(value)}H${width - RIGHT}`,
       }),
-      drawn("text", { class: "tick end", x: LEFT - 6, y: y(value) + 4 }, number(value)),
+      svgElement("text", { class: "tick end", x: LEFT - 6, y: y(value) + 4 }, number(value)),
     ]),
     ...strains.map((value) =>
-      drawn("text", { class: "tick", x: x(value), y: floor + 14 }, percent(value)),
+      svgElement("text", { class: "tick", x: x(value), y: floor + 14 }, percent(value)),
     ),
-    drawn("text", { class: "axis", x: (LEFT + width) / 2, y: HEIGHT - 5 }, "applied strain"),
-    drawn(
+    svgElement("text", { class: "axis", x: (LEFT + width) / 2, y: HEIGHT - 5 }, "applied strain"),
+    svgElement(
       "text",
       { class: "axis", transform: `translate(11 ${floor / 2 + 4}) rotate(-90)` },
       variable.units === "1" ? shortened(variable.long_name) : withUnit(variable).slice(-30),
@@ -115,8 +115,8 @@ function curve({ cube, design, look, selected, status }, name, x, y) {
   const present = places.filter((place) => place !== null);
   const unfinished = status === "not converged" && present.length;
   return [
-    drawn("path", { class: "band", fill: look.colour, d: bandPath(cube, name, design, x, y) }),
-    drawn("path", {
+    svgElement("path", { class: "band", fill: look.colour, d: bandPath(cube, name, design, x, y) }),
+    svgElement("path", {
       class: selected ? "line selected" : "line",
       stroke: look.colour,
       "stroke-dasharray": look.dash,

@@ -1,7 +1,7 @@
 // The colour bar of a map: it spans the data, and marks zero.
 
 import { css } from "explorer/colours";
-import { drawn } from "explorer/elements";
+import { svgElement } from "explorer/elements";
 import { number, withUnit } from "explorer/numbers";
 import { linear, ticks } from "explorer/scale";
 
@@ -13,7 +13,7 @@ export function colourBar([low, high], colour, variable) {
   const x = linear([low, high], [SIDE, WIDTH - SIDE]);
   const part = (WIDTH - 2 * SIDE) / PARTS;
   const blocks = Array.from({ length: PARTS }, (_, k) =>
-    drawn("rect", {
+    svgElement("rect", {
       x: SIDE + k * part,
       y: 0,
       width: part + 0.5,
@@ -22,7 +22,7 @@ export function colourBar([low, high], colour, variable) {
     }),
   );
   const labels = low === high ? [low] : ticks([low, high], 4);
-  return drawn(
+  return svgElement(
     "svg",
     {
       class: "colour-bar",
@@ -33,8 +33,8 @@ export function colourBar([low, high], colour, variable) {
     },
     ...blocks,
     ...labels.flatMap((value) => [
-      drawn("path", { d: `M${x(value)} ${HEIGHT}v4`, class: "tick-line" }),
-      drawn("text", { x: x(value), y: HEIGHT + 15, class: "tick" }, number(value)),
+      svgElement("path", { d: `M${x(value)} ${HEIGHT}v4`, class: "tick-line" }),
+      svgElement("text", { x: x(value), y: HEIGHT + 15, class: "tick" }, number(value)),
     ]),
   );
 }

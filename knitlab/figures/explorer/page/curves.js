@@ -2,7 +2,7 @@
 
 import { chart } from "explorer/chart";
 import { PIN_COLOURS, PIN_DASHES, PIN_MARKS } from "explorer/colours";
-import { byId, choice, drawn, element, onWidth, refill } from "explorer/elements";
+import { byId, choice, svgElement, element, onWidth, refill } from "explorer/elements";
 import { mark } from "explorer/marks";
 import { number, percent, unit } from "explorer/numbers";
 import { anyOf } from "explorer/store";
@@ -117,10 +117,10 @@ function reading({ cube, design }, name, strain) {
 
 /** Line and mark of a design, for lists. */
 export function sign({ colour, mark: shape, dash }) {
-  return drawn(
+  return svgElement(
     "svg",
     { width: 34, height: 14, "aria-hidden": true, class: "sign" },
-    drawn("path", { d: "M2 7H32", stroke: colour, "stroke-width": 2, "stroke-dasharray": dash }),
+    svgElement("path", { d: "M2 7H32", stroke: colour, "stroke-width": 2, "stroke-dasharray": dash }),
     mark(shape, 17, 7, colour),
   );
 }
@@ -129,7 +129,7 @@ function drawLegend(shown) {
   const banded = shown.some(({ cube }) =>
     cube.variables.some(({ band }) => Object.keys(band).length),
   );
-  const key = (...signs) => drawn("svg", { width: 26, height: 14, "aria-hidden": true }, ...signs);
+  const key = (...signs) => svgElement("svg", { width: 26, height: 14, "aria-hidden": true }, ...signs);
   const ink = "var(--ink)";
   byId("curve-legend").replaceChildren(
     element(
@@ -139,7 +139,7 @@ function drawLegend(shown) {
         ? element(
             "li",
             {},
-            key(drawn("rect", { x: 1, y: 2, width: 24, height: 10, class: "band", fill: ink })),
+            key(svgElement("rect", { x: 1, y: 2, width: 24, height: 10, class: "band", fill: ink })),
             "band: spread over slightly different fabrics, or two standard errors of a measurement",
           )
         : null,
@@ -153,13 +153,13 @@ function drawLegend(shown) {
       element(
         "li",
         {},
-        key(drawn("path", { d: "M1 11L10 9M16 5L25 3", stroke: ink, "stroke-width": 2 })),
+        key(svgElement("path", { d: "M1 11L10 9M16 5L25 3", stroke: ink, "stroke-width": 2 })),
         "gap: the fabric snapped",
       ),
       element(
         "li",
         {},
-        key(drawn("path", { d: "M1 11L25 3", class: "other" })),
+        key(svgElement("path", { d: "M1 11L25 3", class: "other" })),
         "the other designs of the map",
       ),
     ),

@@ -2,7 +2,7 @@
 
 import { PIN_COLOURS, PIN_MARKS, css, inkOn } from "explorer/colours";
 import { PERIODS, STATUS } from "explorer/cube";
-import { drawn, lettering } from "explorer/elements";
+import { svgElement, lettering } from "explorer/elements";
 import { hatching, mark, throughSign } from "explorer/marks";
 import { fixed, number, unit } from "explorer/numbers";
 
@@ -17,7 +17,7 @@ export function designCell(app, design, box, colour) {
   const selected = design === state.design;
   const inset = look.kept ? GAP / 2 : Math.min(box.width, box.height) / 4;
   const rectangle = (attributes) =>
-    drawn("rect", {
+    svgElement("rect", {
       x: box.left + inset,
       y: box.top + inset,
       width: Math.max(box.width - 2 * inset, 1),
@@ -27,7 +27,7 @@ export function designCell(app, design, box, colour) {
     });
   const notes = look.notes.join(", ");
   const value = `${number(look.value)}${unit(cube.variable(state.of).units)}`;
-  return drawn(
+  return svgElement(
     "g",
     {
       class: `cell${selected ? " selected" : ""}${look.kept ? "" : " out"}`,
@@ -38,7 +38,7 @@ export function designCell(app, design, box, colour) {
       "aria-label": `${cube.label(design)}: ${value}, ${notes}`,
       onclick: () => store.set({ design }),
     },
-    drawn("title", {}, `${cube.label(design)}\n${notes}`),
+    svgElement("title", {}, `${cube.label(design)}\n${notes}`),
     rectangle({ fill: look.tint ? css(look.tint) : "var(--panel)" }),
     look.tint ? null : rectangle({ fill: hatching(look.status) }),
     ...(look.kept && box.width >= NARROWEST_TEXT ? letteringOf(app, design, box, look) : []),
@@ -90,7 +90,7 @@ function letteringOf({ store, cube }, design, { left, top, width, height }, look
   const [x, y] = [left + width / 2, top + height / 2];
   if (width < NARROWEST_LEVEL) {
     const transform = `translate(${x + 5} ${top + height - 7}) rotate(-90)`;
-    return [drawn("text", { class: `${kind("value")} start`, fill: ink, transform }, words)];
+    return [svgElement("text", { class: `${kind("value")} start`, fill: ink, transform }, words)];
   }
   const dim = missingDim(cube, store.state);
   const label = dim ? String(cube.coordinate(dim, design)) : "";
@@ -105,19 +105,19 @@ function letteringOf({ store, cube }, design, { left, top, width, height }, look
 }
 
 function throughBadge(x, y) {
-  return drawn(
+  return svgElement(
     "g",
     {},
-    drawn("rect", { class: "badge", x: x - 9, y: y - 7, width: 18, height: 14, rx: 3 }),
+    svgElement("rect", { class: "badge", x: x - 9, y: y - 7, width: 18, height: 14, rx: 3 }),
     throughSign(x, y),
   );
 }
 
 function pinBadge(x, y, pin) {
-  return drawn(
+  return svgElement(
     "g",
     {},
-    drawn("circle", { class: "badge", cx: x, cy: y, r: 8 }),
+    svgElement("circle", { class: "badge", cx: x, cy: y, r: 8 }),
     mark(PIN_MARKS[pin], x, y, PIN_COLOURS[pin]),
   );
 }

@@ -3,7 +3,7 @@
 import { colourScale } from "explorer/colours";
 import { PERIODS } from "explorer/cube";
 import { designCell } from "explorer/design_cell";
-import { byId, choice, drawn, lettering, onWidth, refill } from "explorer/elements";
+import { byId, choice, svgElement, lettering, onWidth, refill } from "explorer/elements";
 import { mapLegend } from "explorer/map_legend";
 import { hatchings } from "explorer/marks";
 import { fixedDims, movedAlong, sliceOf } from "explorer/slice";
@@ -65,7 +65,7 @@ function drawMap(app) {
     pieces.push(designCell(app, design, box, colour));
   }
   const axis = (name) => cube.axes.find((each) => each.name === name);
-  const svg = drawn(
+  const svg = svgElement(
     "svg",
     {
       viewBox: `0 0 ${width} ${height}`,
@@ -83,7 +83,7 @@ function drawMap(app) {
       lettering(LEFT - 8, (rows.length - 0.5 - row) * cellHeight + 4, String(label), "tick end"),
     ),
     lettering(LEFT + (width - LEFT) / 2, height - 6, axisName(axis(state.x)), "axis"),
-    drawn(
+    svgElement(
       "text",
       { class: "axis", transform: `translate(11 ${(height - BOTTOM) / 2}) rotate(-90)` },
       axisName(axis(state.y), (height - BOTTOM) / 6.5),

@@ -13,13 +13,13 @@ export function element(name, attributes = {}, ...children) {
 }
 
 /** SVG element, likewise. */
-export function drawn(name, attributes = {}, ...children) {
+export function svgElement(name, attributes = {}, ...children) {
   return furnished(document.createElementNS(SVG, name), attributes, children);
 }
 
 /** Text of a drawing at a place. */
 export function lettering(x, y, words, kind, fill = null) {
-  return drawn("text", { class: kind, x, y, fill }, words);
+  return svgElement("text", { class: kind, x, y, fill }, words);
 }
 
 /** Select element of groups `[heading, [[value, text], …]]`; a label with a colon before it is hidden. */

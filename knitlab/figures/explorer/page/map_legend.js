@@ -2,7 +2,7 @@
 
 import { colourBar } from "explorer/colour_bar";
 import { missingDim } from "explorer/design_cell";
-import { byId, drawn, element } from "explorer/elements";
+import { byId, svgElement, element } from "explorer/elements";
 import { hatching, throughSign } from "explorer/marks";
 import { percent, withUnit } from "explorer/numbers";
 
@@ -18,7 +18,7 @@ export function mapLegend({ store, cube, content }, variable, colour, designs) {
   const where = variable.along_strain ? ` at ${percent(cube.strains[strain])} strain` : "";
   const said = sentence(variable.description);
   const short = said.length < LONGEST_NOTE;
-  const key = (...signs) => drawn("svg", { width: 22, height: 16, "aria-hidden": true }, ...signs);
+  const key = (...signs) => svgElement("svg", { width: 22, height: 16, "aria-hidden": true }, ...signs);
   byId("map-legend").replaceChildren(
     element("p", {}, element("b", {}, withUnit(variable)), `${where}. `, short ? said : ""),
     short ? "" : element("details", {}, element("summary", {}, "What this is"), said),
@@ -31,7 +31,7 @@ export function mapLegend({ store, cube, content }, variable, colour, designs) {
           "li",
           {},
           key(
-            drawn("rect", {
+            svgElement("rect", {
               x: 1,
               y: 1,
               width: 20,

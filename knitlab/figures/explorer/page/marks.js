@@ -1,6 +1,6 @@
 // Marks that do not need colour: of pins, of states, and hatchings of designs without a value.
 
-import { drawn } from "explorer/elements";
+import { svgElement } from "explorer/elements";
 
 const SHAPES = {
   circle: "M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0Z",
@@ -14,7 +14,7 @@ const SHAPES = {
 
 /** A mark at a place; hollow if the fabric passes through itself there. */
 export function mark(shape, x, y, colour, { hollow = false, size = 1 } = {}) {
-  return drawn("path", {
+  return svgElement("path", {
     d: SHAPES[shape],
     transform: `translate(${x.toFixed(1)} ${y.toFixed(1)}) scale(${size})`,
     fill: shape === "cross" ? "none" : hollow ? "var(--panel)" : colour,
@@ -32,10 +32,10 @@ const HATCHINGS = {
 /** Definitions of the hatchings, to be put into every drawing that uses them. */
 export function hatchings() {
   const patterns = Object.entries(HATCHINGS).map(([status, { d, width, round }]) =>
-    drawn(
+    svgElement(
       "pattern",
       { id: hatchingId(status), width: 8, height: 8, patternUnits: "userSpaceOnUse" },
-      drawn("path", {
+      svgElement("path", {
         d,
         stroke: "var(--ink)",
         "stroke-width": width,
@@ -44,7 +44,7 @@ export function hatchings() {
       }),
     ),
   );
-  return drawn("defs", {}, ...patterns);
+  return svgElement("defs", {}, ...patterns);
 }
 
 /** Fill of a status; designs that are ok have none. */
@@ -54,7 +54,7 @@ export function hatching(status) {
 
 /** Sign of a state in which the fabric passes through itself: two sheets that cross. */
 export function throughSign(x, y, size = 1) {
-  return drawn("path", {
+  return svgElement("path", {
     class: "through",
     d: "M-6 -4C0 -4 0 4 6 4M-6 4C0 4 0 -4 6 -4",
     transform: `translate(${x} ${y}) scale(${size})`,

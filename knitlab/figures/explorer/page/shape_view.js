@@ -3,7 +3,7 @@
 import { FIRST_TURN, boxOf, cameraOf, turned } from "explorer/camera";
 import { colourScale } from "explorer/colours";
 import { STATUS } from "explorer/cube";
-import { byId, choice, drawn, element, onWidth, refill } from "explorer/elements";
+import { byId, choice, svgElement, element, onWidth, refill } from "explorer/elements";
 import { number, percent } from "explorer/numbers";
 import { painter } from "explorer/painter";
 import { positionsOf } from "explorer/positions";
@@ -182,10 +182,10 @@ class ShapeView {
   drawLegend({ of, range, colour }) {
     const { shape } = this;
     const square = ([red, green, blue]) =>
-      drawn(
+      svgElement(
         "svg",
         { width: 16, height: 14, "aria-hidden": true },
-        drawn("rect", {
+        svgElement("rect", {
           x: 1,
           y: 1,
           width: 14,
