@@ -21,6 +21,7 @@ from knitlab.model.fabric import Configuration
 from knitlab.model.threads import Threads, allowed_threads
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
+from knitlab.solvers.equilibrium.drag import Drag
 from knitlab.solvers.equilibrium.loading import all_free
 from knitlab.solvers.equilibrium.search import Search as OneSearch
 from knitlab.solvers.equilibrium.search import SearchRules, minimise
@@ -132,9 +133,9 @@ def driven(
 
         seen = all_free(problem.shape)
 
-        def evaluate(self, at: Point) -> Evaluation:
+        def evaluate(self, at: Point, drag: Drag | None = None) -> Evaluation:
             with watch.part("evaluating_seconds"):
-                evaluation = super().evaluate(at)
+                evaluation = super().evaluate(at, drag)
             gradient = evaluation.gradient
             if at.stage is not COMPLETE:
                 with watch.paused():

@@ -20,13 +20,12 @@ class Drag:
 
     before: Unknowns  # unknowns before the step [mm]
     stiffness: float  # c ε̇ / Δε [N/mm]
+    free: Int[np.ndarray, " free"]  # indices of the free unknowns
 
-    def added(
-        self, evaluation: Evaluation, unknowns: Unknowns, free: Int[np.ndarray, " free"]
-    ) -> Evaluation:
+    def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
         """An evaluation with energy and gradient of the drag added."""
-        moved = unknowns[free] - self.before[free]
+        moved = unknowns[self.free] - self.before[self.free]
         gradient: Any = np.array(evaluation.gradient)
-        gradient[free] += self.stiffness * moved
+        gradient[self.free] += self.stiffness * moved
         potential = 0.5 * self.stiffness * float(moved @ moved)
         return Evaluation(replace(evaluation.energy, drag=potential), gradient)

@@ -73,7 +73,7 @@ def find_equilibrium(
     and without extrapolation: that is best if the sample folds as a whole.
     """
     search = Search(system, start, rules)
-    coupling = rules.contact, rules.drag, system.fabric.friction
+    coupling = system.contact, rules.drag, system.fabric.friction
     if any(each is not None for each in coupling) or not worth_dividing(system.shape):
         return search.state(minimise(search))
     evaluation = search.evaluation

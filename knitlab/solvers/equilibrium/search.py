@@ -11,7 +11,6 @@ which nodes will touch the walls (:func:`step_between_walls`); later ones keep t
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -26,9 +25,6 @@ from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness
 from knitlab.solvers.equilibrium.system import System
-
-if TYPE_CHECKING:
-    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 NEARLY = 1e3  # force of a search that has nearly ended, over the tolerance
 MIN_RAISED_SHIFT = 1e-6
@@ -48,7 +44,6 @@ class SearchRules:
     settings: Solver
     floor: float = -np.inf  # stop below it: the state sought has more energy [N mm]
     convexified: bool = True  # rather than raise μ
-    contact: "Barrier | None" = None
     exact: bool = False  # double precision from the start
     drag: Drag | None = None
 
@@ -73,16 +68,7 @@ class Search:
         self.limit = settings.max_iterations
         self.exact = rules.exact
         self.iterations = self.factorisations = 0
-        self.begin(at, self.evaluated(at))
-
-    def evaluated(self, at: Point) -> Evaluation:
-        """Energy and gradient of a configuration, contact and drag included."""
-        evaluation = self.system.evaluate(at)
-        if self.rules.drag is not None:
-            evaluation = self.rules.drag.added(evaluation, at.unknowns, self.dofs)
-        if self.rules.contact is None or not np.isfinite(at.unknowns).all():
-            return evaluation
-        return self.rules.contact.added(evaluation, at.unknowns)
+        self.begin(at, system.evaluate(at, rules.drag))
 
     def begin(self, at: Point, evaluation: Evaluation) -> None:
         """Start, or restart, from a configuration; the cost so far is kept."""
@@ -179,11 +165,10 @@ def minimise(search: Search, one_factorisation: bool = False) -> Outcome:
     while (outcome := search.end()) is None:
         system.assemble(search.at, rules.free)
         drag = 0.0 if rules.drag is None else rules.drag.stiffness
-        contact = rules.contact and rules.contact.hessian(search.at.unknowns, search.dofs)
         raised = False
         while True:
             search.factorisations += 1
-            if system.factorise(search.shift + drag, rules.convexified, contact, search.exact):
+            if system.factorise(search.shift + drag, rules.convexified, search.exact):
                 break
             if search.nearly_ended and not search.exact:
                 search.exact = True
@@ -254,10 +239,9 @@ def _descend(search: Search) -> _Descent:
         fraction = min(1.0, search.longest_fraction(direction))
         shortened += fraction < 0.1
         free = 1.0
-        if rules.contact is not None:
-            free = rules.contact.free_fraction(
-                search.at.unknowns, search.whole_step(direction * fraction)
-            )
+        if search.system.contact is not None:
+            step = search.whole_step(direction * fraction)
+            free = search.system.contact.free_fraction(search.at.unknowns, step)
         fraction *= free
         before = search.energy, search.gradient, search.force
         step = direction * fraction
@@ -311,7 +295,7 @@ def _line_search(search: Search, step: Vector, slope: float, length: float) -> f
         unknowns = search.at.unknowns.copy()
         unknowns[search.dofs] += length * step
         trial = replace(search.at, unknowns=unknowns)
-        evaluation = search.evaluated(trial)
+        evaluation = search.system.evaluate(trial, search.rules.drag)
         search.iterations += 1
         trial_energy = float(evaluation.energy.total)
         trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.dofs]).max())

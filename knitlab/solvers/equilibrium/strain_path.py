@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -20,9 +19,6 @@ from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System
-
-if TYPE_CHECKING:
-    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 EASY = 4
 SMOOTH = 10
@@ -87,7 +83,6 @@ class StrainPath:
     loading: Loading
     last: list[tuple[float, State]]
     settings: Solver
-    contact: "Barrier | None" = None
 
     def __post_init__(self) -> None:
         self.step = PathStep(self.settings, self.settings.path_step)
@@ -199,16 +194,15 @@ class StrainPath:
     def _against_drag(self, strain: float) -> State:
         """The state reached by a viscous step; its residual, but not its energy, includes drag."""
         before_strain, before = self.last[-1]
-        drag = Drag(before.unknowns, self.settings.drag / abs(strain - before_strain))
-        rules = SearchRules(self.free, self.settings, contact=self.contact, drag=drag)
+        stiffness = self.settings.drag / abs(strain - before_strain)
+        drag = Drag(before.unknowns, stiffness, self.free.dofs)
+        rules = SearchRules(self.free, self.settings, drag=drag)
         state = find_equilibrium(self.system, self._ahead(strain), rules)
         elastic = self.system.evaluate(Point(state.unknowns))
-        if self.contact is not None:
-            elastic = self.contact.added(elastic, state.unknowns)
         return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))
 
     def _found(self, start: Point, settings: Solver, floor: float, convexified: bool) -> State:
-        rules = SearchRules(self.free, settings, floor, convexified, self.contact)
+        rules = SearchRules(self.free, settings, floor, convexified)
         return find_equilibrium(self.system, start, rules)
 
     def _ahead(self, strain: float) -> Point:
@@ -222,13 +216,14 @@ class StrainPath:
         passed = [(before, state.unknowns) for before, state in used]
         far = self.loading.ahead(passed, strain)
         near = self.loading.ahead(passed[-1:], strain)
-        if self.contact is None and (len(passed) == 1 or not self.many):
+        contact = self.system.contact
+        if contact is None and (len(passed) == 1 or not self.many):
             return Point(far)
         starts = [Point(near + fraction * (far - near)) for fraction in FRACTIONS_AHEAD]
-        if self.contact is not None:
+        if contact is not None:
             before = passed[-1][1]
             for start in starts:  # the first that contact lets be reached from the last state
-                if self.contact.free_fraction(before, start.unknowns - before) == 1:
+                if contact.free_fraction(before, start.unknowns - before) == 1:
                     return start
             return Point(np.full_like(before, np.nan))
         energies = [float(self.system.evaluate(start).energy.total) for start in starts]

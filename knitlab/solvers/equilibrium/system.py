@@ -8,7 +8,7 @@ with which ``benchmarks.solver`` compares it.
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import Event
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,11 +20,15 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 from knitlab.model.threads import ALONE, Threads
 from knitlab.solvers.element_chunks import ChunkedFabric
+from knitlab.solvers.equilibrium.drag import Drag
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness
 from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.factorisation.multifrontal import Multifrontal
 from knitlab.solvers.factorisation.symbolic_factorisation import planned
+
+if TYPE_CHECKING:  # which takes seconds to import
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 MAX_EARLIER_COUPLINGS = 4  # couplings that are kept, over those of the present contact
 KeptFactors = dict[tuple[FreeStiffness, bool], Multifrontal]
@@ -42,7 +46,7 @@ class Subdomains(Protocol):
 
 
 class System:
-    """Energy, forces and factorised stiffness of one fabric.
+    """Energy, forces and factorised stiffness of one fabric, and of its contact with itself.
 
     If ``stopped`` is set by another thread, the next evaluation raises ``InterruptedError``.
     Systems of one thread may share the factors ``kept``. ``factorised`` is called after every
@@ -56,10 +60,12 @@ class System:
         threads: Threads = ALONE,
         stopped: Event | None = None,
         kept: KeptFactors | None = None,
+        contact: "Barrier | None" = None,
     ) -> None:
         self.shape = shape
         self.fabric = fabric
         self.threads = threads
+        self.contact = contact
         self.factorised: Callable[[], None] = lambda: None
         self.subdomains: Subdomains | None = None
         self._kept: KeptFactors = {} if kept is None else kept
@@ -67,6 +73,7 @@ class System:
         self._stopped = stopped
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
+        self._contact_entries: sp.coo_array | None = None
         self._factors: Multifrontal | None = None
         self._touching: ContactFactors | None = None
 
@@ -74,48 +81,51 @@ class System:
         """The same fabric, with the unknowns of another mesh shape."""
         if shape == self.shape:
             return self
-        system = System(shape, self.fabric, self.threads, self._stopped)
+        contact = self.contact and self.contact.on(shape)
+        system = System(shape, self.fabric, self.threads, self._stopped, contact=contact)
         system.factorised = self.factorised
         return system
 
     def with_fabric(self, fabric: Fabric) -> "System":
         """The equations of another fabric of the same mesh shape, with the same memory."""
-        system = System(self.shape, fabric, self.threads, self._stopped, self._kept)
+        own = self.threads, self._stopped, self._kept, self.contact
+        system = System(self.shape, fabric, *own)
         system.factorised = self.factorised
         return system
 
-    def evaluate(self, at: Point) -> Evaluation:
+    def evaluate(self, at: Point, drag: Drag | None = None) -> Evaluation:
         """Energy and gradient, in NumPy arrays."""
         if self._stopped is not None and self._stopped.is_set():
             raise InterruptedError("the search was abandoned")
-        return self._elements.evaluate(at.stage, at.unknowns)
+        evaluation = self._elements.evaluate(at.stage, at.unknowns)
+        if drag is not None:
+            evaluation = drag.added(evaluation, at.unknowns)
+        if self.contact is None or not np.isfinite(at.unknowns).all():
+            return evaluation
+        return self.contact.added(evaluation, at.unknowns)
 
     def assemble(self, at: Point, free: FreeStiffness) -> None:
         """Assemble the stiffness of the free unknowns."""
         hessians = self._elements.element_hessians(at.stage, at.unknowns)
         self._free = free
         self._entries = free.entries(hessians, self.threads)
+        pairs = self.contact and self.contact.hessian(at.unknowns, free.dofs)
+        self._contact_entries = None if pairs is None else sp.tril(pairs, format="coo")
 
-    def factorise(
-        self,
-        shift: float,
-        convexified: bool,
-        contact: sp.csc_array | None = None,
-        exact: bool = False,
-    ) -> bool:
+    def factorise(self, shift: float, convexified: bool, exact: bool = False) -> bool:
         """Factorise the assembled stiffness plus a shift [N/mm]; whether it is positive definite.
 
         With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing.
-        The Hessian of ``contact`` [N/mm] may couple any two unknowns. If ``exact``, it is in double
-        precision; single takes half the time and memory, enough for a search.
+        Contact may couple any two unknowns. If ``exact``, it is in double precision; single takes
+        half the time and memory, enough for a search.
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")
         free = self._free
         key = (self._free, exact)
         entries = free.shifted(self._entries, shift)
-        if contact is not None:
-            lower = sp.tril(contact, format="coo")
+        lower = self._contact_entries
+        if lower is not None:
             if self._touching is None or not self._touching.holds(free, exact, lower):
                 self._touching = ContactFactors(free, exact, lower, self._touching, self.threads)
             factors = self._touching.factors

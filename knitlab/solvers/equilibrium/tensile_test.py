@@ -62,27 +62,25 @@ def stretch(
     between zero and the largest strain; the earlier ones are passed first.
     """
     system.factorised = factorised
+    system.contact = system.contact or contact
     if folded is None:
-        relaxed = relax(system, settings, start, contact, load)
+        relaxed = relax(system, settings, start, load=load)
     else:
-        relaxed = relax_near(system, settings, folded, contact)
+        relaxed = relax_near(system, settings, folded)
     progress(1)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     if load.shears and system.shape.periodic:
-        relaxed = _with_shear(system, settings, relaxed, contact)
+        relaxed = _with_shear(system, settings, relaxed)
         if not relaxed.converged:
             return TensileTest(None, [relaxed])
     loading = loading_of(system.shape, relaxed.configuration, load)
     if loading.shape != system.shape:
         system, unknowns = system.on(loading.shape), loading.reference
         evaluation = system.evaluate(Point(unknowns))
-        if contact is not None:
-            contact = contact.on(loading.shape)
-            evaluation = contact.added(evaluation, unknowns)
         gradient = np.asarray(evaluation.gradient)
         relaxed = replace(relaxed, shape=loading.shape, unknowns=unknowns, gradient=gradient)
-    path = StrainPath(system, loading, [(applied_strain[0], relaxed)], settings, contact)
+    path = StrainPath(system, loading, [(applied_strain[0], relaxed)], settings)
     path.begin(friction)
     states = [relaxed]
     for number in range(1, cycle):
@@ -128,9 +126,10 @@ def relax(
     undefined, it is solved again by raising μ.
     """
     shape, fabric = system.shape, system.fabric
+    system.contact = system.contact or contact
     free = free_stiffness(shape, all_free(shape))
     # From a flat sheet, round-off of single precision may decide which shape is reached.
-    whole = SearchRules(free, settings, contact=contact, exact=not worth_dividing(shape))
+    whole = SearchRules(free, settings, exact=not worth_dividing(shape))
     flat = flat_sheet(network(shape), fabric)
     begin = np.asarray((flat if start is None else start).flattened())
     ramp, soft = settings.ramp_steps, settings.soft_wall
@@ -162,23 +161,21 @@ def relax_near(
     system: System, settings: Solver, start: Configuration, contact: "Barrier | None" = None
 ) -> State:
     """The relaxed shape next to a configuration that is nearly in equilibrium."""
+    system.contact = system.contact or contact
     free = free_stiffness(system.shape, all_free(system.shape))
-    rules = SearchRules(free, settings, convexified=False, contact=contact)
+    rules = SearchRules(free, settings, convexified=False)
     # The lattice of a relaxed shape is not sheared.
     begin = Configuration(start.positions, start.lengths[: system.shape.lengths])
     return find_equilibrium(system, Point(np.asarray(begin.flattened())), rules)
 
 
-def _with_shear(
-    system: System, settings: Solver, relaxed: State, contact: "Barrier | None"
-) -> State:
+def _with_shear(system: System, settings: Solver, relaxed: State) -> State:
     """Relaxed periodic fabric of which the lattice may shear too, as that of some patterns does."""
     shape = replace(system.shape, frame=UPRIGHT)
     free = free_stiffness(shape, all_free(shape))
     lengths = np.append(np.asarray(relaxed.configuration.lengths), 0.0)
     start = Configuration(relaxed.configuration.positions, lengths)
-    contact = contact and contact.on(shape)
-    rules = SearchRules(free, settings, convexified=False, contact=contact)
+    rules = SearchRules(free, settings, convexified=False)
     at = Point(np.asarray(start.flattened()))
     return find_equilibrium(system.on(shape), at, rules).after(relaxed)
 

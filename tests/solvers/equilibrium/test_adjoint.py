@@ -27,6 +27,7 @@ from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium.loading import all_free, loading_of
 from knitlab.solvers.equilibrium.search import SearchRules
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
+from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.equilibrium.tensile_test import stretch
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, even_cells, stripe
 
@@ -75,8 +76,9 @@ class Pulled:
 
         def found(start: np.ndarray, free: np.ndarray) -> Configuration:
             stiffness = free_stiffness(net.shape, free)
-            rules = SearchRules(stiffness, FINE, convexified=False, contact=contact)
-            state = find_equilibrium(equations(net, fabric), Point(start), rules)
+            rules = SearchRules(stiffness, FINE, convexified=False)
+            system = System(net.shape, fabric, contact=contact)
+            state = find_equilibrium(system, Point(start), rules)
             assert state.converged
             return state.configuration
 

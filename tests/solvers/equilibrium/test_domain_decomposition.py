@@ -227,7 +227,7 @@ def extrapolated(sample, energy, passed, step_length=1e6, waiting=ROUNDS):
         def subdomains(self):
             return self
 
-        def evaluate(self, there):
+        def evaluate(self, there, drag=None):
             return cost(there)
 
         def solve(self, system, there, *_):

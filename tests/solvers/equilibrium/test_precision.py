@@ -42,17 +42,17 @@ class Recorded(System):
         near_the_end = self.force < NEARLY * DEFAULT.tolerance
         return self.useless == what and near_the_end and not self.asked[-1].exact
 
-    def factorise(self, shift, convexified, contact=None, exact=False):
+    def factorise(self, shift, convexified, exact=False):
         self.asked.append(Factorisation(shift, exact, self.force))
         if self.single_fails("factor"):
             return False
-        return super().factorise(shift, convexified, contact, exact)
+        return super().factorise(shift, convexified, exact)
 
     def solve(self, right):
         return np.full_like(right, np.nan) if self.single_fails("solve") else super().solve(right)
 
-    def evaluate(self, at):
-        evaluation = super().evaluate(at)
+    def evaluate(self, at, drag=None):
+        evaluation = super().evaluate(at, drag)
         self.force = float(np.abs(np.asarray(evaluation.gradient)[self.free]).max())
         return evaluation
 
@@ -95,8 +95,8 @@ def test_strain_steps_follow_the_path_of_double_precision(monkeypatch):
 
     single, factorised = states(), System.factorise
 
-    def exactly(self, shift, convexified, contact=None, exact=False):
-        return factorised(self, shift, convexified, contact, exact=True)
+    def exactly(self, shift, convexified, exact=False):
+        return factorised(self, shift, convexified, exact=True)
 
     monkeypatch.setattr(System, "factorise", exactly)
     for one, other in zip(single, states(), strict=True):
