@@ -1,16 +1,14 @@
 """The paper's method: damped dynamics until nothing moves (:mod:`knitlab.solvers.dynamics`).
 
-Motions are cut into pieces, so that the watch can be looked at between them. A load step starts as
-for the other methods, from rest; no time is spent on pulling slowly, which spares the dynamics the
-better part of what knitlab's own tensile test by dynamics takes.
+A load step starts as for the other methods, from rest; no time is spent on pulling slowly, which
+spares the dynamics the better part of what knitlab's own tensile test by dynamics takes.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.solver.problem import Free, Problem, Search, Unknowns
-from benchmarks.solver.watch import GivenUp, Watch
+from benchmarks.solver.problem import Free, GivenUp, Problem, Search, Unknowns
 from knitlab.model.fabric import Configuration
 from knitlab.model.inertia import Inertia
 from knitlab.solvers.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
@@ -18,8 +16,7 @@ from knitlab.solvers.dynamics.motion import Moving, advance
 from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.loading import WARP, all_free
 
-PIECE = 1.0
-"""Length of a piece of motion [ms]."""
+PIECE = 1.0  # length of a piece of motion [ms]
 
 
 def dynamics(settings: Dynamics, damping_ratio: float) -> Search:
@@ -30,33 +27,21 @@ def dynamics(settings: Dynamics, damping_ratio: float) -> Search:
         damping_ratio: in place of the settings' [1].
     """
 
-    def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
+    def search(problem: Problem, start: Unknowns, free: Free) -> Unknowns:
         own = replace(settings, rest_force=problem.tolerance)
         held = len(free) < len(all_free(problem.shape))
         moving = _at_rest(problem, start, own, held, damping_ratio / settings.damping_ratio)
         while not moving.resting[0]:
-            before = moving.steps[0]
             moving = advance(moving, moving.time + PIECE, own, to_rest=True)
             if moving.diverged[0]:
                 raise GivenUp("the dynamics diverged")
-            watch.sees(float(moving.seen.force[0]), int(moving.steps[0] - before))
         return np.asarray(configuration_of(moving.motion.shape, 0).flattened())
 
     return search
 
 
-def prepare(settings: Dynamics, problem: Problem) -> None:
-    """Compile its programs by a short motion, after which any force may be left."""
-    moving = _at_rest(problem, problem.flat, settings, held=False)
-    advance(moving, np.array([1e-6]), settings)
-
-
 def _at_rest(
-    problem: Problem,
-    start: Unknowns,
-    settings: Dynamics,
-    held: bool,
-    damping_factor: float = 1.0,
+    problem: Problem, start: Unknowns, settings: Dynamics, held: bool, damping_factor: float
 ) -> Moving:
     if problem.inertia is None:
         raise ValueError("the dynamics need a mass; pose the problem with method=dynamics")

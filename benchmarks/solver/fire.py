@@ -15,12 +15,10 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from benchmarks.solver.problem import Free, Problem, Search, Unknowns
-from benchmarks.solver.watch import GivenUp, Watch
+from benchmarks.solver.problem import Free, GivenUp, Problem, Search, Unknowns
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.network import MeshShape, network
-from knitlab.solvers.equilibrium.loading import all_free
 
 DELAY = 20
 GROWTH, CUT = 1.1, 0.5
@@ -29,7 +27,7 @@ LARGEST, SMALLEST = 10.0, 0.02
 """Largest and smallest time step over the initial one."""
 MOST_TURNS = 2000
 STEPS_AT_A_TIME = 100
-"""Steps between two looks at the watch."""
+"""Steps of one compiled loop."""
 
 
 class _Motion(eqx.Module):
@@ -105,29 +103,18 @@ def _compiled(shape: MeshShape) -> Callable[..., tuple[_Motion, Array]]:
 def fire(first_step: float) -> Search:
     """FIRE from rest, with an initial time step in units of √(g mm/N) at unit masses."""
 
-    def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
-        motion, before = _at_rest(start, first_step), 0
+    def search(problem: Problem, start: Unknowns, free: Free) -> Unknowns:
+        motion = _at_rest(start, first_step)
         is_free = jnp.asarray(problem.which(free))
         numbers = jnp.asarray(first_step), jnp.asarray(problem.tolerance)
         while True:
             motion, residual = _compiled(problem.shape)(problem.fabric, is_free, *numbers, motion)
-            steps = int(motion.steps)
-            watch.sees(float(residual), steps - before + 1)
-            if watch.residual <= problem.tolerance:
+            if residual <= problem.tolerance:
                 return np.asarray(motion.position)
-            if not np.isfinite(watch.residual) or int(motion.turns) >= MOST_TURNS:
+            if not np.isfinite(residual) or int(motion.turns) >= MOST_TURNS:
                 raise GivenUp("FIRE diverged or turned without end")
-            before = steps
 
     return search
-
-
-def prepare(problem: Problem) -> None:
-    """Compile its program."""
-    search_nothing = _at_rest(problem.flat, 1.0)
-    is_free = jnp.asarray(problem.which(all_free(problem.shape)))
-    numbers = jnp.asarray(1.0), jnp.asarray(np.inf)
-    _compiled(problem.shape)(problem.fabric, is_free, *numbers, search_nothing)
 
 
 def _at_rest(start: Unknowns, first_step: float) -> _Motion:

@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.solver.problem import Free, Problem, Search, Unknowns
-from benchmarks.solver.watch import GivenUp, Watch
+from benchmarks.solver.problem import Free, GivenUp, Problem, Search, Unknowns
 
 NO_LIMIT = 10**9
 LINE_SEARCH = 50
@@ -16,14 +15,13 @@ def lbfgs(memory: float) -> Search:
     Where its line search fails, in the round-off of the energy, it begins again from there.
     """
 
-    def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
+    def search(problem: Problem, start: Unknowns, free: Free) -> Unknowns:
         configuration = start.copy()
 
         def energy_and_gradient(unknowns: np.ndarray) -> tuple[float, np.ndarray]:
             configuration[free] = unknowns
             evaluation = problem.evaluate(configuration)
             gradient = np.asarray(evaluation.gradient)[free]
-            watch.sees(float(np.abs(gradient).max()))
             return float(evaluation.energy.total), gradient
 
         unknowns = start[free]
@@ -50,8 +48,3 @@ def lbfgs(memory: float) -> Search:
             unknowns = found.x
 
     return search
-
-
-def prepare(problem: Problem) -> None:
-    """Compile its program."""
-    problem.evaluate(problem.flat)

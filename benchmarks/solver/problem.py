@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from benchmarks.solver.watch import Watch
 from knitlab.model.energy import COMPLETE, Evaluation
 from knitlab.model.fabric import Configuration, Fabric, flat_sheet
 from knitlab.model.inertia import Inertia
@@ -70,61 +69,36 @@ class Problem:
         return self.chunked.evaluate(COMPLETE, unknowns)
 
 
-Search = Callable[[Problem, Unknowns, Free, Watch], Unknowns]
-"""Moves the free unknowns to where no force above the tolerance is left on them.
-
-It raises :class:`~benchmarks.solver.watch.GivenUp` where it does not get there."""
-
-
-@dataclass(frozen=True)
-class Method:
-    """A way to the states of a tensile test.
-
-    Attributes:
-        relax: from the flat sheet to the relaxed shape.
-        pull: through the whole test; every state in turn, the relaxed shape first.
-        prepare: compiles what there is to compile.
-    """
-
-    relax: Callable[[Problem, Watch], Unknowns]
-    pull: Callable[[Problem, Watch], list[Unknowns]]
-    prepare: Callable[[Problem], None]
+Search = Callable[[Problem, Unknowns, Free], Unknowns]
+"""Moves the free unknowns to where no force above the tolerance is left on them, or raises
+:class:`GivenUp`."""
 
 
-def by(search: Search, prepare: Callable[[Problem], None]) -> Method:
-    """The method that takes one search for everything."""
-    relax = partial(relax_by, search)
-    return Method(relax, partial(pull_by, search, relax), prepare)
+class GivenUp(Exception):
+    """A search that is not going to reach the tolerance."""
 
 
-def relax_by(search: Search, problem: Problem, watch: Watch) -> Unknowns:
+def relaxed_by(search: Search, problem: Problem) -> Unknowns:
     """Relax a flat sheet; a sample for clamping is aligned and relaxed again, as by knitlab."""
     free = all_free(problem.shape)
-    relaxed = search(problem, problem.flat, free, watch)
+    relaxed = search(problem, problem.flat, free)
     if problem.shape.periodic:
         return relaxed
     flat, shape = (Configuration.of(of, problem.shape) for of in (problem.flat, relaxed))
     aligned = np.asarray(rigidly_aligned(problem.shape, flat, shape).flattened())
-    return search(problem, aligned, free, watch)
+    return search(problem, aligned, free)
 
 
-def pull_by(
-    search: Search,
-    relax: Callable[[Problem, Watch], Unknowns],
-    problem: Problem,
-    watch: Watch,
-) -> list[Unknowns]:
-    """Relax and pull in as many steps as there are strains.
+def pulled_by(search: Search, problem: Problem) -> list[Unknowns]:
+    """Relax and pull in as many steps as there are strains; every state in turn.
 
-    The first starts from an affine stretch, the others from the line through the last two states.
+    The first step starts from an affine stretch, the others from the line through the last two
+    states.
     """
-    states = [relax(problem, watch)]
-    watch.states = 1
+    states = [relaxed_by(search, problem)]
     loading = loading_of(problem.shape, Configuration.of(states[0], problem.shape))
     strains = problem.applied_strain
     for place in range(1, len(strains)):
         passed = list(zip(strains[:place], states, strict=True))[-2:]
-        start = loading.ahead(passed, strains[place])
-        states.append(search(problem, start, loading.free, watch))
-        watch.states = len(states)
+        states.append(search(problem, loading.ahead(passed, strains[place]), loading.free))
     return states
