@@ -2,7 +2,7 @@
 
 The stiffness is factorised by a sparse Cholesky, ordered by nested dissection: the multifrontal
 method (:mod:`knitlab.solvers.factorisation`) is faster here than CHOLMOD, PARDISO and SuperLU,
-with which ``benchmarks.solver`` compares it.
+with which ``benchmarks/bench_solvers.py`` compares it.
 """
 
 from collections.abc import Callable
