@@ -8,5 +8,5 @@ import numpy as np
 
 
 def array_library(*values: Any) -> Any:
-    """JAX's NumPy if any value is or holds an array of JAX, else NumPy, which does not compile."""
+    """JAX's NumPy if any value holds an array of JAX, else NumPy, which compiles nothing."""
     return jnp if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(values)) else np

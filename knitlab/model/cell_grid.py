@@ -33,7 +33,7 @@ class CellGrid:
 
 
 def central(count: int) -> slice:
-    """The central ones of ``count`` unit cells along one direction, over which is averaged.
+    """The central ones of ``count`` unit cells along a direction: results are their average.
 
     Their middle is in the middle third; if none is, they are the two next to the middle: 1 of 1,
     2 of 2, 1 of 3, 2 of 4, 1 of 5, 3 of 11, 8 of 22. The paper does not state its number.
@@ -48,7 +48,7 @@ def nodes_at(
     rows: Int[np.ndarray, " row"],
     columns: Int[np.ndarray, " column"],
 ) -> Float[Array | np.ndarray, "*state row column 3"]:
-    """Positions of nodes; beyond the last of periodic fabric, images of the first [mm]."""
+    """Positions of nodes [mm]; rows and columns beyond the last are images (periodic fabric)."""
     turns_y, rows = np.divmod(rows, shape.nodes_y)
     turns_x, columns = np.divmod(columns, shape.nodes_x)
     # Of the lengths L_x in x and L_y in y, and of a shear that shifts images along y in x.

@@ -52,7 +52,7 @@ def keep_compiled_programs() -> None:
 
 
 def _kind_of_program() -> str:
-    """Version of JAX, processor, whose programs may crash on another, and threads of a program."""
+    """JAX's version, the processor (programs may crash on another), and the number of threads."""
     features = ""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -64,7 +64,7 @@ class Strip:
         return (self.right - self.left) * (self.top - self.bottom)
 
     def moved(self, x: float, y: float) -> "Strip":
-        """The strip, so far to the right and up [grid cells]."""
+        """The strip moved to the right and up [grid cells]."""
         return Strip(self.left + x, self.right + x, self.bottom + y, self.top + y)
 
     def shared(self, other: "Strip") -> "Strip | None":
@@ -105,7 +105,7 @@ class Electrodes:
         x, y = (period, 0) if self.axis == 0 else (0, period)
 
         def common(pairs: Iterable[tuple[Strip, Strip]]) -> list[Strip]:
-            """What strips share, also with images before and after them along the electrodes."""
+            """Intersections of strips, also with their images along the electrodes."""
             turns = (-1, 0, 1) if period else (0,)
             images = ((one, other.moved(k * x, k * y)) for one, other in pairs for k in turns)
             return [strip for one, image in images if (strip := one.shared(image))]

@@ -42,11 +42,11 @@ class Friction:
 
     @property
     def acts(self) -> bool:
-        """Whether loading and unloading differ by it."""
+        """Whether friction or drift makes loading and unloading differ."""
         return self.fold_friction > 0 or self.fold_drift > 0
 
     def begun(self, fold_stiffness: Each, angle: Each) -> "FoldFriction | None":
-        """The elements of hinges, without moment at their angles from rest; None without any."""
+        """The friction elements of hinges, without moment at these angles from rest; or None."""
         if not self.fold_friction:
             return None
         k_t = np.asarray(fold_stiffness)

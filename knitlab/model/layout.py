@@ -37,7 +37,7 @@ class FabricLayout:
 
     @property
     def fold_sense(self) -> Float[np.ndarray, " hinge"]:
-        """Of every hinge, > 0 in a mountain, < 0 in a valley, 0 if it is flat at rest."""
+        """Sense of every hinge: > 0 in a mountain, < 0 in a valley, 0 if it is flat at rest."""
         return np.where(np.isnan(self.single_fold), self.patch_fold, np.sign(self.single_fold))
 
     def fabric(self, stripes: StripePair) -> Fabric:
@@ -57,7 +57,7 @@ class FabricLayout:
         if options.hinge_stiffness == "per_length":
             # The length of an edge is that on the paper's grid.
             k_t = [k_t[0] * height[:, None] * refinement, k_t[1] * width * refinement]
-        k_s, k_t = self._of_rows(stripes, (width, height), k_s, k_t)
+        k_s, k_t = self._scaled_to_rows(stripes, (width, height), k_s, k_t)
         k_s = self._with_along(stripes, height[:, None] / width, k_s)
         if self.plain is not None:
             plain = self.plain
@@ -109,7 +109,7 @@ class FabricLayout:
         cells = (len(rows), len(columns))
         return [xp.broadcast_to(columns, cells), xp.broadcast_to(rows[:, None], cells)]
 
-    def _of_rows(
+    def _scaled_to_rows(
         self, stripes: StripePair, sides: tuple[Any, Any], k_s: list[Any], k_t: list[Any]
     ) -> tuple[list[Any], list[Any]]:
         """Stiffnesses across the ridges in the rows of the grid, scaled from given row widths.

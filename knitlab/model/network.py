@@ -76,7 +76,7 @@ def mesh_shape(pattern: PatchGrid, boundary: Boundary) -> MeshShape:
 def cached_by_shape(
     function: Callable[Concatenate[MeshShape, Others], Result],
 ) -> Callable[Concatenate[MeshShape, Others], Result]:
-    """Decorator that keeps the most recent results for mesh shapes, apart for small and for large.
+    """Decorator that caches the most recent results for small and for large mesh shapes.
 
     What follows from a large shape may take a gigabyte, and subdomains of many small shapes would
     evict it from a cache for all.
@@ -187,6 +187,6 @@ def network(shape: MeshShape) -> Network:
 def _at_every(
     origins: tuple[np.ndarray, np.ndarray], offsets: list[tuple[int, int]]
 ) -> Int[np.ndarray, "element node 2"]:
-    """Rows and columns of the nodes of an element, for one at every row and column."""
+    """Rows and columns of the nodes of the element at every row and column."""
     grid = np.stack(np.meshgrid(*origins, indexing="ij"), axis=-1)
     return grid.reshape(-1, 1, 2) + np.array(offsets)

@@ -55,7 +55,7 @@ class SingleFold:
         return (np.pi - self.theta_0) * (1 if self.sense == "mountain" else -1)
 
     def moved(self, up: int, right: int, rows: int, columns: int) -> "SingleFold":
-        """The fold of a pattern of rows × columns, in a repeat so many patches up and right."""
+        """The fold in the repeat that is so many patches up and right, of rows × columns."""
         across, along, length = (right, up, rows) if self.along == "wale" else (up, right, columns)
         end = length if self.end is None else self.end
         return replace(self, at=self.at + across, start=self.start + along, end=end + along)

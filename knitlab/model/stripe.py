@@ -122,7 +122,7 @@ class StripeNumbers(eqx.Module):
 
 
 class StripePair(eqx.Module):
-    """Rib and garter stripes of a fabric, or derivatives by them; a pure fabric has its as both."""
+    """Rib and garter stripes of a fabric, or derivatives by them; equal in a pure fabric."""
 
     weft: StripeNumbers
     warp: StripeNumbers

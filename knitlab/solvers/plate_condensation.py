@@ -34,8 +34,8 @@ from knitlab.solvers.equilibrium.adjoint import LinearResponse, NoDerivative
 from knitlab.solvers.equilibrium.system import one_thread_of_blas
 
 CHUNK = 1024  # elements in a chunk: one compiled program serves all mesh shapes
-UNBALANCED = 1e-4  # largest force on a node, over the largest of an element, in equilibrium
-SOFTEST = 1e-8  # smallest eigenvalue that counts as stiff, over the largest membrane stiffness
+MAX_UNBALANCED = 1e-4  # largest force on a node, over the largest of an element, in equilibrium
+MIN_STIFFNESS = 1e-8  # smallest eigenvalue of a stiff sheet, over its largest membrane stiffness
 
 
 class PlateStatus(IntEnum):
@@ -79,12 +79,12 @@ class PlateSolver:
     def response(
         self, fabric: Fabric, state: Configuration
     ) -> tuple[Plate, Float[np.ndarray, "6 node_y node_x 3"]]:
-        """The plate of one state, and how nodes move besides per strain and curvature, or NaN."""
+        """Plate of one state, and moves of its nodes by strain and curvature; NaN if unknown."""
         unmoved = np.full((6, *np.shape(state.positions)), np.nan)
         height = float(np.mean(state.positions[..., 2]))
         forces, stiffness, mixed, unbalanced = _derivatives(self._shape, fabric, state, height)
         area = float(np.prod(state.lengths[:2]))
-        if not unbalanced < UNBALANCED:
+        if not unbalanced < MAX_UNBALANCED:
             return Plate.unknown(PlateStatus.not_converged, height), unmoved
         try:
             with one_thread_of_blas():
@@ -100,15 +100,15 @@ class PlateSolver:
 
 
 def judged(stiffness: Float[np.ndarray, "6 6"]) -> PlateStatus:
-    """Whether a stiffness is positive definite, with lengths in a unit that makes A like D."""
+    """Whether a stiffness is positive definite, in a unit of length in which A is like D."""
     membrane = np.diag(stiffness)[:3].max()
     bending = np.diag(stiffness)[3:].max()
     thickness = np.sqrt(bending / membrane) if min(bending, membrane) > 0 else 1.0
     scale = np.repeat([1, 1 / thickness], 3)
     lowest = np.linalg.eigvalsh(scale[:, None] * stiffness * scale)[0]
-    if lowest > SOFTEST * membrane:
+    if lowest > MIN_STIFFNESS * membrane:
         return PlateStatus.ok
-    return PlateStatus.singular if lowest >= -SOFTEST * membrane else PlateStatus.negative
+    return PlateStatus.singular if lowest >= -MIN_STIFFNESS * membrane else PlateStatus.negative
 
 
 def _derivatives(
@@ -199,9 +199,9 @@ def _by_deformation(
     at: Float[Array, "node 3 lane"],
     numbers: tuple[Any, ...],
 ) -> Any:
-    """Of springs, or of hinges if ``of`` is given, the gradient by deformation and moves of nodes.
+    """Gradient of an energy by deformation and moves of nodes, and its derivative by deformation.
 
-    Then its derivative by the deformation.
+    The energy is that of hinges if ``of`` is given, else of springs.
     """
     of_vectors: Callable[..., Any] = spring_energy if of is None else partial(hinge_energy, of=of)
 

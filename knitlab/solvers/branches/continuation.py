@@ -40,7 +40,7 @@ HALVINGS = 6  # of the distance onto another branch
 
 
 class Kind(IntEnum):
-    """What a point of a branch is."""
+    """Kind of a point of a branch."""
 
     regular = 0
     limit = 1

@@ -254,7 +254,7 @@ class Contact(eqx.Module):
     def over_chunks(
         self, place: Totals, visit: Callable[[Chunk, Result], Result], begin: Result
     ) -> Result:
-        """What a function of chunks and of its last result returns at the end."""
+        """Last result of a function that is called with each chunk and its previous result."""
         for kind in self.lists:
 
             def visited(number: Array, found: Result, kind: Kind = kind) -> Result:
@@ -530,7 +530,7 @@ class ContactStep:
         visit: Callable[[Chunk, Result], Result],
         begin: Result,
     ) -> Result:
-        """What a function of some chunks and of its last result returns at the end."""
+        """Last result of a function that is called with some chunks and its previous result."""
         for kind, known in near.items():
             order = jnp.argsort(~which[kind])
 

@@ -31,7 +31,8 @@ NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 """Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
 SPLIT: dict[Kind, int] = {"triangle": 1, "edges": 2}
 """Number of the first corner of the second part of a pair."""
-MARGINS = 0.1, 0.5  # least and greatest margin of a list, over the shortest side of a cell
+MIN_MARGIN = 0.1  # of a list, over the shortest side of a cell
+MAX_MARGIN = 0.5
 PLACES = 4  # of a list at least, for each node
 BLOCK = 1024  # pairs of cells whose parts are compared together
 UNFOLDED = 0.2  # approach after which neighbours may be folded, over a cell side
@@ -135,8 +136,8 @@ class PairFinder:
         The cells that are close to each other are searched only if those of the ``last`` list may
         not be all. The margin is as ``wanted`` at least, if not wider than can be [mm].
         """
-        least, margin = (fraction * self.layers.cell for fraction in MARGINS)
-        least = min(max(least, wanted), margin)
+        margin = MAX_MARGIN * self.layers.cell
+        least = min(max(MIN_MARGIN * self.layers.cell, wanted), margin)
         within = self.layers.far.begins + margin
         if last is None or not self._spent(last.cells, place) < FRESH:
             cells = self._close_cells(place, within + CLOSE * self.layers.cell)
@@ -505,7 +506,7 @@ OfCases = Float[np.ndarray, " case"]
 
 
 @dataclass(frozen=True, eq=False)
-class Touching:
+class ContactLists:
     """The lists of pairs that may touch in a batch of fabrics, one for each."""
 
     finders: Sequence[PairFinder]
@@ -515,7 +516,7 @@ class Touching:
     most: OfCases  # part up to which pairs are evaluated that come within reach
 
     @classmethod
-    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "Touching":
+    def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "ContactLists":
         """List the pairs of all fabrics."""
         places = zip(finders, _places(shape), strict=True)
         listed = [finder.listed(place) for finder, place in places]
@@ -529,7 +530,7 @@ class Touching:
 
     def covering(
         self, shape: Shape, velocity: Shape, step: OfCases, count: Int[np.ndarray, " case"]
-    ) -> tuple["Touching", Int[np.ndarray, " case"]]:
+    ) -> tuple["ContactLists", Int[np.ndarray, " case"]]:
         """Lists for some coming steps [ms], and as many of these as they cover, at least one."""
         duration = step * count
 
@@ -549,7 +550,7 @@ class Touching:
         expected = lists.now + np.maximum(then - lists.now, 0.0) * covered / np.maximum(count, 1)
         return lists._up_to(np.minimum(expected / COVERED + SPARE, 1.0)), covered
 
-    def _up_to(self, most: OfCases) -> "Touching":
+    def _up_to(self, most: OfCases) -> "ContactLists":
         """The same, with as many pairs as can be within reach up to a used part of margins."""
         first = [each.within(part) for each, part in zip(self.listed, most, strict=True)]
         contact = replace(self.contact, chunks=chunk_counts(first))
@@ -557,7 +558,7 @@ class Touching:
 
     def _renewed(
         self, shape: Shape, which: Bool[np.ndarray, " case"], margins: OfCases
-    ) -> "Touching":
+    ) -> "ContactLists":
         """The same with new lists of some fabrics, which have at least these margins [mm]."""
         fabrics = zip(self.finders, self.listed, which, _places(shape), margins, strict=True)
         listed = [

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitlab.model.energy import Energy
 from knitlab.solvers.dynamics.contact_forces import Contact, Workspace, contact_forces
-from knitlab.solvers.dynamics.contact_pairs import PairFinder, Touching
+from knitlab.solvers.dynamics.contact_pairs import ContactLists, PairFinder
 from knitlab.solvers.dynamics.grid import GridFabric, Shape
 from knitlab.solvers.dynamics.settings import Dynamics
 
@@ -83,7 +83,7 @@ class Motion(eqx.Module):
 
 
 class Observed(eqx.Module):
-    """What is computed of a motion at one time."""
+    """Energies and forces of a motion at one time."""
 
     energy: Energy  # elastic [N mm]
     kinetic: Float[Array, ""]  # of what is free [N mm]
@@ -350,7 +350,7 @@ class Moving:
     resting: Bool[np.ndarray, " case"]
     # unstable at the smallest step; they stay as they last were
     diverged: Bool[np.ndarray, " case"]
-    touching: Touching | None = None  # if the fabrics can touch themselves
+    touching: ContactLists | None = None  # if the fabrics can touch themselves
     development: "Development | None" = None  # of the folds, if they are not there at once
 
     @classmethod
@@ -367,7 +367,7 @@ class Moving:
         cases = len(bodies)
         touching = None
         if finders:
-            touching = Touching.at(finders, shape)
+            touching = ContactLists.at(finders, shape)
             body = replace(body, contact=touching.contact)
         motion = jax.vmap(Motion.at_rest)(shape)
         seen = _observe(body, motion)
@@ -552,7 +552,7 @@ def _mechanical_energy(seen: Observed) -> OfCases:
 
 
 def _select_cases(which: Bool[np.ndarray, " case"], new: Any, old: Any) -> Any:
-    """What is new of some fabrics of a batch, and old of all others."""
+    """New values for some fabrics of a batch, and old ones for all others."""
     if which.all():
         return new
     return jax.tree.map(

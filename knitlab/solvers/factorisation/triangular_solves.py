@@ -59,7 +59,7 @@ class FrontSolves:
 
 
 class GroupSolves:
-    """The same of groupable fronts of one level and size, which are stored one after another."""
+    """Triangular solves of fronts of one level and size, which are stored one after another."""
 
     def __init__(
         self,
