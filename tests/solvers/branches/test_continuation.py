@@ -102,6 +102,40 @@ def test_a_strut_buckles_at_its_critical_force_onto_the_buckled_branches():
             assert not point.unstable
 
 
+class Rotated(Analytic):
+    """Pitchfork at y = 0.3 on the branch x = 0, y = t, in rotated axes, with two idle unknowns."""
+
+    axes = np.linalg.qr(np.random.default_rng(1).normal(size=(4, 4)))[0]
+    neutral = lift = np.zeros((4, 0))
+
+    def energy(self, u, t):
+        x, y, *idle = self.axes.T @ u
+        return (0.3 - y) * x**2 / 2 + x**4 / 4 + 2 * (y - t) ** 2 + np.sum(np.square(idle))
+
+    def force(self, u, t):
+        x, y, *idle = self.axes.T @ u
+        slopes = [(0.3 - y) * x + x**3, -(x**2) / 2 + 4 * (y - t), *(2 * each for each in idle)]
+        return self.axes @ slopes
+
+    def stiffness(self, u, t):
+        x, y, *_ = self.axes.T @ u
+        own = np.diag([0.3 - y + 3 * x**2, 4.0, 2.0, 2.0])
+        own[0, 1] = own[1, 0] = -x
+        return sp.csc_array(self.axes @ own @ self.axes.T)
+
+    def force_by_parameter(self, u, t):
+        return self.axes @ [0.0, -4.0, 0.0, 0.0]
+
+
+def test_the_other_branch_of_a_pitchfork_is_reached_in_any_axes():
+    start = equilibrium(Rotated(), np.zeros(4), 0.0)
+    points = follow(Rotated(), start, (-0.1, 0.5))
+    (critical,) = [point for point in points if point.kind is not Kind.regular]
+    assert (critical.kind, critical.parameter) == (Kind.branch, pytest.approx(0.3, abs=1e-5))
+    across = [(Rotated.axes.T @ point.unknowns)[0] for point in switched(Rotated(), critical, 0.01)]
+    assert sorted(across) == pytest.approx([-0.01, 0.01], abs=1e-4)
+
+
 class Looped(Rotated):
     """Branch x = 0, y = t, unstable in the loop x² = 0.01 - (y - 0.3)²; two neutral axes."""
 
