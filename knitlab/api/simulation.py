@@ -25,7 +25,7 @@ from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods
 from knitlab.observables.schema import Status, described
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.runs.cases import cases, designs_of_section, electrode_problems
-from knitlab.runs.cube import cloth_sizes, input_values, stated_gauge
+from knitlab.runs.cube import cloth_sizes, gauge_attributes, input_values
 from knitlab.runs.material import Material, known_parameters
 from knitlab.runs.parameters import Parameters, StripeRow
 from knitlab.runs.patterns import Pattern
@@ -183,7 +183,7 @@ def simulate(
     values = {str(name): array.values for name, array in results.data_vars.items()}
     sizes = cloth_sizes(case, values, parameters.gauge)
     results = results.assign(input_values(case) | sizes)
-    results.attrs |= stated_gauge(parameters.gauge)
+    results.attrs |= gauge_attributes(parameters.gauge)
     if material is not None:
         results.attrs |= {"material": material.name} | material.on_machine.attributes
     if results["status"] != Status.ok:

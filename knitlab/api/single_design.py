@@ -17,7 +17,7 @@ from knitlab.export.knitting.specification import Prediction
 from knitlab.export.knitting.stitch_chart import is_turned
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
 from knitlab.model.stitches import Gauge
-from knitlab.runs.cube import gauge_of
+from knitlab.runs.cube import read_gauge
 from knitlab.runs.declared_fields import checked, declared
 from knitlab.runs.parameters import defaults
 from knitlab.runs.plan import make_plan
@@ -75,7 +75,7 @@ def _of_workflow(
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     """The design of a cube or of a test."""
-    gauge = gauge_of(cube.attrs) or defaults().gauge
+    gauge = read_gauge(cube.attrs) or defaults().gauge
     material = cube.attrs.get("material")
     yarn = None if material is None else YarnOnMachine.of_attributes(cube.attrs)
     if is_case(cube):

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, create_model
 
 from knitlab.claims import checks
 from knitlab.claims.margin import CheckResult, NotMeasured
-from knitlab.io.errors import Mistake, mistakes_of, raise_if_any, unknown
+from knitlab.io.errors import Mistake, pydantic_mistakes, raise_if_any, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_toml
 
@@ -102,7 +102,7 @@ def read_claims(path: Path | None = None) -> list[Claim]:
             try:
                 claims.append(_schema(test).model_validate({"name": name} | table | numbers))
             except ValidationError as error:
-                mistakes += mistakes_of(error, source)
+                mistakes += pydantic_mistakes(error, source)
     raise_if_any(mistakes)
     return claims
 

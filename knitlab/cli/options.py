@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from knitlab.cli.output import droppable_output
-from knitlab.io.compilation_cache import VARIABLE, problem_of_cache
+from knitlab.io.compilation_cache import VARIABLE, cache_problem
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
 from knitlab.io.interruption import end_at_once
 from knitlab.io.names import one_line
@@ -91,7 +91,7 @@ class CommandGroup(click.Group):
                 problem = f"may have {limit / 1e9:.1f} GB of address space, and JAX needs some"
                 raise invalid("a process", f"{problem} {MIN_BYTES / 1e9:.0f} GB; raise ulimit -v")
         cache = "" if found[0] in WITHOUT_JAX else os.environ.get(VARIABLE, "")
-        if problem := problem_of_cache(cache):
+        if problem := cache_problem(cache):
             os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
             echo_problem(problem)
         return found

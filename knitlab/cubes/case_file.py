@@ -15,7 +15,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import append_checksum, has_checksum
 from knitlab.io.errors import invalid
 from knitlab.io.names import inside
-from knitlab.io.provenance import file_digest, model_of
+from knitlab.io.provenance import file_digest, stored_model
 from knitlab.io.text_file import plain_file
 from knitlab.observables.schema import INTEGERS, MISSING, encoding
 
@@ -84,7 +84,7 @@ def _has_checksum_beside(path: Path) -> bool:
 def read_code(results: Path, case_id: str) -> str:
     """The model that computed a case; empty if the file is not a case file."""
     try:
-        return model_of(str(read_values(case_path(results, case_id), ["code"])["code"]))
+        return stored_model(str(read_values(case_path(results, case_id), ["code"])["code"]))
     except UNREADABLE:
         return ""
 

@@ -18,7 +18,7 @@ from knitlab.io.errors import (
     InputError,
     Mistake,
     invalid,
-    mistakes_of,
+    pydantic_mistakes,
     raise_if_any,
     unknown,
 )
@@ -120,7 +120,7 @@ def checked_request(
         file = DesignFile.model_validate(table)
     except ValidationError as error:
         known = dict.fromkeys(DesignFile.model_fields, "")
-        raise InputError(mistakes_of(error, source.rstrip(": "), known)) from error
+        raise InputError(pydantic_mistakes(error, source.rstrip(": "), known)) from error
     mistakes = ErrorCollector()
     read: dict[str, list[Target]] = {"targets": [], "subject_to": []}
     for key, targets in read.items():

@@ -18,7 +18,7 @@ from knitlab.design.trial import Trial, run_trial
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import InputError, Mistake
 from knitlab.runs.simulate import Progress
-from knitlab.runs.workers import Task, pool_of
+from knitlab.runs.workers import Task, worker_pool
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import NoDerivative
 
@@ -282,7 +282,7 @@ def run_searches(
     task = Task(partial(_run_search, by_start), folder)
     failed = dict[str, str]()
     pending = list(starts)
-    with pool_of(task, min(workers, len(searches)), None, False, report) as pool:
+    with worker_pool(task, min(workers, len(searches)), None, False, report) as pool:
         for attempt in range(1, ATTEMPTS + 1):
             errors = {
                 batch[0].case_id: error

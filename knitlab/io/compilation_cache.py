@@ -7,7 +7,7 @@ from knitlab.io.atomic_write import can_write_into
 VARIABLE = "JAX_COMPILATION_CACHE_DIR"
 
 
-def problem_of_cache(named: str) -> str:
+def cache_problem(named: str) -> str:
     """Why nothing can be kept in a folder; empty if it can, or if it is on no file system."""
     if not named or "://" in named or can_write_into(Path(named)):
         return ""

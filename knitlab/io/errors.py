@@ -70,7 +70,7 @@ def raise_if_any(mistakes: Collection[Mistake]) -> None:
         raise InputError(mistakes)
 
 
-def mistakes_of(
+def pydantic_mistakes(
     error: ValidationError, source: str, known: Mapping[str, str] | None = None
 ) -> list[Mistake]:
     """Mistakes that pydantic reports; for a misspelt key, with the nearest known one."""
@@ -97,7 +97,7 @@ def naming(source: str) -> Iterator[None]:
     except InputError:
         raise
     except ValidationError as error:
-        raise InputError(mistakes_of(error, source)) from error
+        raise InputError(pydantic_mistakes(error, source)) from error
     except ValueError as error:
         raise invalid(source, str(error)) from error
 

@@ -20,7 +20,7 @@ DIGITS = 12
 LIBRARIES = ("equinox", "jax", "jaxlib", "netCDF4", "numpy", "scipy", "xarray")
 
 
-def model_of(code: str) -> str:
+def stored_model(code: str) -> str:
     """The model of a stored ``code``, which earlier versions made a hash of their code."""
     return "model 1" if re.fullmatch(r"[0-9a-f]{12}", code) else code
 

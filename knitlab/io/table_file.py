@@ -97,7 +97,7 @@ def read_table(path: Path, example: str) -> Table:
     return Table(headers, pd.DataFrame([row.fields[:width] for row in rows[first:]]), above)
 
 
-def numbers_of(
+def column_numbers(
     path: Path, name: str, column: pd.Series
 ) -> tuple[Float[np.ndarray, " point"], list[Mistake]]:
     """The numbers of a column, and mistakes for the entries that are not numbers."""
@@ -130,7 +130,7 @@ def read_columns(
         known, wanted = next((pair for pair in pairs if pair[1] in pair[0]), ([], name))
         if known.count(wanted) == 1:
             column = known.index(wanted)
-            columns[name], wrong = numbers_of(path, name, rows[column])
+            columns[name], wrong = column_numbers(path, name, rows[column])
             wrong = _unit_mistakes(where, headers[column], names.get(name)) + wrong
         else:
             message = f"is missing; the file has {', '.join(headers)}; {example}"
@@ -156,14 +156,14 @@ def _unit_mistakes(where: str, header: str, unit: str | None) -> list[Mistake]:
     _, given = name_and_unit(header)
     if unit is None or not given or not _is_unit(given):
         return []
-    factor, mistakes = factor_of(where, given, unit, f"such as {unit}")
+    factor, mistakes = unit_factor(where, given, unit, f"such as {unit}")
     if not mistakes and np.isclose(factor, 1):
         return []
     shown = IN_BRACKETS.findall(header)[-1]
     return [Mistake(where, f"is in {shown} by its header, but {unit} is stated; correct one")]
 
 
-def factor_of(where: str, unit: str, target: str, hint: str) -> tuple[float, list[Mistake]]:
+def unit_factor(where: str, unit: str, target: str, hint: str) -> tuple[float, list[Mistake]]:
     """Factor from one unit to another, or a mistake; ``hint`` names accepted units."""
     quantity = pint.get_application_registry().Quantity
     given, wanted = ("dimensionless" if each == "1" else each for each in (unit, target))

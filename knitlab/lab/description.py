@@ -14,7 +14,7 @@ from pydantic import (
 
 from knitlab.io.errors import invalid
 from knitlab.io.names import Line
-from knitlab.io.table_file import factor_of
+from knitlab.io.table_file import unit_factor
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.lab.track_formats import YAxis
 from knitlab.model.stripe import periods_per_patch
@@ -34,7 +34,7 @@ class _InUnit(StrictModel):
     def factor(self, target: str) -> float:
         """Factor that converts its unit to one of :data:`UNITS`; ValueError if there is none."""
         wanted = f"of {UNITS[target]}, such as {target}"
-        factor, mistakes = factor_of("", self.unit, target, wanted)
+        factor, mistakes = unit_factor("", self.unit, target, wanted)
         if mistakes:
             raise ValueError(mistakes[0].message)
         return factor

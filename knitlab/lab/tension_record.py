@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.table_file import factor_of, name_and_unit, numbers_of, read_table
+from knitlab.io.table_file import column_numbers, name_and_unit, read_table, unit_factor
 from knitlab.lab.friction_fit import LoadingCycles, Passage
 from knitlab.lab.record_start import Correction, Tested, Zero, correction_of, start_of
 from knitlab.lab.records import Record, cycles, resampled
@@ -231,8 +231,8 @@ def _columns(
         (number, unit, name), size = columns[kind], sizes.get(kind)
         over_width = " over width" if kind == "stress" and size is None else ""
         column, (target, hint) = f"{path}: column {name}", TARGETS[kind + over_width]
-        numbers, wrong = numbers_of(path, name, table[number])
-        factor, of_unit = factor_of(column, unit, target, hint)
+        numbers, wrong = column_numbers(path, name, table[number])
+        factor, of_unit = unit_factor(column, unit, target, hint)
         if kind == "extension" and size is None:
             of_unit = [Mistake(column, "needs the gauge_length, the relaxed length, in mm")]
         mistakes += wrong + of_unit
@@ -254,7 +254,7 @@ def _kind(name: str, unit: str) -> str | None:
     plain = " ".join(name.lower().replace("_", " ").split())
     kinds = [kind for kind, names in NAMES.items() if plain in names]
     if len(kinds) > 1:
-        kinds.sort(key=lambda kind: len(factor_of(name, unit or "1", *TARGETS[kind])[1]))
+        kinds.sort(key=lambda kind: len(unit_factor(name, unit or "1", *TARGETS[kind])[1]))
     return kinds[0] if kinds else None
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from numpy.lib.format import open_memmap
 
 from knitlab.io.errors import invalid, raise_if_any, shortened
-from knitlab.io.table_file import Table, factor_of, name_and_unit, numbers_of, read_table
+from knitlab.io.table_file import Table, column_numbers, name_and_unit, read_table, unit_factor
 from knitlab.io.text_file import plain_file, read_text
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
@@ -61,7 +61,7 @@ def read_tracks(
     else:
         raise invalid(str(path), "has no suffix .npy or .csv; give one of these")
     if read.unit:
-        factor, mistakes = factor_of(str(path), read.unit, "mm", "of length")
+        factor, mistakes = unit_factor(str(path), read.unit, "mm", "of length")
         if mistakes or not np.isclose(factor, pixel):
             stated = f'pixel = {{ value = 1, unit = "{read.unit}" }}'
             raise invalid(str(path), f"has positions in {read.unit}; give {stated}")
@@ -208,7 +208,7 @@ def _column(
     texts = table.rows[table.headers.index(name) if column is None else column]
     gap = texts.str.lower().isin(["", "nan"])
     values = np.full(len(texts), np.nan)
-    values[~gap], mistakes = numbers_of(path, name, texts[~gap])
+    values[~gap], mistakes = column_numbers(path, name, texts[~gap])
     raise_if_any(mistakes)
     return values
 

@@ -11,7 +11,7 @@ from filelock import FileLock, Timeout
 from platformdirs import user_cache_path
 
 from knitlab.io.atomic_write import can_write_into
-from knitlab.io.compilation_cache import problem_of_cache
+from knitlab.io.compilation_cache import cache_problem
 from knitlab.model.threads import allowed_threads
 
 MAX_CACHE_SIZE = 512 * 2**20
@@ -28,7 +28,7 @@ def keep_compiled_programs() -> None:
     named = getattr(jax.config, "jax_compilation_cache_dir", None)
     if named is not None:
         kept = getattr(jax.config, "jax_enable_compilation_cache", True)
-        if kept and (message := problem_of_cache(named)):
+        if kept and (message := cache_problem(named)):
             warnings.warn(message, stacklevel=2)
             jax.config.update("jax_enable_compilation_cache", False)
         return

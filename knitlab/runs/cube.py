@@ -99,7 +99,7 @@ def build_cube(
     """
     known = cube_designs(old)
     entries = {} if old is None else _entries_of(old, known)
-    if old is not None and (gauge := gauge_of(old.attrs)):
+    if old is not None and (gauge := read_gauge(old.attrs)):
         for entry in entries.values():
             sizes = {name: float(entry.values[name]) for name in (*ALONG_X, *ALONG_Y)}
             entry.values.update(at_gauge(sizes, gauge, plan.gauge))
@@ -135,7 +135,7 @@ def build_cube(
         cube[name].attrs |= coordinate.attributes
     cube.attrs |= _attributes(plan, old, entries)
     if "knit_cell_x" in cube:
-        cube.attrs |= stated_gauge(plan.gauge)
+        cube.attrs |= gauge_attributes(plan.gauge)
     return cube
 
 
@@ -215,12 +215,12 @@ def cloth_sizes(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str
     return knit_sizes(lengths, case.stitches, case.options.boundary == "periodic", gauge)
 
 
-def stated_gauge(gauge: Gauge) -> dict[str, float]:
+def gauge_attributes(gauge: Gauge) -> dict[str, float]:
     """The attributes of a cube that state its gauge [mm]."""
     return {GAUGE_ATTRIBUTES[name]: value for name, value in asdict(gauge).items()}
 
 
-def gauge_of(attributes: Mapping[Any, Any]) -> Gauge | None:
+def read_gauge(attributes: Mapping[Any, Any]) -> Gauge | None:
     """The gauge that attributes of a cube state; those of pure stripes state none."""
     if not set(GAUGE_ATTRIBUTES.values()) <= set(attributes):
         return None

@@ -19,7 +19,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
 from knitlab.io.json_file import json_table, read_json
 from knitlab.io.names import Name
-from knitlab.io.provenance import MODEL, file_digests, model_of
+from knitlab.io.provenance import MODEL, file_digests, stored_model
 from knitlab.io.text_file import plain_file
 from knitlab.observables.schema import RUN, Status
 
@@ -104,7 +104,7 @@ def cube_designs(cube: xr.Dataset | None) -> dict[Labels, CubeDesign]:
     case_id, code, status = (cube[name].values for name in ("case_id", "code", "status"))
     designs = {}
     for row in np.argwhere(status != Status.excluded).tolist():
-        at, model = tuple(row), model_of(str(code[*row]))
+        at, model = tuple(row), stored_model(str(code[*row]))
         design = tuple(along[k] for along, k in zip(labels, at, strict=True))
         designs[design] = CubeDesign(at, str(case_id[at]), model, Status(int(status[at])))
     return designs

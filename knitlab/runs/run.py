@@ -16,7 +16,7 @@ from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CASE_TIMEOUT
 from knitlab.io.lock import brief_lock, locked, running_shards
-from knitlab.io.provenance import MODEL, model_of
+from knitlab.io.provenance import MODEL, stored_model
 from knitlab.observables.schema import Status
 from knitlab.runs import results_folder, workers
 from knitlab.runs.batches import Shard, workers_that_fit
@@ -198,7 +198,7 @@ def _others_run(results: Path, shard: Shard | None) -> bool:
 def _check_same_plan(plan: Plan, results: Path) -> None:
     """InputError if the shards that run in a folder have another plan."""
     recorded = results_folder.read_plan(results)
-    same_model = model_of(recorded.get("code", "")) == MODEL
+    same_model = stored_model(recorded.get("code", "")) == MODEL
     if not same_model or recorded["cases"].keys() != plan.cases.keys():
         message = "is that of the shards that run in this folder, and has other cases or another"
         hint = "wait for them, or name another results folder"
@@ -233,7 +233,7 @@ def _simulate(
     with (
         ProgressBar(missing, shown=options.show_progress) as bar,
         _until_stopped(bar, done),  # while the workers end
-        workers.pool_of(task, count, options.scheduler, options.dashboard, bar.reached) as pool,
+        workers.worker_pool(task, count, options.scheduler, options.dashboard, bar.reached) as pool,
         _until_stopped(bar, done),
     ):
         attempts = 0

@@ -22,23 +22,23 @@ MEANING = {"swatch": "a new swatch", "mean": "the mean stripe"}
 
 
 def uncertain_stripes(material: str | Path | Material, subject: str | None = None) -> Stripes:
-    """Rib and garter of a material or its file by n_stripe; InputError as of `covariance_of`.
+    """Rib and garter of a material or its file by n_stripe; InputError as of `stripe_covariance`.
 
     By default they are those of a new swatch if the scatter of repeats is known of every stripe of
     the material, otherwise those of the mean stripe, as their note says.
     """
     read = material if isinstance(material, Material) else Material.read(material)
-    chosen = subject_of(read, subject)
+    chosen = uncertain_subject(read, subject)
 
     def pair(n: int) -> tuple[UncertainStripe, UncertainStripe]:
         garter = GARTER_STITCHES_PER_RIB_STITCH * n
         rib = uncertain_stripe(read, "rib", n, chosen)
         return rib, uncertain_stripe(read, "garter", garter, chosen)
 
-    return Stripes(pair, chosen, note_of(read, chosen))
+    return Stripes(pair, chosen, subject_note(read, chosen))
 
 
-def subject_of(material: Material, asked: str | None) -> Subject:
+def uncertain_subject(material: Material, asked: str | None) -> Subject:
     """What is uncertain, as asked or by default; InputError for another word."""
     if asked is None:
         return "mean" if _without_scatter(material) else "swatch"
@@ -48,7 +48,7 @@ def subject_of(material: Material, asked: str | None) -> Subject:
     raise invalid(f"uncertainty_of {shortened(asked)}", unknown(asked, SUBJECTS, "subject"))
 
 
-def note_of(material: Material, subject: Subject) -> str:
+def subject_note(material: Material, subject: Subject) -> str:
     """A sentence that says what is uncertain, and how it is known."""
     lacking = _without_scatter(material)
     if subject == "mean" and lacking:
@@ -72,7 +72,7 @@ def _without_scatter(material: Material) -> list[str]:
     return [name for name, table in _tables(material).items() if table.repeats is None]
 
 
-def covariance_of(
+def stripe_covariance(
     material: Material, knit: Knit, n: int, subject: Subject
 ) -> tuple[Stripe, list[str], Float[np.ndarray, "number number"], float]:
     """A stripe, its uncertain numbers, and the covariance of these: of ln p, or of θ0.
@@ -114,8 +114,8 @@ def covariance_of(
 
 
 def uncertain_stripe(material: Material, knit: Knit, n: int, subject: Subject) -> UncertainStripe:
-    """A stripe with the covariance of relative changes; InputError as :func:`covariance_of`."""
-    stripe, names, matrix, freedom = covariance_of(material, knit, n, subject)
+    """A stripe with the covariance of relative changes; InputError as :func:`stripe_covariance`."""
+    stripe, names, matrix, freedom = stripe_covariance(material, knit, n, subject)
     if STIFFENING in names:
         message = f"is also of {STIFFENING}, for which cubes have no sensitivities"
         raise invalid(f"material {material.name}: {knit} {n}: covariance", f"{message}; sample it")

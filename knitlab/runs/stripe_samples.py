@@ -17,7 +17,7 @@ from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit
 from knitlab.model.stripe_covariance import Subject
 from knitlab.runs.material import SCALED, Material, with_material_file
 from knitlab.runs.parameters import defaults
-from knitlab.runs.stripe_covariance import MEANING, covariance_of, subject_of
+from knitlab.runs.stripe_covariance import MEANING, stripe_covariance, uncertain_subject
 from knitlab.runs.workflow import SETTINGS
 from knitlab.runs.workflow_file import workflow_file
 from knitlab.runs.workflow_text import PAIRED, read_workflow
@@ -54,7 +54,9 @@ def saltelli(count: int, numbers: int, seed: int) -> Float[np.ndarray, "sample n
     return np.concatenate([a, b, *exchanged])
 
 
-def root_of(covariance: Float[np.ndarray, "number number"]) -> Float[np.ndarray, "number number"]:
+def matrix_root(
+    covariance: Float[np.ndarray, "number number"],
+) -> Float[np.ndarray, "number number"]:
     """L with L Lᵀ = Σ, also of a singular Σ."""
     variances, directions = np.linalg.eigh(covariance)
     return directions * np.sqrt(np.maximum(variances, 0))
@@ -68,7 +70,7 @@ def sampled_numbers(
     knits = ("rib", n_stripe), ("garter", GARTER_STITCHES_PER_RIB_STITCH * n_stripe)
     names, middles, matrices, freedoms = list[str](), list[float](), [], []
     for knit, n in knits:
-        stripe, own, matrix, freedom = covariance_of(material, knit, n, subject)
+        stripe, own, matrix, freedom = stripe_covariance(material, knit, n, subject)
         if freedom < LEAST_FREEDOM:
             message = f"has {freedom:g} degrees of freedom, whose samples have no bounds"
             hint = f"calibrate {math.ceil(LEAST_FREEDOM) + 1} repeats or more"
@@ -81,7 +83,7 @@ def sampled_numbers(
         roots = [np.diag(np.sqrt(np.diag(matrix))) for matrix in matrices]
         deviates = saltelli(count, len(names), seed)
     else:
-        roots = [root_of(matrix) for matrix in matrices]
+        roots = [matrix_root(matrix) for matrix in matrices]
         deviates = student_hypercube(count, [len(each) for each in matrices], freedoms, seed)
     changes = deviates @ block_diag(*roots).T
     return {
@@ -107,7 +109,7 @@ def write_samples(
     base = workflow_file(workflow)
     table: dict[str, Any] = read_toml(base)
     read = Material.read(material)
-    chosen = subject_of(read, subject)
+    chosen = uncertain_subject(read, subject)
     numbers = sampled_numbers(read, n_stripe, count, seed, sobol, chosen)
     if "design" not in table:
         raise invalid(workflow, "has no designs, but pure stripes; name one with [design]")

@@ -105,7 +105,7 @@ class Task:
 
 
 @contextmanager
-def pool_of(
+def worker_pool(
     task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
 ) -> Iterator[Pool]:
     """The pool for a run: a dask scheduler, processes of this machine, or with 0 this process."""

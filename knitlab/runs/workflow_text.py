@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.io.errors import InputError, Mistake, mistakes_of, unknown
+from knitlab.io.errors import InputError, Mistake, pydantic_mistakes, unknown
 from knitlab.io.limits import MAX_CHOICES
 from knitlab.io.toml import read_toml
 from knitlab.model.electrodes import ElectrodeLayout
@@ -97,7 +97,7 @@ class WorkflowText:
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
-            read = mistakes_of(error, "", KEYS)
+            read = pydantic_mistakes(error, "", KEYS)
             mistakes += [Mistake(self._origin(each.path), each.message) for each in read]
         for name, given in self.axes.items():
             section, values = SETTINGS[name].section, []
@@ -109,7 +109,9 @@ class WorkflowText:
                 except ValidationError as error:
                     if len(mistakes) > MAX_CHOICES:
                         break
-                    messages = [entry.message for entry in mistakes_of(error, "") if number > 1]
+                    messages = [
+                        entry.message for entry in pydantic_mistakes(error, "") if number > 1
+                    ]
                     mistakes += [
                         Mistake(f"{source}: value {number}", message) for message in messages
                     ]

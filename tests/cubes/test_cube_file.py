@@ -19,7 +19,7 @@ from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
 REFERENCE = PREVIEW.parent
 
 
-def mistakes_of(path):
+def pydantic_mistakes(path):
     """What of a netCDF file is against CF 1.11: sections 2.2 to 2.5, 3.1, 3.3, 3.5 and 5."""
     mistakes = []
     with netCDF4.Dataset(path) as file:
@@ -56,18 +56,20 @@ def mistakes_of(path):
 def test_a_cube_that_is_written_follows_cf(tmp_path, name):
     kept = read_cube(REFERENCE / name)
     write_cube(kept.copy(deep=True), tmp_path / "cube.nc")
-    assert mistakes_of(tmp_path / "cube.nc") == []
+    assert pydantic_mistakes(tmp_path / "cube.nc") == []
     xr.testing.assert_equal(read_cube(tmp_path), kept)
 
 
 def test_a_case_file_that_is_written_follows_cf(tmp_path):
     write_case_file(tmp_path, CASE_ID, described(kept_file().copy(deep=True)))
-    assert mistakes_of(case_path(tmp_path, CASE_ID)) == []
+    assert pydantic_mistakes(case_path(tmp_path, CASE_ID)) == []
 
 
 def test_faults_of_another_writer_are_found(tmp_path):
     made_up_cube().assign_attrs(Conventions="CF-1.11").to_netcdf(tmp_path / "cube.nc")
-    assert mistakes_of(tmp_path / "cube.nc") == ["applied_strain: a coordinate with _FillValue"]
+    assert pydantic_mistakes(tmp_path / "cube.nc") == [
+        "applied_strain: a coordinate with _FillValue"
+    ]
 
 
 def in_another_order(cube):

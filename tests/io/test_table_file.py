@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from knitlab.io.errors import InputError
-from knitlab.io.table_file import numbers_of, read_table
+from knitlab.io.table_file import column_numbers, read_table
 from knitlab.io.text_file import read_text
 
 NAMES = "Time", "Extension", "Load", "Extra"
@@ -40,7 +40,7 @@ def read(tmp_path, content, encoding="utf-8"):
     path = tmp_path / "table.csv"
     path.write_bytes(content.encode(encoding))
     headers, rows, _ = read_table(path, "write rows of numbers")
-    return headers, np.array([numbers_of(path, "x", rows[each])[0] for each in rows]).T
+    return headers, np.array([column_numbers(path, "x", rows[each])[0] for each in rows]).T
 
 
 def written(values, separator, mark, header, block):
@@ -118,7 +118,7 @@ def test_a_row_without_a_number_is_reported_as_a_point(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("a,b\n1,2\nx,y\n5,6\n")
     _, rows, _ = read_table(path, "")
-    _, mistakes = numbers_of(path, "a", rows[0])
+    _, mistakes = column_numbers(path, "a", rows[0])
     assert "point 2 is 'x'" in str(mistakes[0])
 
 
@@ -146,7 +146,7 @@ def test_a_workbook_is_read(tmp_path):
     sheet.to_excel(path, header=False, index=False)
     headers, rows, _ = read_table(path, "")
     assert headers == ["Time [s]", "Load [N]"]
-    assert numbers_of(path, "Load", rows[1])[0].tolist() == [1.5, 2.5, 3.25]
+    assert column_numbers(path, "Load", rows[1])[0].tolist() == [1.5, 2.5, 3.25]
 
 
 @given(text=st.text(st.characters(codec="cp1252", exclude_categories=["C"]), min_size=4))

@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from knitlab.export.knitting.chart import Face
-from knitlab.io.errors import Mistake, invalid, mistakes_of, raise_if_any, shown, unknown
+from knitlab.io.errors import Mistake, invalid, pydantic_mistakes, raise_if_any, shown, unknown
 from knitlab.io.names import Line
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
@@ -163,7 +163,7 @@ def read_machine(
         mistakes += _combination_mistakes(machine)
     except ValidationError as error:
         mistakes += [
-            Mistake(f"machine {each.path}", each.message) for each in mistakes_of(error, "")
+            Mistake(f"machine {each.path}", each.message) for each in pydantic_mistakes(error, "")
         ]
     raise_if_any(mistakes)
     return machine
