@@ -15,6 +15,7 @@ from .api.knitting import knit as knit
 from .api.knitting import read_chart as read_chart
 from .api.laboratory import calibrate as calibrate
 from .api.laboratory import calibrate_friction as calibrate_friction
+from .api.laboratory import calibrate_stripe as calibrate_stripe
 from .api.laboratory import fit as fit
 from .api.sensing import capacitance_matrix as capacitance_matrix
 from .api.sensing import cross_talk as cross_talk

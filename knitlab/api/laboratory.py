@@ -1,22 +1,45 @@
 """Measurements: stripes from tension curves, and from tests of whole fabrics."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+import shutil
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 
 from knitlab.api.cubes import Cube, as_cube
+from knitlab.cubes.cube_file import cube_name
+from knitlab.cubes.selection import select
+from knitlab.figures.figure_files import draw_into
 from knitlab.io.errors import invalid, naming
-from knitlab.lab.along_ridges import check_along
+from knitlab.io.names import check_suffix
+from knitlab.io.toml import TOML
 from knitlab.lab.calibration import Calibration, Law
 from knitlab.lab.calibration import calibrate as fit_sheet
 from knitlab.lab.curves import case_for, target_of
+from knitlab.lab.experiment import import_records as import_records
 from knitlab.lab.fit import Fit, Step, fit_stripes
-from knitlab.lab.friction_fit import FrictionFit, LoadingCycles, fit_friction
+from knitlab.lab.friction_fit import FrictionFit, fit_friction
+from knitlab.lab.record_start import Zero
+from knitlab.lab.swatch import Swatch, simulated_swatches
+from knitlab.lab.tension_record import (
+    LoadingCycles,
+    TensionRecord,
+    period_of,
+    read_cycles,
+    read_tension_record,
+)
+from knitlab.model.settings import CellSize
+from knitlab.model.spring_law import SpringCurve
+from knitlab.model.stripe import Knit, Stripe
+from knitlab.runs.material import add_stripe, check_added
+from knitlab.runs.parameters import defaults
 from knitlab.runs.plan import Plan, make_plan
+from knitlab.runs.stripe_covariance import with_period
 
 Curve = Sequence[float] | Float[np.ndarray, " point"]
 AlongStrain = Sequence[float] | Float[np.ndarray, " along"]
@@ -37,7 +60,8 @@ def calibrate(
     The fit is that of the endless sheet of the paper's 3D model, so that the simulated swatch comes
     back (:func:`knitlab.simulated_swatches`). Measure until the folds are open and the springs
     stretch, to about 200 % strain: below that the three cannot be determined separately, and
-    ``undetermined`` names those that are not.
+    ``undetermined`` names those that are not. :func:`knitlab.calibrate_stripe` does all of this
+    from a file.
 
     Args:
         strain: strain relative to the relaxed period, not negative [1].
@@ -52,7 +76,7 @@ def calibrate(
             paper, and far too stiff.
 
     Returns:
-        The fitted numbers with standard errors, 95 % intervals and correlations; its method
+        The fitted parameters with standard errors, 95 % intervals and correlations; its method
         ``compared_with`` compares this law with a simpler one by AICc.
 
     Raises:
@@ -68,14 +92,13 @@ def calibrate(
         >>> round(fitted.values["k_s"], 3)
         0.817
     """
-    ridges = None
-    if along is not None:
-        ridges = np.asarray(along[0], float), np.atleast_2d(np.asarray(along[1], float)).mean(0)
-        with naming("along"):
-            check_along(*ridges)
-    with naming("curve"):
-        curve = np.asarray(strain, float), np.asarray(force, float)
-        return fit_sheet(float(period), *curve, law, per_width=per_width, along=ridges)
+
+    def record(curve: tuple[Any, Any], source: str) -> TensionRecord:
+        at, pulled = (np.asarray(each, float) for each in curve)
+        return TensionRecord(at, np.atleast_2d(pulled), per_width, source=source)
+
+    ridges = None if along is None else record(along, "along")
+    return fit_sheet(float(period), record((strain, force), "curve"), law, ridges)
 
 
 def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
@@ -89,7 +112,7 @@ def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
         period: relaxed peak-to-peak distance of the stripe [mm].
 
     Returns:
-        The numbers with standard errors; ``fit.stripe("rib", 4)`` and ``fit.friction`` for
+        The parameters with standard errors; ``fit.stripe("rib", 4)`` and ``fit.friction`` for
         :func:`knitlab.simulate`, and ``fit.comparison`` with a stripe without friction by AICc.
 
     Raises:
@@ -105,15 +128,201 @@ def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
         return fit_friction(float(period), cycles)
 
 
+@dataclass(frozen=True)
+class StripeCalibration:
+    """A stripe calibrated on the record of its swatch.
+
+    Attributes:
+        stripe: the stripe.
+        fit: its fit.
+        report: what was read and fitted, in lines of text.
+        warnings: reasons to doubt the fit.
+        refusal: why the stripe is not written and what to do; empty if it can be used.
+        settings: friction and drift as settings of a workflow, if they were fitted.
+        swatches: simulations of the swatch, with their records.
+        figure: the file of the figure, if one was drawn.
+    """
+
+    stripe: Stripe
+    fit: Calibration | FrictionFit
+    report: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+    refusal: str = ""
+    settings: tuple[str, ...] = ()
+    swatches: tuple[Swatch, ...] = ()
+    figure: Path | None = None
+
+    def __repr__(self) -> str:
+        return f"<StripeCalibration {self.stripe.knit} {self.stripe.n}: {self.fit!r}>"
+
+
+def calibrate_stripe(
+    record: str | Path,
+    knit: Knit,
+    n: int,
+    *,
+    period: float | None = None,
+    gauge_length: float | None = None,
+    gauge_stitches: float | None = None,
+    width: float | None = None,
+    thickness: float | None = None,
+    zero: Zero | None = None,
+    preload: float | None = None,
+    cycle: int = 1,
+    along: str | Path | None = None,
+    along_width: float | None = None,
+    along_gauge_length: float | None = None,
+    law: Literal["linear", "stiffening", "tabulated"] = "linear",
+    spring_curve: str | Path | None = None,
+    friction: bool = False,
+    cell_size: CellSize | None = None,
+    accept: bool = False,
+    output: str | Path | None = None,
+) -> StripeCalibration:
+    """Calibrate a stripe on the record of a tensile test of its pure fabric.
+
+    The record is read (:func:`knitlab.read_tension_record`) and fitted (:func:`calibrate`), the
+    swatch is simulated and compared with its record, and the stripe is added to a material file.
+
+    Args:
+        record: file of the test, pulled across the ridges.
+        knit: ``"rib"`` or ``"garter"``.
+        n: stitches across the stripe.
+        period: relaxed peak-to-peak distance [mm].
+        gauge_length: relaxed length between the clamps [mm].
+        gauge_stitches: stitches along the gauge length, in place of the period.
+        width: width of the swatch that the force pulls [mm].
+        thickness: thickness of the fabric, for stress over area [mm].
+        zero: what is subtracted from the force: ``"none"``, ``"start"`` or a number [N].
+        preload: tension at which the record began [N].
+        cycle: the cycle whose loading is taken.
+        along: file of the same fabric pulled along its ridges.
+        along_width: width of that swatch, by default ``width`` [mm].
+        along_gauge_length: its gauge length, by default ``gauge_length`` [mm].
+        law: of the springs: ``"linear"``, ``"stiffening"`` or ``"tabulated"``; other laws are
+            compared with linear springs.
+        spring_curve: file of the measured curve of a spring, for ``"tabulated"``.
+        friction: whether to fit friction and drift to all cycles and repeats instead.
+        cell_size: model option to simulate the stripe with, by default that of the parameters.
+        accept: whether to accept a stripe that the record does not determine.
+        output: material file to which the stripe is added, with a figure beside it.
+
+    Returns:
+        The stripe, its fit, and a report.
+
+    Raises:
+        InputError: with every mistake of a file, or if the arguments contradict each other or the
+            stripes in the file.
+
+    Example:
+        >>> record = "docs/examples/swatches/rib.csv"
+        >>> result = kl.calibrate_stripe(record, "rib", 4, period=10)
+        >>> result.fit.usable, round(result.stripe.theta_0, 2)
+        (True, 0.77)
+    """
+    if output is not None:
+        check_suffix(Path(output), TOML, "a material")
+    if spring_curve is not None and law != "tabulated":
+        raise invalid("spring_curve", "is used with law = tabulated; give both, or neither")
+    along_sizes = {"width": along_width, "gauge_length": along_gauge_length}
+    along_sizes = {name: size for name, size in along_sizes.items() if size is not None}
+    for name, length in along_sizes.items() if along is None else ():
+        message = "is of the record along the ridges; give along = FILE, or leave it out"
+        raise invalid(f"along_{name} {length:g}", message)
+    period = period_of(n, period, gauge_length, gauge_stitches)
+    size = cell_size or defaults().model.cell_size
+    swatch: dict[str, Any] = {"gauge_length": gauge_length, "width": width, "zero": zero}
+    swatch |= {"thickness": thickness, "preload": preload}
+    name, material = Path(record).name, None if output is None else Path(output)
+    if friction:
+        if law != "linear" or along is not None:
+            message = "is fitted with linear springs, across the ridges only"
+            raise invalid("friction", f"{message}; leave out law and along")
+        cycles = read_cycles(record, **swatch)
+        if material is not None:
+            check_added(material, knit, n, size, cycles.per_width)
+        fitted = calibrate_friction(cycles, period=period)
+        stripe, refusal = fitted.stripe(knit, n, size), ""
+        if fitted.undetermined and not accept:
+            refusal = f"the cycles do not determine {', '.join(fitted.undetermined)}; measure to"
+            refusal += " larger strain, or give accept = True"
+        elif material is not None:
+            source = f"knitlab calibrate {name}, with friction and drift"
+            add_stripe(material, stripe, source, cell_size=size)
+        report = [*(f"record        {line}" for line in cycles.summary), *fitted.report]
+        settings = tuple(fitted.settings)
+        return StripeCalibration(stripe, fitted, tuple(report), refusal=refusal, settings=settings)
+    across = read_tension_record(record, cycle=cycle, **swatch)
+    if material is not None:
+        check_added(material, knit, n, size, across.per_width)
+    ridges = None
+    if along is not None:
+        if not across.per_width:
+            message = "is missing, without which forces along and across cannot be compared"
+            hint = f"give that of {name} in mm, and if the other differs give along_width = WIDTH"
+            raise invalid("width", f"{message}; {hint}")
+        # A preload is that of the other record.
+        other = swatch | along_sizes | {"preload": None}
+        ridges = read_tension_record(along, cycle=cycle, **other)
+    springs = _measured_law(spring_curve) if law == "tabulated" else law
+    fit = fit_sheet(period, across, springs, ridges)
+    linear = None if law == "linear" else fit_sheet(period, across)
+    swatches = simulated_swatches(fit) if fit.converged else []
+    title = f"{n} × {n} {knit}, period {period:g} mm"
+    report = [title, *(f"record   {line}" for line in across.summary), *fit.report]
+    report += [] if linear is None else fit.comparison_report(linear)
+    report += [each.report for each in swatches]
+    refusal = ""
+    if not fit.converged:
+        refusal = "this fit did not converge; measure again"
+    elif fit.undetermined and not accept:
+        refusal = f"the record does not determine {', '.join(fit.undetermined)}; measure to a"
+        refusal += f" strain of {fit.wanted_strain:.2g}, where the folds are open, or give"
+        refusal += " accept = True"
+    stripe, figure = fit.stripe(knit, n, size), None
+    if material is not None:
+        if not refusal:
+            covariance = fit.covariance
+            if size == "flat":
+                covariance = with_period(covariance, fit.values["theta_0"])
+            add_stripe(material, stripe, fit.source(name, size), covariance, size)
+        from knitlab.figures.fits import calibration_figure
+
+        figure = material.with_name(f"{material.stem}-{knit}-{n}.png")
+        draw_into(lambda: calibration_figure(fit, title, linear, swatches), figure)
+    return StripeCalibration(
+        stripe,
+        fit,
+        tuple(report),
+        warnings=(*fit.warnings, *(each.warning for each in swatches if each.warning)),
+        refusal=refusal,
+        swatches=tuple(swatches),
+        figure=figure,
+    )
+
+
+def _measured_law(path: str | Path | None) -> SpringCurve:
+    """The law of springs whose curve is in a file."""
+    if path is None:
+        raise invalid("spring_curve", "is missing; give it for law = tabulated")
+    table = read_tension_record(path, zero="none")
+    with naming(str(path)):
+        return SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
+
+
 def fit(
     experiment: Cube,
     workflow: str | Path | Plan,
+    overrides: Sequence[str] = (),
     *,
-    looseness: float = 0.2,
+    selections: Mapping[str, Any] = {},
+    prior_std: float = 0.2,
     model_error: float = 0.01,
     starts: int = 4,
     step: Step = lambda tests, chi_squared: None,
     kept: str | Path | None = None,
+    output: str | Path | None = None,
+    looseness: float | None = None,
     **settings: Any,
 ) -> Fit:
     """Fit k_s, k_t and θ0 of both stripes to a test of a whole fabric.
@@ -123,11 +332,16 @@ def fit(
     Args:
         experiment: cube of one experiment on one design, in one cycle.
         workflow: name, path or plan of a workflow with only one case of that design.
-        looseness: relative standard deviation of the tabulated stripes, as a prior.
+        overrides: settings to replace as text, ``"k_wall=50"``, in place of ``settings``.
+        selections: values of coordinates of the experiment, such as ``{"cycle": 1}``.
+        prior_std: relative standard deviation of the tabulated stripes, as a prior.
         model_error: error of the model, as a fraction of the largest value of a curve.
         starts: largest number of starts that are tried until the test is matched.
         step: called after every test with the number of tests and χ² of the last.
-        kept: folder that keeps the tests, so that an interrupted fit continues where it was.
+        kept: folder that keeps the tests, so that an interrupted fit continues where it was; by
+            default beside ``output``, until that is written.
+        output: material file to write, with a figure beside it.
+        looseness: deprecated: ``prior_std``.
         settings: settings of the workflow to replace.
 
     Returns:
@@ -137,12 +351,32 @@ def fit(
         InputError: if the experiment cannot be fitted, the workflow has no or several such cases,
             its test does not converge, or settings are given beside a plan.
     """
-    if isinstance(workflow, Plan) and settings:
+    if looseness is not None:
+        warnings.warn("looseness is now prior_std", DeprecationWarning, stacklevel=2)
+        prior_std = looseness
+    if isinstance(workflow, Plan) and (settings or overrides):
         raise invalid("settings", "belong to workflows; plan the workflow with them")
-    plan = workflow if isinstance(workflow, Plan) else make_plan(str(workflow), settings)
-    cube = as_cube(experiment)
+    material = None if output is None else Path(output)
+    if material is not None:
+        check_suffix(material, TOML, "a material")
+    plan = workflow
+    if not isinstance(plan, Plan):
+        plan = make_plan(str(workflow), overrides or settings)
+    cube = select(as_cube(experiment), selections)
     case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))
+    if kept is None and material is not None:
+        kept = material.with_suffix(".tests")
     folder = None if kept is None else Path(kept)
-    return fit_stripes(case, target, looseness, starts=starts, step=step, kept=folder)
+    fitted = fit_stripes(case, target, prior_std, starts=starts, step=step, kept=folder)
+    if material is not None:
+        from knitlab.figures.fits import fit_figure
+
+        name = cube_name(cube)
+        source = Path(name) if isinstance(experiment, xr.Dataset) else Path(experiment)
+        fitted.material(source).write(material)
+        shutil.rmtree(material.with_suffix(".tests"), ignore_errors=True)
+        title = f"{fitted.before.label}, fitted to {name}"
+        draw_into(lambda: fit_figure(fitted, title), material.with_suffix(".png"))
+    return fitted

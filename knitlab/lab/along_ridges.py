@@ -8,14 +8,15 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import PchipInterpolator
 
+from knitlab.lab.tension_record import TensionRecord
 from knitlab.model.pure_stripe import PureStripe, tension_along
 from knitlab.model.spring_law import CurveLaw, SpringCurve
 
 KNOTS = 12  # of the curve of the springs
 SWEEPS = 60  # in which the curve settles
 SHORTENED = 20  # steps of Newton's method in each, for lengths across the ridges
-LEAST_SLOPE = 1e-3  # of the curve between knots, over its mean slope
-LEAST_POINTS = 4  # of a record
+MIN_SLOPE = 1e-3  # of the curve between knots, over its mean slope
+MIN_POINTS = 4  # of a record
 TABULATED = np.linspace(-0.6, 1.5, 211)  # strains of diagonals
 
 Points = Float[np.ndarray, " point"]
@@ -40,21 +41,17 @@ class AlongRidges:
         return float(np.sqrt(np.mean((self.force - self.fitted_force) ** 2)))
 
 
-def springs_along(
-    sheet: PureStripe, strain: Points, force: Points, *, per_width: bool
-) -> AlongRidges:
+def springs_along(sheet: PureStripe, record: TensionRecord) -> AlongRidges:
     """The springs along the ridges that give a sheet its measured force along them.
 
     Diagonals have the law of the softer springs of a cell and take part of the force. The part of
     the springs is found at some strains by iteration. Measured forces that do not increase with
-    strain are evened out, because a spring's force must increase. ValueError if the curve has too
-    few points, or no tension.
+    strain are evened out, because a spring's force must increase.
     """
-    order = np.argsort(strain, kind="stable")
-    strain, force = strain[order], force[order]
-    check_along(strain, force)
+    order = np.argsort(record.strain, kind="stable")
+    strain, force = record.strain[order], record.mean_force[order]
     cell, k_s = float(sheet.cell), float(sheet.k_s)
-    column = float(np.sin(sheet.theta_0 / 2)) if per_width else 1 / cell
+    column = float(np.sin(sheet.theta_0 / 2)) if record.per_width else 1 / cell
     over_flat_width = force * column
     at = np.unique(
         np.concatenate([[0.0], np.quantile(strain[strain > 0], np.arange(1, KNOTS) / (KNOTS - 1))])
@@ -78,8 +75,8 @@ def springs_along(
 
 def check_along(strain: Points, force: Points) -> None:
     """ValueError if a curve along the ridges has too few points, or no tension."""
-    if len(strain) < LEAST_POINTS:
-        raise ValueError(f"has {len(strain)} points; give {LEAST_POINTS} at least")
+    if len(strain) < MIN_POINTS:
+        raise ValueError(f"has {len(strain)} points; give {MIN_POINTS} at least")
     if not (np.isfinite(strain).all() and np.isfinite(force).all()):
         raise ValueError("has numbers that are not finite; remove them")
     if (least := strain.min()) < 0:
@@ -116,7 +113,7 @@ def _lengths(pulled: PchipInterpolator, k_s: float, height: Points) -> Points:
 
 def _increasing(strain: Points, force: Points) -> Points:
     """Forces from 0 at rest that increase everywhere."""
-    least = LEAST_SLOPE * force.max() / strain[-1] * strain
+    least = MIN_SLOPE * force.max() / strain[-1] * strain
     return np.append(0.0, (np.maximum.accumulate(np.maximum(force - least, 0.0)) + least)[1:])
 
 

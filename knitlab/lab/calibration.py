@@ -1,15 +1,14 @@
 """Calibration: the stripe whose endless sheet has a measured tension curve.
 
 The paper fits the zigzag of its 2D model, which is a sheet without diagonals. A sheet with the
-numbers of a zigzag is stiffer once it is unfolded, and would not reproduce a measured swatch.
+parameters of a zigzag is stiffer once it is unfolded, and would not reproduce a measured swatch.
 """
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal
 
 import jax
@@ -18,7 +17,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 
-from knitlab.lab.along_ridges import AlongRidges, springs_along
+from knitlab.io.errors import invalid, naming
+from knitlab.lab.along_ridges import AlongRidges, check_along, springs_along
 from knitlab.lab.fit_statistics import (
     Comparison,
     FitErrors,
@@ -27,6 +27,7 @@ from knitlab.lab.fit_statistics import (
     errors_by_residuals,
     errors_by_scatter,
 )
+from knitlab.lab.tension_record import TensionRecord
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.pure_stripe import PureStripe, tension_across
 from knitlab.model.settings import CellSize
@@ -61,7 +62,7 @@ VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
 """Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
 MODEL_ERROR, INDEPENDENT = 0.01, 10
-"""Error of any model, over the largest force, and the number of independent errors in a curve.
+"""Error of any model, over the largest force, and the count of independent errors in a curve.
 Even without noise, a curve that ends before the springs stretch does not determine them."""
 OF_SPRINGS = ("k_s", "stiffening_strain")
 BEYOND_OPEN = 1.1  # of the length of open folds, that a curve should reach
@@ -75,22 +76,59 @@ ALTERNATIONS = 6  # at most, of fits across the ridges and along them
 SETTLED = 0.01  # relative change of k_s, k_t and θ0 that ends them
 
 Points = Float[np.ndarray, " point"]
-AlongPoints = Float[np.ndarray, " along"]
 Unknowns = Float[np.ndarray, " fitted"]
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """A fitted stripe, and how well the curve determines it.
+@dataclass(frozen=True, kw_only=True)
+class SheetFit:
+    """Fitted parameters of an endless pure sheet, with standard errors by name.
 
-    Numbers by name are those of k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs,
-    the stiffening strain [1]. Forces are on one row [N] or, if ``per_width``, over the width
-    [N/mm].
+    They are k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs, the stiffening
+    strain [1]. Forces are on one row [N] or, if ``per_width``, over the width [N/mm].
     """
 
     period: float  # relaxed peak-to-peak distance of the stripe, as given [mm]
     values: dict[str, float]
     standard_errors: dict[str, float]
+    per_width: bool
+    law: Law = "linear"
+    along: AlongRidges | None = None  # springs along the ridges, if a curve along them was given
+
+    @property
+    def flat_cell(self) -> float:
+        """Side of a flat cell of the sheet [mm]."""
+        return self.period / (CELLS_PER_PERIOD * math.sin(self.values["theta_0"] / 2))
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of its forces."""
+        return "N/mm" if self.per_width else "N"
+
+    def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
+        """The fitted stripe, for a design with this model option.
+
+        Its period is that of the relaxed stripe if ``cell_size`` is ``"relaxed"``; if it is
+        ``"flat"``, that of the flat stripe, which is longer by 1/sin(θ0/2).
+        """
+        flat, along = CELLS_PER_PERIOD * self.flat_cell, self.along
+        parameters = {name: self.values[name] for name in self.values if name in UNITS}
+        return Stripe(
+            knit,
+            n,
+            flat if cell_size == "flat" else self.period,
+            **dict[str, Any](parameters),
+            spring_curve=self.law if isinstance(self.law, SpringCurve) else None,
+            # A row of the pure sheet is as wide as its cells are long.
+            row_width=self.flat_cell if self.per_width else None,
+            stretch_along=None if along is None else along.stretch,
+            curve_along=None if along is None else along.curve,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration(SheetFit):
+    """A fitted stripe, and how well the curve determines it."""
+
     intervals: dict[str, tuple[float, float]]  # of 95 % confidence
     correlations: Float[np.ndarray, "fitted fitted"]  # in the order of ``values``
     strain: Points
@@ -101,12 +139,9 @@ class Calibration:
     iterations: int  # number of Jacobians from the best start
     undetermined: tuple[str, ...]  # parameters that the curve does not determine
     warnings: tuple[str, ...]
-    law: Law = "linear"
-    per_width: bool = False
-    repeats: int = 1  # from 2 on, errors are those of the mean of their own fits
-    degrees_of_freedom: float = math.inf  # of the errors
-    autocorrelation: float = 0.0  # of neighbouring residuals, if errors come from these
-    along: AlongRidges | None = None  # springs along the ridges, if a curve along them was given
+    repeats: int  # from 2 on, errors are those of the mean of their own fits
+    degrees_of_freedom: float  # of the errors
+    autocorrelation: float  # of neighbouring residuals, if errors come from these
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -122,39 +157,10 @@ class Calibration:
         """Strain that a curve should reach: a tenth beyond the length of open folds."""
         return BEYOND_OPEN / math.sin(self.values["theta_0"] / 2) - 1
 
-    def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
-        """The fitted stripe, for a design with this model option.
-
-        The period in its table is that of the relaxed stripe if ``cell_size`` is ``"relaxed"``; if
-        it is ``"flat"``, that of the flat stripe, which is longer by 1/sin(θ0/2).
-        """
-        along, flat = self.along, CELLS_PER_PERIOD * self.flat_cell
-        return Stripe(
-            knit,
-            n,
-            flat if cell_size == "flat" else self.period,
-            **dict[str, Any](self.values),
-            spring_curve=self.law if isinstance(self.law, SpringCurve) else None,
-            # A row of the pure sheet is as wide as its cells are long.
-            row_width=self.flat_cell if self.per_width else None,
-            stretch_along=None if along is None else along.stretch,
-            curve_along=None if along is None else along.curve,
-        )
-
-    @property
-    def flat_cell(self) -> float:
-        """Side of a flat cell of the sheet [mm]."""
-        return self.period / (CELLS_PER_PERIOD * math.sin(self.values["theta_0"] / 2))
-
     @property
     def misfit(self) -> float:
         """Root mean square difference between curve and fit."""
         return float(np.sqrt(np.mean(self.residuals**2)))
-
-    @property
-    def force_unit(self) -> str:
-        """Unit of its forces."""
-        return "N/mm" if self.per_width else "N"
 
     @property
     def covariance(self) -> StripeCovariance:
@@ -194,30 +200,100 @@ class Calibration:
         residuals = simpler.residuals[order], self.residuals[order]
         return compare(*residuals, (len(simpler.values), len(self.values)))
 
+    @property
+    def report(self) -> list[str]:
+        """The fit in lines of text: parameters with errors, correlations, misfit."""
+        tried, agreeing = self.starts
+        freedom = f"Student's t with {self.degrees_of_freedom:.3g} degrees of freedom"
+        errors = f"of the mean of {self.repeats} repeats, by their scatter, as of {self.repeats}"
+        errors += f" swatches; {freedom}"
+        if self.repeats < MIN_REPEATS:
+            errors = "of the points of one curve, neighbours correlated by"
+            errors += f" {self.autocorrelation:.2f}; {freedom}; nothing is known about the scatter"
+            errors += " of new swatches"
+        lines = [
+            f"{name:8s} {self.values[name]:.5g} ± {self.standard_errors[name]:.2g}"
+            f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
+            for name, (low, high) in self.intervals.items()
+        ]
+        for (row, one), (column, other) in itertools.combinations(enumerate(self.values), 2):
+            lines.append(f"correlation of {one} and {other}: {self.correlations[row, column]:+.4f}")
+        lines += [
+            f"errors   {errors}",
+            f"misfit   {self.misfit:.2g} {self.force_unit} rms over {len(self.strain)} points;"
+            f" {agreeing} of {tried} starts agree, {self.iterations} steps",
+        ]
+        if self.along is not None:
+            lines.append(
+                f"along    {self.along.stretch:.4g} N/mm over flat width and strain at rest; a"
+                f" curve of {len(self.along.curve.strain)} points; misfit {self.along.misfit:.2g}"
+                f" {self.force_unit} rms over {len(self.along.strain)} points"
+            )
+        return lines
+
+    def source(self, record: str, cell_size: CellSize) -> str:
+        """The source of the stripe that was fitted to the record of this name, for its table."""
+        errors = [f"{name} {each:.2g} {UNITS[name]}" for name, each in self.standard_errors.items()]
+        convention = f"relaxed period {self.period:g} mm, for cell_size {cell_size}"
+        sources = (
+            f"knitlab calibrate {record}, {convention}",
+            f"standard errors {', '.join(errors)}",
+        )
+        return "; ".join((*sources, *self.warnings))
+
+    def comparison_report(self, linear: "Calibration") -> list[str]:
+        """Which of this law and linear springs the curve supports, in lines of text."""
+        comparison = self.compared_with(linear)
+        name = "tabulated" if isinstance(self.law, SpringCurve) else self.law
+        if math.isnan(comparison.gain_if_correlated):
+            verdict = "too few points to decide between the laws"
+        elif comparison.wanted:
+            verdict = f"the curve supports {name} springs"
+        elif comparison.refused:
+            verdict = "the curve supports linear springs"
+        else:
+            verdict = "the curve does not decide; linear springs are sufficient"
+        if not self.usable:
+            verdict += f"; the {name} fit cannot be used"
+        before, after = comparison.autocorrelation
+        return [
+            f"linear   misfit {linear.misfit:.2g} {linear.force_unit} rms, against"
+            f" {self.misfit:.2g} {self.force_unit} {name}",
+            f"AICc     {name} springs gain {comparison.gain:+.1f} if residuals are independent,"
+            f" {comparison.gain_if_correlated:+.1f} if neighbours are correlated (by {before:.2f}"
+            f" linear, {after:.2f} {name})",
+            f"law      {verdict}",
+        ]
+
 
 def calibrate(
-    period: float,
-    strain: Points,
-    force: Float[np.ndarray, "*repeat point"],
-    law: Law = "linear",
-    *,
-    per_width: bool = False,
-    along: tuple[AlongPoints, AlongPoints] | None = None,
+    period: float, record: TensionRecord, law: Law = "linear", along: TensionRecord | None = None
 ) -> Calibration:
     """Fit a stripe to tension curves across its ridges and, if there is one, along them.
 
     Diagonals couple the springs along the ridges and those across, so that the two are fitted in
-    turn until they settle. ``along`` has strains and forces, as the curve across. Without it,
-    springs along the ridges are those across, as in a pure sheet of the paper.
+    turn until they settle. Without a record along them, springs along the ridges are those across,
+    as in a pure sheet of the paper. InputError if a record has too few points, or no tension.
     """
-    first = fitted = _across(period, strain, force, law, per_width)
+    if not isinstance(law, SpringCurve) and law not in ("linear", "stiffening"):
+        raise invalid("law", f"is {law!r}; give linear, stiffening or the curve of a spring")
+    if along is not None:
+        if along.per_width != record.per_width:
+            kinds = {True: "force over width", False: "force on one row"}
+            message = f"has a {kinds[along.per_width]}, and {record.source} a"
+            hint = "give the widths of both, or none"
+            raise invalid(along.source, f"{message} {kinds[record.per_width]}; {hint}")
+        with naming(along.source):
+            check_along(along.strain, along.mean_force)
+    with naming(record.source):
+        _check_across(record, len(FITTED_IF_STIFFENING if law == "stiffening" else FITTED))
+    first = fitted = _fit_across(period, record, law)
     if along is None:
         return fitted
     for _ in range(ALTERNATIONS):
         last = fitted.values
-        sheet = PureStripe.of(fitted.stripe("rib", 1, "relaxed"))
-        springs = springs_along(sheet, *along, per_width=per_width)
-        fitted = _across(period, strain, force, law, per_width, springs, last)
+        springs = springs_along(PureStripe.of(fitted.stripe("rib", 1, "relaxed")), along)
+        fitted = _fit_across(period, record, law, springs, last)
         fitted = replace(fitted, along=springs, starts=first.starts)
         if all(abs(value / last[name] - 1) < SETTLED for name, value in fitted.values.items()):
             return fitted
@@ -225,44 +301,50 @@ def calibrate(
     return replace(fitted, converged=False, warnings=(*fitted.warnings, unsettled))
 
 
-def _across(
+def _check_across(record: TensionRecord, fitted: int) -> None:
+    strain, force = record.strain, record.mean_force
+    if len(strain) <= fitted:
+        message = f"has {len(strain)} points, which cannot determine {fitted} parameters and"
+        raise ValueError(f"{message} their errors; give at least {fitted + 1}")
+    if not np.any(force):
+        raise ValueError("has a force of zero throughout; give a curve under tension")
+    if not np.sum(strain * force) > 0:
+        raise ValueError("has a force that falls with strain; give tension as positive")
+
+
+def _fit_across(
     period: float,
-    strain: Points,
-    force: Float[np.ndarray, "*repeat point"],
+    record: TensionRecord,
     law: Law,
-    per_width: bool,
     along: AlongRidges | None = None,
     begin: Mapping[str, float] | None = None,
 ) -> Calibration:
     """Fit k_s, k_t and θ0 of a sheet to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
-    used. Two repeats or more are fitted one by one: the numbers are the means of their fits (of
+    used. Two repeats or more are fitted one by one: the parameters are the means of their fits (of
     logarithms, and of the angle), and errors and correlations follow from the scatter. With one
     curve, errors are those of the linearised fit, with the noise and its correlation along the
-    curve taken from the residuals. The curve is the force on one row of the network [N], which is
-    as wide as a cell is long, or over the width [N/mm], over strains of the relaxed period, w or h
-    [mm]. ValueError if it has too few points, or no tension.
+    curve taken from the residuals.
     """
-    repeats = np.atleast_2d(force)
-    mean = repeats.mean(axis=0)
+    strain, mean, per_width = record.strain, record.mean_force, record.per_width
     fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
-    _check_curve(strain, mean, len(fitted))
+    as_logarithm = AS_LOGARITHM[: len(fitted)]
     curve = law if isinstance(law, SpringCurve) else None
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
 
     springs = None if along is None else (along.stretch, CurveLaw.of(along.curve))
-    laws, numbers = (curve, per_width), (period, strain, springs)
+    laws, given = (curve, per_width), (period, strain, springs)
 
     def forces(unknowns: Unknowns) -> Points:
-        return np.asarray(_force(*laws, unknowns, *numbers))
+        return np.asarray(_force(*laws, unknowns, *given))
 
     def fit_to(measured: Points, start: Unknowns) -> OptimizeResult:
         scale = float(np.max(np.abs(measured)))
         return least_squares(
             lambda x: (forces(x) - measured) / scale,
             np.clip(start, *bounds),
-            jac=lambda x: np.asarray(_force_slopes(*laws, x, *numbers)) / scale,
+            jac=lambda x: np.asarray(_force_slopes(*laws, x, *given)) / scale,
             bounds=bounds,
             x_scale="jac",
             ftol=1e-12,
@@ -271,147 +353,49 @@ def _across(
             max_nfev=300,
         )
 
-    # For estimates, a row is as wide as if its folds were shut.
-    on_row = mean * (period / 4 if per_width else 1.0)
-    starts = _starts(period, strain, on_row)[:, : len(fitted)]
     if begin is not None:
         starts = np.array([[*begin.values()]])
-    elif law != "stiffening":
-        starts = starts[:: len(STARTING_STRAINS)]
-    starts = _unknowns(starts)
-    fits = [fit_to(mean, start) for start in starts]
+    else:
+        # For estimates, a row is as wide as if its folds were shut.
+        starts = _starts(period, strain, mean * (period / 4 if per_width else 1.0))
+        # Without a stiffening strain, starts that differ in it alone are one.
+        starts = starts if law == "stiffening" else starts[:: len(STARTING_STRAINS), :3]
+    fits = [fit_to(mean, start) for start in _unknowns(starts)]
     best = min(fits, key=lambda fit: fit.cost)
-    if len(repeats) >= MIN_REPEATS:
+    if len(record.force) >= MIN_REPEATS:
         # The fit to the mean curve is biased: folds of the repeats open at different strains.
-        own = np.array([fit_to(each, best.x).x for each in repeats])
+        own = np.array([fit_to(each, best.x).x for each in record.force])
         fitted_at, errors = own.mean(axis=0), errors_by_scatter(own)
     else:
         order = np.argsort(strain, kind="stable")
         fitted_at, errors = best.x, errors_by_residuals(best.jac[order], best.fun[order])
     limits = fitted_at + np.outer([-1, 0, 1], errors.halfwidths)
     with np.errstate(over="ignore"):
-        limits = np.where(AS_LOGARITHM[: len(fitted)], np.exp(limits), limits)
-    lows, values, highs = limits
+        lows, values, highs = np.where(as_logarithm, np.exp(limits), limits)
     intervals = np.stack([lows, highs], axis=-1)
     # An interior angle of a fold is between 0 and π.
     intervals[2] = np.clip(intervals[2], 0, np.pi)
-    standard_errors = errors.standard_errors * np.where(AS_LOGARITHM[: len(fitted)], values, 1.0)
+    standard_errors = errors.standard_errors * np.where(as_logarithm, values, 1.0)
     undetermined, warnings = _undetermined(best, errors)
     return Calibration(
-        period,
-        dict(zip(fitted, values.tolist(), strict=True)),
-        dict(zip(fitted, standard_errors.tolist(), strict=True)),
-        dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
-        errors.correlations,
-        strain,
-        mean,
-        forces(fitted_at),
+        period=period,
+        values=dict(zip(fitted, values.tolist(), strict=True)),
+        standard_errors=dict(zip(fitted, standard_errors.tolist(), strict=True)),
+        per_width=per_width,
+        law=law,
+        intervals=dict(zip(fitted, map(tuple, intervals.tolist()), strict=True)),
+        correlations=errors.correlations,
+        strain=strain,
+        force=mean,
+        fitted_force=forces(fitted_at),
         starts=(len(fits), sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)),
         converged=bool(best.success),
         iterations=int(best.njev),
         undetermined=undetermined,
         warnings=(*warnings, *_correlation_warnings(best, errors)),
-        law=law,
-        per_width=per_width,
-        repeats=len(repeats),
+        repeats=len(record.force),
         degrees_of_freedom=errors.degrees_of_freedom,
         autocorrelation=errors.autocorrelation,
-    )
-
-
-def _check_curve(strain: Points, force: Points, fitted: int) -> None:
-    if len(strain) <= fitted:
-        raise ValueError(
-            f"{len(strain)} points cannot determine {fitted} parameters and their errors;"
-            f" give at least {fitted + 1}"
-        )
-    if not np.any(force):
-        raise ValueError("the force is zero throughout; give a curve under tension")
-    if not np.sum(strain * force) > 0:
-        raise ValueError("the force falls with strain; give tension as positive")
-
-
-def report(calibration: Calibration) -> list[str]:
-    """The fit in lines of text: parameters with errors, correlations, misfit."""
-    tried, agreeing = calibration.starts
-    return [
-        *(
-            f"{name:8s} {calibration.values[name]:.5g} ± {calibration.standard_errors[name]:.2g}"
-            f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
-            for name, (low, high) in calibration.intervals.items()
-        ),
-        *(
-            f"correlation of {one} and {other}: {calibration.correlations[row, column]:+.4f}"
-            for (row, one), (column, other) in itertools.combinations(
-                enumerate(calibration.values), 2
-            )
-        ),
-        f"errors   {_source_of_errors(calibration)}",
-        f"misfit   {calibration.misfit:.2g} {calibration.force_unit} rms over"
-        f" {len(calibration.strain)} points; {agreeing} of {tried} starts agree,"
-        f" {calibration.iterations} steps",
-        *_report_along(calibration),
-    ]
-
-
-def _report_along(calibration: Calibration) -> Iterator[str]:
-    along = calibration.along
-    if along is not None:
-        yield (
-            f"along    {along.stretch:.4g} N/mm over flat width and strain at rest; a curve of"
-            f" {len(along.curve.strain)} points; misfit {along.misfit:.2g} {calibration.force_unit}"
-            f" rms over {len(along.strain)} points"
-        )
-
-
-def _source_of_errors(calibration: Calibration) -> str:
-    freedom = f"Student's t with {calibration.degrees_of_freedom:.3g} degrees of freedom"
-    if calibration.repeats >= MIN_REPEATS:
-        count = calibration.repeats
-        return (
-            f"of the mean of {count} repeats, by their scatter, as of {count} swatches; {freedom}"
-        )
-    correlation = f"neighbours correlated by {calibration.autocorrelation:.2f}"
-    unknown = "nothing is known about the scatter of new swatches"
-    return f"of the points of one curve, {correlation}; {freedom}; {unknown}"
-
-
-def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
-    """Which of another law and linear springs the curve supports, in lines of text."""
-    comparison = calibration.compared_with(linear)
-    name = "tabulated" if isinstance(calibration.law, SpringCurve) else calibration.law
-    if math.isnan(comparison.gain_if_correlated):
-        verdict = "too few points to decide between the laws"
-    elif comparison.wanted:
-        verdict = f"the curve supports {name} springs"
-    elif comparison.refused:
-        verdict = "the curve supports linear springs"
-    else:
-        verdict = "the curve does not decide; linear springs are sufficient"
-    if not calibration.usable:
-        verdict += f"; the {name} fit cannot be used"
-    return [
-        f"linear   misfit {linear.misfit:.2g} {linear.force_unit} rms, against"
-        f" {calibration.misfit:.2g} {calibration.force_unit} {name}",
-        f"AICc     {name} springs gain {comparison.gain:+.1f} if residuals are independent,"
-        f" {comparison.gain_if_correlated:+.1f} if neighbours are correlated (by"
-        f" {comparison.autocorrelation[0]:.2f} linear, {comparison.autocorrelation[1]:.2f} {name})",
-        f"law      {verdict}",
-    ]
-
-
-def source_of(calibration: Calibration, curve: Path, cell_size: CellSize) -> str:
-    """The source of a stripe that was fitted to the curve of a file, for its table."""
-    errors = ", ".join(
-        f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
-    )
-    return "; ".join(
-        (
-            f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for"
-            f" cell_size {cell_size}",
-            f"standard errors {errors}",
-            *calibration.warnings,
-        )
     )
 
 
@@ -475,7 +459,7 @@ def _undetermined(
     the error of any model, or if another parameter has nearly the same effect.
     """
     warnings, unknown = [], dict[str, None]()
-    # Whether a curve separates two numbers is not a matter of the scatter of a few repeats.
+    # Whether a curve separates two parameters does not depend on the scatter of a few repeats.
     separable = FitErrors(covariance_of_unit_noise(fit.jac), math.inf).correlations
     standard_errors = errors.standard_errors
     fitted = FITTED_IF_STIFFENING[: len(fit.x)]

@@ -29,7 +29,7 @@ from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.equilibrium.tensile_test import relax
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")  # of a test, in this order
-FEWEST_STRAINS = 3
+MIN_STRAINS = 3
 NO_ERROR = 1.0  # error of a missing value, which does not affect the misfit
 
 Curves = Float[np.ndarray, "quantity strain"]  # values of QUANTITIES at strains above 0
@@ -42,10 +42,6 @@ class MeasuredTest:
     applied_strain: tuple[float, ...]  # positive, ascending
     values: Curves  # NaN where not measured
     errors: Curves  # positive standard errors
-
-    def __repr__(self) -> str:
-        values, strains = int(self.measured.sum()), len(self.applied_strain)
-        return f"<MeasuredTest: {values} values at {strains} strains>"
 
     @property
     def measured(self) -> Bool[np.ndarray, "quantity strain"]:
@@ -83,8 +79,8 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         # The error of the model is a fraction of the largest value of a curve.
         errors[row] = np.hypot(np.nan_to_num(known), model_error * np.nanmax(np.abs(values[row])))
     pulled = (strains > 0) & np.isfinite(values).any(axis=0)
-    if pulled.sum() < FEWEST_STRAINS:
-        message = f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
+    if pulled.sum() < MIN_STRAINS:
+        message = f"needs at least {MIN_STRAINS} strains; import markers or the tensile test"
         raise invalid("fit", message)
     values, errors = values[:, pulled], errors[:, pulled]
     if not (errors[np.isfinite(values)] > 0).all():

@@ -16,7 +16,7 @@ from knitlab.io.errors import invalid
 from knitlab.io.names import Line
 from knitlab.io.table_file import unit_factor
 from knitlab.io.toml import StrictModel, read_checked
-from knitlab.lab.track_formats import YAxis
+from knitlab.lab.tracks.track_file import YAxis
 from knitlab.model.stripe import periods_per_patch
 from knitlab.observables.schema import SIMULATION
 from knitlab.runs.workflow import MOST_STEPS, even_strains
@@ -143,7 +143,7 @@ class CapacitanceTable(StrictModel):
 class MarkersTable(StrictModel):
     """``[markers]``: tracked points, in pixels, x to the right."""
 
-    # One of the formats of knitlab.lab.track_formats.read_tracks.
+    # One of the formats in knitlab.lab.tracks.
     file: Text
     starts: Time | None = None  # the machine's time at frame 0
     pixel: Length

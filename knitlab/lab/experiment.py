@@ -68,7 +68,7 @@ def import_records(
         The cube, its path, and a summary of the records in lines of text.
 
     Raises:
-        InputError: with every fault of the description and its records.
+        InputError: with every mistake of the description and its records.
     """
     path = Path(description)
     described = read_description(path, kind)

@@ -43,10 +43,10 @@ from knitlab.solvers.equilibrium.adjoint import NoDerivative
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """Fitted parameters: all but the periods, which can be measured directly."""
-LARGEST_FACTOR = 3.0  # largest ratio of a fitted and a tabulated parameter, or its inverse
-LARGEST_REST_ANGLE = 3.0  # upper bound of a rest angle, below π, which is flat [rad]
-MOST_TESTS = 25  # in a search on one branch
-MOST_SEARCHES = 4  # branches searched from one start
+MAX_FACTOR = 3.0  # largest ratio of a fitted and a tabulated parameter, or its inverse
+MAX_REST_ANGLE = 3.0  # upper bound of a rest angle, below π, which is flat [rad]
+MAX_TESTS = 25  # in a search on one branch
+MAX_SEARCHES = 4  # branches searched from one start
 GOOD_MATCH = 1.0  # χ² per measured value up to which no other start is tried
 SAME_STATES = 0.5  # difference, in standard errors, up to which two tests have the same states
 TOLERANCE = 1e-3  # relative change of χ², and of a factor, that ends a search
@@ -81,24 +81,75 @@ class Fit:
         factors = ", ".join(f"{name} {factor:.4g}" for name, factor in self.factors.items())
         return f"<Fit {self.after.label}: factors {factors}; {self.tests} tests>"
 
+    @property
+    def report(self) -> list[str]:
+        """The fit as lines of text."""
+        lines = [
+            f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
+        ]
+        for name, factor in self.factors.items():
+            side, quantity = STRIPE_PARAMETERS[name]
+            table = getattr(getattr(self.before, side), quantity)
+            fitted = getattr(getattr(self.after, side), quantity)
+            errors = f"{fitted * self.standard_errors[name]:8.2g}  {factor:6.3f}"
+            learned = f"{self.learned[name]:4.0%}  [{ENTRY_UNITS[quantity]}]"
+            lines.append(f"{name:15s} {table:9.4g} {fitted:9.4g} {errors}  {learned}")
+        for (row, one), (column, other) in itertools.combinations(enumerate(self.factors), 2):
+            if abs(correlation := self.correlations[row, column]) > ALIKE:
+                cannot = f"{one} and {other} are hard to separate"
+                lines.append(f"{cannot}: correlation {correlation:+.2f}")
+        first, last = map(self.target.root_mean_square, self.curves)
+        for name, measured in zip(QUANTITIES, self.target.measured, strict=True):
+            if measured.any():
+                difference = f"{first[name]:.3g} before, {last[name]:.3g} after"
+                variable = VARIABLES[name]
+                lines.append(
+                    f"{variable.long_name}: RMS difference {difference} [{variable.units}]"
+                )
+        before, after = self.chi_squared
+        count = f"over {int(self.target.measured.sum())} values; {self.tests} tests"
+        return [*lines, f"chi² {before:.4g} before, {after:.4g} after, {count}"]
+
+    def material(self, experiment: Path) -> Material:
+        """Both fitted stripes, as a material with the lengths of the sample that was simulated."""
+        sheet, sources = self.after.sheet, [f"knitlab fit {experiment}"]
+        for knit in ("rib", "garter"):
+            errors = [
+                f"{name.removeprefix(f'{knit}_')} {error:.1%}"
+                for name, error in self.standard_errors.items()
+                if name.startswith(knit)
+            ]
+            sources.append(f"{knit}: standard errors {', '.join(errors)}")
+        return Material(
+            (self.after.weft, self.after.warp),
+            name=f"fit of {experiment.name}",
+            cell_size=self.after.options.cell_size,
+            z_max=sheet.z_max,
+            thickness=sheet.thickness,
+            # Without them, walls and thickness are lengths of the network.
+            stitch_width=sheet.cloth_stitch_width or None,
+            stitch_height=sheet.cloth_stitch_height or None,
+            source="; ".join([*sources, *self.warnings]),
+        )
+
 
 def fit_stripes(
     case: Case,
     target: MeasuredTest,
-    looseness: float,
+    prior_std: float,
     starts: int = 4,
     step: Step = lambda tests, chi_squared: None,
     kept: Path | None = None,
 ) -> Fit:
     """Fit the stripes of a case to a measured test, at its strains; see :func:`knitlab.fit`."""
-    search = _Search(case, target, looseness, step, kept)
+    search = _Search(case, target, prior_std, step, kept)
     tables = np.zeros(len(FITTED))
     first = search.test(tables, flat=True)
     if first is None:
         message = "the test with the tabulated stripes does not converge at every strain; choose a"
         raise invalid(case.label, f"{message} smaller strain_max, or another sample")
     quantiles = qmc.Halton(len(FITTED), rng=0).random(starts)
-    others = np.clip(looseness * norm.ppf(quantiles[1:]), *(INSIDE * search.bounds))
+    others = np.clip(prior_std * norm.ppf(quantiles[1:]), *(INSIDE * search.bounds))
     best = last = search.from_start(tables)
     for start in others:
         if search.is_met(last.chi_squared):
@@ -127,7 +178,7 @@ class _Search:
 
     case: Case
     target: MeasuredTest
-    looseness: float
+    prior_std: float
     step: Step
     kept: Path | None
     tests: int = 0
@@ -138,10 +189,10 @@ class _Search:
     @property
     def bounds(self) -> Float[np.ndarray, "2 name"]:
         """Lower and upper bounds of the logarithms."""
-        largest = dict.fromkeys(FITTED, LARGEST_FACTOR)
+        largest = dict.fromkeys(FITTED, MAX_FACTOR)
         for name, stripe in (("rib", self.case.weft), ("garter", self.case.warp)):
-            largest[f"{name}_theta_0"] = LARGEST_REST_ANGLE / stripe.theta_0
-        return np.log([[1 / LARGEST_FACTOR] * len(FITTED), [*largest.values()]])
+            largest[f"{name}_theta_0"] = MAX_REST_ANGLE / stripe.theta_0
+        return np.log([[1 / MAX_FACTOR] * len(FITTED), [*largest.values()]])
 
     def with_parameters(self, logarithms: Logarithms) -> Case:
         return with_factors(self.case, _by_name(np.exp(logarithms)))
@@ -179,9 +230,9 @@ class _Search:
 
     def from_start(self, point: Logarithms) -> _Optimum:
         """Search from a start whose test is already simulated."""
-        for _ in range(MOST_SEARCHES):
-            rules = {"ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": None, "max_nfev": MOST_TESTS}
-            scaled = {"bounds": self.bounds, "x_scale": self.looseness}
+        for _ in range(MAX_SEARCHES):
+            rules = {"ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": None, "max_nfev": MAX_TESTS}
+            scaled = {"bounds": self.bounds, "x_scale": self.prior_std}
             result = least_squares(self.residuals, point, self.jacobian, **scaled, **rules)
             point, fitted = result.x, self.converged(result.x)
             confirmed = self.test(point, flat=True)
@@ -197,7 +248,7 @@ class _Search:
         if test is None:
             return np.full(int(self.target.measured.sum()) + len(FITTED), np.inf)
         self.step(self.tests, self.target.chi_squared(test.values))
-        return np.append(self.target.misfit(test.values), logarithms / self.looseness)
+        return np.append(self.target.misfit(test.values), logarithms / self.prior_std)
 
     def jacobian(self, logarithms: Logarithms) -> Float[np.ndarray, "row name"]:
         test = self.converged(logarithms)
@@ -208,7 +259,7 @@ class _Search:
             self.without_derivatives += 1
             slopes = np.zeros((*test.values.shape, len(FITTED)))
         rows = (slopes / self.target.errors[..., None])[self.target.measured]
-        return np.concatenate([rows, np.eye(len(FITTED)) / self.looseness])
+        return np.concatenate([rows, np.eye(len(FITTED)) / self.prior_std])
 
     def is_same(self, one: SimulatedTest, other: SimulatedTest) -> bool:
         """Whether two tests have the same states."""
@@ -229,7 +280,7 @@ class _Search:
             after=self.with_parameters(best.result.x),
             factors=_by_name(np.exp(best.result.x)),
             standard_errors=_by_name(errors),
-            learned=_by_name(1 - (errors / self.looseness) ** 2),
+            learned=_by_name(1 - (errors / self.prior_std) ** 2),
             correlations=covariance / np.outer(errors, errors),
             target=self.target,
             curves=curves,
@@ -252,7 +303,7 @@ class _Search:
             yield "the fitted fabric, tested from the flat sheet, does not converge; do not use it"
         elif not (self.is_same(best.fitted, best.confirmed) or self.is_met(best.chi_squared)):
             yield (
-                f"the fabric has several states, and {MOST_SEARCHES} searches reached others than a"
+                f"the fabric has several states, and {MAX_SEARCHES} searches reached others than a"
                 " test of their result; the match is that of the test, and the standard errors are"
                 " not reliable"
             )
@@ -260,50 +311,3 @@ class _Search:
         if (spread := chi_squared / freedom) > POOR_FIT:
             difference = f"the difference from the test is {np.sqrt(spread):.1f} times its errors"
             yield f"{difference}; the standard errors do not include this"
-
-
-def report(fit: Fit) -> Iterator[str]:
-    """The fit as lines of text."""
-    yield f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
-    for name, factor in fit.factors.items():
-        side, quantity = STRIPE_PARAMETERS[name]
-        before, after = (getattr(getattr(case, side), quantity) for case in (fit.before, fit.after))
-        numbers = f"{before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
-        learned = f"{factor:6.3f}  {fit.learned[name]:4.0%}"
-        yield f"{name:15s} {numbers}  {learned}  [{ENTRY_UNITS[quantity]}]"
-    for (row, one), (column, other) in itertools.combinations(enumerate(fit.factors), 2):
-        if abs(correlation := fit.correlations[row, column]) > ALIKE:
-            yield f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
-    first, last = map(fit.target.root_mean_square, fit.curves)
-    for name, measured in zip(QUANTITIES, fit.target.measured, strict=True):
-        if measured.any():
-            difference = f"{first[name]:.3g} before, {last[name]:.3g} after"
-            variable = VARIABLES[name]
-            yield f"{variable.long_name}: RMS difference {difference} [{variable.units}]"
-    before, after = fit.chi_squared
-    count = int(fit.target.measured.sum())
-    yield f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
-
-
-def fitted_material(fit: Fit, experiment: Path) -> Material:
-    """Both fitted stripes, as a material with the lengths of the sample that was simulated."""
-    stripes, sheet = (fit.after.weft, fit.after.warp), fit.after.sheet
-    sources = [f"knitlab fit {experiment}"]
-    for knit in (stripe.knit for stripe in stripes):
-        errors = [
-            f"{name.removeprefix(f'{knit}_')} {error:.1%}"
-            for name, error in fit.standard_errors.items()
-            if name.startswith(knit)
-        ]
-        sources.append(f"{knit}: standard errors {', '.join(errors)}")
-    return Material(
-        stripes,
-        name=f"fit of {experiment.name}",
-        cell_size=fit.after.options.cell_size,
-        z_max=sheet.z_max,
-        thickness=sheet.thickness,
-        # Without them, walls and thickness are lengths of the network.
-        stitch_width=sheet.cloth_stitch_width or None,
-        stitch_height=sheet.cloth_stitch_height or None,
-        source="; ".join([*sources, *fit.warnings]),
-    )

@@ -20,7 +20,7 @@ TRIED_CORRELATIONS = np.tanh(np.linspace(0, 2.65, 54))
 
 @dataclass(frozen=True)
 class FitErrors:
-    """Errors of the numbers of a fit; their intervals are those of Student's t.
+    """Errors of the parameters of a fit; their intervals are those of Student's t.
 
     ``autocorrelation`` is that of neighbouring residuals, if errors come from these.
     """
@@ -36,7 +36,7 @@ class FitErrors:
 
     @property
     def correlations(self) -> Matrix:
-        """Correlations of the errors; 0 with a number that has no error."""
+        """Correlations of the errors; 0 with a parameter that has no error."""
         scale = np.outer(self.standard_errors, self.standard_errors)
         return np.divide(self.covariance, scale, np.zeros_like(scale), where=scale > 0)
 
@@ -46,20 +46,33 @@ class FitErrors:
         return self.standard_errors * quantile(self.degrees_of_freedom)
 
 
-def quantile(degrees_of_freedom: Float[np.ndarray, "*any"] | float) -> Float[np.ndarray, "*any"]:
-    """Half the 95 % interval of Student's t over the standard error."""
-    return stats.t.ppf((1 + CONFIDENCE) / 2, degrees_of_freedom)
+def quantile(degrees_of_freedom: float, confidence: float = CONFIDENCE) -> float:
+    """Half the interval of Student's t over the standard error."""
+    return float(stats.t.ppf((1 + confidence) / 2, degrees_of_freedom))
 
 
 def errors_by_scatter(repeats: Float[np.ndarray, "repeat fitted"]) -> FitErrors:
-    """Errors of the mean of the numbers of repeats, by their scatter."""
+    """Errors of the mean parameters of repeats, by their scatter."""
     return FitErrors(np.cov(repeats.T) / len(repeats), len(repeats) - 1)
 
 
 def covariance_of_unit_noise(jacobian: Float[np.ndarray, "point fitted"]) -> Matrix:
-    """Covariance of fitted numbers if all residuals are independent, with variance 1."""
+    """Covariance of fitted parameters if all residuals are independent, with variance 1."""
     inverse = _inverse(jacobian)[1]
     return inverse @ inverse.T
+
+
+def covariance_by_groups(
+    jacobian: Float[np.ndarray, "point fitted"], residuals: Points, sizes: Sequence[int]
+) -> Matrix:
+    """Covariance of a least-squares fit to groups of points that differ as wholes.
+
+    The scores of groups of these sizes are independent, not those of points.
+    """
+    inverse, ends, count = covariance_of_unit_noise(jacobian), np.cumsum(sizes)[:-1], len(sizes)
+    groups = zip(np.split(jacobian, ends), np.split(residuals, ends), strict=True)
+    scores = np.array([slopes.T @ left for slopes, left in groups])
+    return count / (count - 1) * inverse @ (scores.T @ scores) @ inverse
 
 
 def errors_by_residuals(

@@ -14,7 +14,7 @@ from knitlab.observables.capacitance.sensor import CapacitorStatus, hysteresis, 
 from knitlab.runs.parameters import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
-FEWEST_POINTS = 3  # rows of a log
+MIN_POINTS = 3  # rows of a log
 LAST_STEP = 0.1  # of the applied strain, that the record may end before the last strain
 OVERLOAD = 9e36  # meters write 9.9E37 and 9.91E37 in place of what they cannot measure
 STATUS = "status"  # column that is read if there is one
@@ -162,8 +162,8 @@ def _read_log(
         if name in columns
     }
     time = values["time"]
-    if len(time) < FEWEST_POINTS:
-        message = f"has {len(time)} rows of measurements; give at least {FEWEST_POINTS}"
+    if len(time) < MIN_POINTS:
+        message = f"has {len(time)} rows of measurements; give at least {MIN_POINTS}"
         raise invalid(str(path), message)
     if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
         (one, other), at = time[falls[0] :][:2], falls[0] + 1

@@ -11,10 +11,11 @@ from knitlab.io.errors import invalid
 from knitlab.io.table_file import read_columns
 from knitlab.lab.description import Description, MarkersTable, SampleTable
 from knitlab.lab.machine import Imports, Values, read_pulls
-from knitlab.lab.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
 from knitlab.lab.records import Record, resampled
-from knitlab.lab.track_checks import without_implausible
-from knitlab.lab.track_formats import Trajectories, read_tracks, whole_numbers
+from knitlab.lab.tracks.checks import without_implausible
+from knitlab.lab.tracks.grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
+from knitlab.lab.tracks.reading import read_tracks
+from knitlab.lab.tracks.track_file import Trajectories, whole_numbers
 from knitlab.observables.unit_cells import (
     central_mean,
     lattice_vectors,
@@ -27,13 +28,13 @@ from knitlab.observables.unit_cells import (
 Vector = Float[np.ndarray, "2"]
 Strains = Float[np.ndarray, " frame"]  # applied, of every frame
 POSITIONS_EXAMPLE = "write it as in 'marker,row,column'"
-LARGEST_AT_REST = 0.25  # strain of the reference shape over the first applied strain
-LEAST_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
+MAX_AT_REST = 0.25  # strain of the reference shape over the first applied strain
+MIN_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
 PULLED_MARGIN = 0.1  # frames within this fraction of the largest strain count as fully pulled
 AGREEING = np.radians(6)  # of drift and separation, up to which the drift is along the pull
-LEAST_DRIFT = 0.1  # of the middle, over the separation of the end rows, by which one clamp moves
-LARGEST_MISALIGNMENT = 35.0  # of the fabric from its stated direction [°]
-LARGEST_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
+MIN_DRIFT = 0.1  # of the middle, over the separation of the end rows, by which one clamp moves
+MAX_MISALIGNMENT = 35.0  # of the fabric from its stated direction [°]
+MAX_SIZE_RATIO = 1.6  # of measured to stated size, or its inverse
 IN_PICTURE = {"right": (1, 0), "left": (-1, 0), "up": (0, -1), "down": (0, 1)}  # y points down
 
 
@@ -96,7 +97,7 @@ def read_markers(folder: Path, description: Description) -> Imports:
             raise invalid(str(path), f"{message} not cover {pull}; correct starts or frame_rate")
         summary.append(pulls.summary)
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
-    if pulled > LARGEST_AT_REST * requested[1]:
+    if pulled > MAX_AT_REST * requested[1]:
         message = f"already reach a strain of {pulled:.3g}"
         hint = "give fewer, or correct starts or strain_per_frame"
         raise invalid(f"{path}: relaxed_frames {table.relaxed_frames}", f"{message}; {hint}")
@@ -109,7 +110,7 @@ def read_markers(folder: Path, description: Description) -> Imports:
     if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(error[0])):
         message = f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0"
         raise invalid(str(path), f"{message}; correct starts or relaxed_frames")
-    if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * requested[-1]:
+    if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < MIN_FOLLOWED * requested[-1]:
         message = "shows markers that do not move while the sample is pulled; correct starts"
         raise invalid(str(path), message)
     if not np.isfinite(mean).any():
@@ -158,12 +159,12 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     sizes = np.linalg.norm(mean, axis=0)
     (xx, xy), (yx, yy) = mean / sizes
     misaligned = np.degrees(np.arctan2(yx - xy, xx + yy))
-    if abs(misaligned) > LARGEST_MISALIGNMENT:
+    if abs(misaligned) > MAX_MISALIGNMENT:
         message = f"are {misaligned:.0f}° from the rows and columns of markers"
         raise invalid(f"{path}: weft and warp", f"{message}; correct them, or give turned")
     for size, count, side in zip(sizes, (columns, rows), ("width", "length"), strict=True):
         stated = getattr(sample, side).to("mm")
-        if not 1 / LARGEST_SIZE_RATIO < size * count / stated < LARGEST_SIZE_RATIO:
+        if not 1 / MAX_SIZE_RATIO < size * count / stated < MAX_SIZE_RATIO:
             message = f"is {stated:.4g} mm for {count} unit cells, but the markers give"
             hint = "correct it, unit_cells, pixel or markers_per_cell"
             raise invalid(f"{path}: sample.{side}", f"{message} {size:.4g} mm each; {hint}")
@@ -185,14 +186,14 @@ def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSampl
         for across, along in (drift, separation)
     )
     difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
-    drifting = np.linalg.norm(drift) > LEAST_DRIFT * np.linalg.norm(separation)
-    if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
+    drifting = np.linalg.norm(drift) > MIN_DRIFT * np.linalg.norm(separation)
+    if drifting and abs(difference) > np.radians(MAX_MISALIGNMENT):
         moves = f"moves {abs(np.degrees(difference)):.0f}° off the separation of its rows"
         hint = "correct weft and warp, or if the camera moved give align = picture"
         raise invalid(str(path), f"shows a sample that {moves}; {hint}")
     if drifting and abs(difference) <= AGREEING:
         turn = by_drift
-    if abs(turn) > np.radians(LARGEST_MISALIGNMENT):
+    if abs(turn) > np.radians(MAX_MISALIGNMENT):
         message = f"shows a pull that is {np.degrees(turn):.0f}° from the warp"
         hint = "correct weft, warp or turned, or give align = picture"
         raise invalid(str(path), f"{message}; {hint}")
@@ -208,7 +209,7 @@ def check_pull(path: Path, marked: MarkedSample, strain: Strains) -> None:
     """
     drift, separation, across = marked.motion(strain)
     size = np.linalg.norm(separation)
-    drifts_across = np.linalg.norm(drift) > LEAST_DRIFT * size and abs(drift[0]) > abs(drift[1])
+    drifts_across = np.linalg.norm(drift) > MIN_DRIFT * size and abs(drift[0]) > abs(drift[1])
     if drifts_across and abs(across[0]) > size:
         message = "shows a sample that is pulled along its weft; correct weft and warp, or the"
         raise invalid(str(path), f"{message} order of the coordinates, which is x, y")
@@ -222,8 +223,8 @@ def _median(vectors: Float[np.ndarray, "*any 2"]) -> Vector:
 def _separation(moved: Float[np.ndarray, "frame line marker 2"]) -> Vector:
     """Motion of the last line of markers from the first, by all pairs of lines."""
     one, other = np.triu_indices(moved.shape[1], 1)
-    apart = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    return _median(apart) * (moved.shape[1] - 1)
+    separation = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
+    return _median(separation) * (moved.shape[1] - 1)
 
 
 def marker_values(

@@ -10,19 +10,19 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import t as student_t
 
 from knitlab.io.errors import invalid, shown
+from knitlab.lab.fit_statistics import quantile
 
 Zero = Literal["none", "start"] | float
 """What is subtracted from the force: nothing, the force at zero strain, or a number [N]."""
 Points = Float[np.ndarray, " point"]
 
 FIRST = 0.1  # of the range of strain, that the start is read from
-FEWEST = 8  # readings that it is read from, if there are as many
-LEAST_POINTS = 4  # different strains among them
+MIN_READINGS = 8  # that it is read from, if there are as many
+MIN_POINTS = 4  # different strains among them
 AT_REST = 1e-3  # of the range of strain, up to which readings are at zero strain
-FEWEST_AT_REST = 3  # of these, so that their own scatter gives their noise
+MIN_AT_REST = 3  # of these, so that their own scatter gives their noise
 CONFIDENCE = 0.99
 RESOLUTION = 1e-3  # of the largest force, below which a force counts as 0
 NEAR_PRELOAD = 0.1  # of a preload, by which the force at zero strain may differ from it
@@ -34,27 +34,6 @@ class Start(NamedTuple):
     force: float
     noise: float  # half-width of its confidence interval
     slope: float  # force over strain
-
-
-@dataclass(frozen=True)
-class Tested:
-    """What the user says of a test: the force to subtract, and the tension at its start."""
-
-    zero: Zero | None = None
-    preload: float | None = None  # [N]
-
-    def __post_init__(self) -> None:
-        zero, preload = self.zero, self.preload
-        number = isinstance(zero, int | float) and math.isfinite(zero)
-        if not (zero in (None, "none", "start") or number):
-            raise invalid("zero", f"is {shown(zero)}; give none, start, or a number of newtons")
-        if preload is not None and not 0 < preload < math.inf:
-            raise invalid("preload", f"is {preload:g} N; give a tension above 0")
-
-    @property
-    def in_newtons(self) -> str:
-        """The argument that is a number of newtons, if any."""
-        return "preload" if self.preload else "zero" if isinstance(self.zero, float | int) else ""
 
 
 @dataclass(frozen=True)
@@ -75,25 +54,25 @@ def start_of(strain: Points, force: Points) -> Start | None:
     steeply at first. The noise is that of the readings at zero strain, or, with fewer than three,
     that of the parabola. Without any, it is at least the difference of the parabola from a line.
     """
-    if len(strain) < LEAST_POINTS or strain.min() > FIRST * strain.max():
+    if len(strain) < MIN_POINTS or strain.min() > FIRST * strain.max():
         return None
-    reach = max(FIRST * strain.max(), np.sort(strain)[min(FEWEST, len(strain)) - 1])
+    reach = max(FIRST * strain.max(), np.sort(strain)[min(MIN_READINGS, len(strain)) - 1])
     near = strain <= reach
-    if len(np.unique(strain[near])) < LEAST_POINTS:
+    if len(np.unique(strain[near])) < MIN_POINTS:
         return None
     at, pulled = strain[near] / reach, force[near]
     parabola, line = _polynomial(at, pulled, 2), _polynomial(at, pulled, 1)
     slope = (parabola if parabola.curved else line).slope  # a line's has less noise
     resting = force[strain <= AT_REST * strain.max()]
     floor = RESOLUTION * float(np.abs(force).max())
-    if len(resting) >= FEWEST_AT_REST:
+    if len(resting) >= MIN_AT_REST:
         error = float(resting.std(ddof=1)) / math.sqrt(len(resting))
-        noise = max(_quantile(len(resting) - 1) * error, floor)
+        noise = max(quantile(len(resting) - 1, CONFIDENCE) * error, floor)
         return Start(float(resting.mean()), noise, slope / float(reach))
     value, error, least = parabola.value, parabola.error, abs(parabola.value - line.value)
     if len(resting):
         error, least = parabola.noise / math.sqrt(len(resting)), 0.0
-    noise = max(_quantile(len(at) - 3) * error, least, floor)
+    noise = max(quantile(len(at) - 3, CONFIDENCE) * error, least, floor)
     if len(resting) and abs(resting.mean() - value) > noise:
         value = float(resting.mean())
     return Start(value, noise, slope / float(reach))
@@ -114,25 +93,33 @@ def _polynomial(at: Points, values: Points, degree: int) -> _Polynomial:
     freedom = len(at) - degree - 1
     noise = math.sqrt(np.sum((values - powers @ coefficients) ** 2) / freedom)
     errors = noise * np.sqrt(np.diag(np.linalg.pinv(powers.T @ powers)))
-    curved = bool(abs(coefficients[-1]) > _quantile(freedom) * errors[-1])
+    curved = bool(abs(coefficients[-1]) > quantile(freedom, CONFIDENCE) * errors[-1])
     value, slope = coefficients[:2].tolist()
     return _Polynomial(value, slope, float(errors[0]), noise, curved)
 
 
-def _quantile(freedom: int) -> float:
-    return float(student_t.ppf((1 + CONFIDENCE) / 2, freedom))
-
-
 def correction_of(
-    where: str, starts: Mapping[str, Start | None], tested: Tested, unit: str
+    where: str,
+    starts: Mapping[str, Start | None],
+    zero: Zero | None,
+    preload: float | None,
+    unit: str,
 ) -> Correction:
     """Corrections of repeats, by the starts of their first loadings and what the user says.
 
     All forces are in one unit. InputError if a force at zero strain is above the noise and the user
     does not say what it is, or if it contradicts what the user says.
     """
+    is_number = isinstance(zero, int | float) and math.isfinite(zero)
+    if not (zero in (None, "none", "start") or is_number):
+        raise invalid("zero", f"is {shown(zero)}; give none, start, or a number of newtons")
+    if preload is not None and not 0 < preload < math.inf:
+        raise invalid("preload", f"is {preload:g} N; give a tension above 0")
+    for name, newtons in (("preload", preload), ("zero", zero)):
+        if isinstance(newtons, int | float) and unit != "N":
+            message = "is in N, but the record holds stress; give a record of the force, or zero"
+            raise invalid(f"{name} {newtons:g}", f"{message} start")
     known = {name: start for name, start in starts.items() if start is not None}
-    zero, preload = tested.zero, tested.preload
     if len(known) < len(starts) and (zero == "start" or preload is not None):
         message = "has too few readings near zero strain for zero start or a preload"
         raise invalid(where, f"{message}; give the whole record, or zero as a number")
@@ -144,12 +131,12 @@ def correction_of(
     else:
         offsets = dict.fromkeys(starts, float(zero) if isinstance(zero, float | int) else 0.0)
     slope = float(np.mean([start.slope for start in known.values()])) if known else math.nan
-    summary = [_amount([*offsets.values()], slope, unit) + " is subtracted from the force"]
+    summary = []
     if zero == "none" and known:
         kept = _amount([start.force for start in known.values()], slope, unit)
-        summary = [f"{kept} is kept at zero strain"]
-    elif zero is None:
-        summary = []
+        summary.append(f"{kept} is kept at zero strain")
+    elif zero not in (None, "none"):
+        summary.append(_amount([*offsets.values()], slope, unit) + " is subtracted from the force")
     if preload is None:
         return Correction(offsets, summary=tuple(summary))
     for name, start in known.items():

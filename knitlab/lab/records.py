@@ -12,15 +12,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
 
-FEWEST_POINTS = {2: 8, 1: 4, 0: 3}  # points needed by a polynomial of this degree
+MIN_POINTS = {2: 8, 1: 4, 0: 3}  # points needed by a polynomial of this degree
 MIN_CURVATURE = 1e-6  # of normal equations, smallest over largest, if points are not too close
 AT_REST = 1e-9  # range of the strains of records at rest, over the width of a window
 WITHIN_NOISE = 8.0  # range of the records of a hold, over the standard deviation of their noise
 AT_SPEED = 20.0  # motion at the usual speed during the shortest hold, over that range
 ABOVE_NOISE = 30.0  # motion from which a speed is estimated, over its standard deviation
-LEAST_SPEED = 0.05  # of the machine while it moves, over the largest
-FEWEST_STEPS = 5.0  # and over the resolution
-FEWEST_HELD = 10  # records of a hold
+MIN_SPEED = 0.05  # of the machine while it moves, over the largest
+MIN_STEPS = 5.0  # and over the resolution
+MIN_HELD = 10  # records of a hold
 DRAWN_OUT = 0.1  # largest extrapolation of a polynomial beyond its last point, over its length
 
 Record = Float[np.ndarray, " record"]
@@ -86,14 +86,14 @@ def _holds(extension: Record) -> list[tuple[int, int]]:
         return []
     # The median second difference of a ramp is that of its noise, of variance 1 + 4 + 1.
     noise = 1.4826 * np.median(np.abs(np.diff(extension, 2))) / math.sqrt(6)
-    apart, moved = 1, steps
-    while moved.max() < ABOVE_NOISE * noise and 2 * apart < len(extension):
-        apart *= 2
-        moved = np.abs(extension[apart:] - extension[:-apart])
-    speed = np.median(moved[moved > LEAST_SPEED * moved.max()]) / apart
+    interval, moved = 1, steps
+    while moved.max() < ABOVE_NOISE * noise and 2 * interval < len(extension):
+        interval *= 2
+        moved = np.abs(extension[interval:] - extension[:-interval])
+    speed = np.median(moved[moved > MIN_SPEED * moved.max()]) / interval
     band = WITHIN_NOISE * noise
-    needed = max(AT_SPEED * band, FEWEST_STEPS * steps[steps > 0].min()) / speed
-    length = max(FEWEST_HELD, math.ceil(needed))
+    needed = max(AT_SPEED * band, MIN_STEPS * steps[steps > 0].min()) / speed
+    length = max(MIN_HELD, math.ceil(needed))
     if length > len(extension):
         return []
     windows = np.lib.stride_tricks.sliding_window_view(extension, length)
@@ -170,7 +170,7 @@ def _at_zero(
     first = np.where(known, offset[:, None], np.inf).min(axis=0)
     last = np.where(known, offset[:, None], -np.inf).max(axis=0)
     covered = np.maximum(first, -last) <= DRAWN_OUT * np.ptp(offset)
-    for degree, fewest in FEWEST_POINTS.items():
+    for degree, fewest in MIN_POINTS.items():
         powers = offset[:, None] ** np.arange(degree + 1)
         normal = np.einsum("np,nq,ns->spq", powers, powers, known)
         curvatures, vectors = np.linalg.eigh(normal)

@@ -4,7 +4,7 @@ The network of an endless pure sheet is relaxed and pulled like any other fabric
 not depend on the three unknowns to which the fit reduces the sheet.
 """
 
-from collections.abc import Iterator
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -40,9 +40,36 @@ class Swatch:
     simulated: Points  # NaN where the simulation did not converge
 
     @property
-    def apart(self) -> float:
+    def error(self) -> float:
         """Largest difference over the largest measured force, NaN if a state did not converge."""
         return float(np.max(np.abs(self.simulated - self.force)) / np.max(np.abs(self.force)))
+
+    @property
+    def apart(self) -> float:
+        """Deprecated: :attr:`error`."""
+        warnings.warn("Swatch.apart is now Swatch.error", DeprecationWarning, stacklevel=2)
+        return self.error
+
+    @property
+    def report(self) -> str:
+        """How far the simulation is from the record, as a line of text."""
+        error = f"at most {self.error:.1%} of the largest force from its record"
+        if np.isnan(self.error):
+            error = "not every state converged"
+        strains = f"at {len(self.strain)} strains"
+        return f"swatch   simulated {self.direction} the ridges {strains}: {error}"
+
+    @property
+    def warning(self) -> str:
+        """What to do if the simulation is far from the record; empty if it is not."""
+        if not self.error > FAR:
+            return ""
+        where = self.strain[np.argmax(np.abs(self.simulated - self.force))]
+        return (
+            f"{self.direction} the ridges the simulated swatch is {self.error:.0%} of the largest"
+            f" force from its record, at a strain of {where:.2g}; compare the curves in the figure,"
+            " and try another law, or records of a smaller strain"
+        )
 
 
 def simulated_swatches(calibration: Calibration) -> list[Swatch]:
@@ -55,7 +82,7 @@ def simulated_swatches(calibration: Calibration) -> list[Swatch]:
 
     Returns:
         A swatch for each direction, with its ``strain`` [1], the measured ``force`` and the
-        ``simulated`` one, in the unit of the records; ``apart`` is their largest difference over
+        ``simulated`` one, in the unit of the records; ``error`` is their largest difference over
         the largest force.
 
     Example:
@@ -66,7 +93,7 @@ def simulated_swatches(calibration: Calibration) -> list[Swatch]:
         >>> force = tension_across(PureStripe.of(stripe), strain)
         >>> fitted = kl.calibrate(strain, force, period=1.41)
         >>> [swatch] = kl.simulated_swatches(fitted)
-        >>> bool(swatch.apart < 1e-3)
+        >>> bool(swatch.error < 1e-3)
         True
     """
     stripe = calibration.stripe("rib", 1, "relaxed")
@@ -87,28 +114,6 @@ def simulated_swatches(calibration: Calibration) -> list[Swatch]:
             simulated = simulated / width
         swatches.append(Swatch(direction, strain[some], force[some], simulated))
     return swatches
-
-
-def report(swatches: list[Swatch]) -> Iterator[str]:
-    """How far simulated swatches are from their records, in lines of text."""
-    for swatch in swatches:
-        apart = f"at most {swatch.apart:.1%} of the largest force from its record"
-        if np.isnan(swatch.apart):
-            apart = "not every state converged"
-        strains = f"at {len(swatch.strain)} strains"
-        yield f"swatch   simulated {swatch.direction} the ridges {strains}: {apart}"
-
-
-def warnings(swatches: list[Swatch]) -> Iterator[str]:
-    """Warnings of simulated swatches that are far from their records."""
-    for swatch in swatches:
-        if swatch.apart > FAR:
-            where = swatch.strain[np.argmax(np.abs(swatch.simulated - swatch.force))]
-            yield (
-                f"{swatch.direction} the ridges the simulated swatch is {swatch.apart:.0%} of the"
-                f" largest force from its record, at a strain of {where:.2g}; compare the curves"
-                " in the figure, and try another law, or records of a smaller strain"
-            )
 
 
 def _forces(stripe: Stripe, strain: Points, direction: Direction) -> Points:

@@ -1,15 +1,15 @@
-"""Records of a testing machine on a pure fabric: repeats, cycles and noise become one curve."""
+"""Records of a testing machine on a pure fabric: repeats, cycles and noise become curves."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.table_file import column_numbers, name_and_unit, read_table, unit_factor
-from knitlab.lab.friction_fit import LoadingCycles, Passage
-from knitlab.lab.record_start import Correction, Tested, Zero, correction_of, start_of
+from knitlab.io.table_file import unit_factor, name_and_unit, column_numbers, read_table
+from knitlab.lab.record_start import Zero, correction_of, start_of
 from knitlab.lab.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
@@ -49,9 +49,9 @@ TARGETS = {
         "of force over width, such as [N/mm], or give the thickness in mm for [MPa]",
     ),
 }
-"""Units to which columns are converted, and a remedy for others."""
-LEAST_POINTS = 4  # one more than the parameters of a stripe, so that errors can be estimated
-LEAST_TURN = 0.1  # smallest reversal that ends a loading branch, over the range of strain
+"""Units to which columns are converted, and the hint for others."""
+MIN_POINTS = 4  # one more than the parameters of a stripe, so that errors can be estimated
+MIN_TURN = 0.1  # smallest reversal that ends a loading branch, over the range of strain
 CURVE_POINTS = 40  # of the curve of several repeats, or of a record that is noisy or turns
 SLACK = 0.02  # strain below zero that a record may start with, where its camera begins
 
@@ -60,12 +60,44 @@ Points = Float[np.ndarray, " point"]
 
 @dataclass(frozen=True)
 class TensionRecord:
-    """Loading of a pure fabric: one curve for each repeat, at common strains."""
+    """Loading of a pure fabric: one curve for each repeat, at common strains.
 
-    strain: Points  # ascending
-    force: Float[np.ndarray, "repeat point"]  # on one row of the network [N] or per width [N/mm]
-    per_width: bool
-    summary: tuple[str, ...]  # what was read, and what was left out
+    Attributes:
+        strain: of the relaxed length, ascending [1].
+        force: of each repeat, on one row of the network [N] or over the width [N/mm].
+        per_width: whether forces are over the width.
+        summary: what was read, and what was left out.
+        source: what messages call it.
+    """
+
+    strain: Points
+    force: Float[np.ndarray, "repeat point"]
+    per_width: bool = False
+    summary: tuple[str, ...] = ()
+    source: str = "curve"
+
+    @property
+    def mean_force(self) -> Points:
+        """The mean of all repeats."""
+        return self.force.mean(axis=0)
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Records of one loading or unloading, in order; strains are of the relaxed fabric [1]."""
+
+    strain: Points
+    force: Points
+    loading: bool
+
+
+@dataclass(frozen=True)
+class LoadingCycles:
+    """Passages of one swatch in their order, the first of the relaxed fabric."""
+
+    passages: tuple[Passage, ...]
+    per_width: bool = False  # whether forces are over the width [N/mm], not on one row [N]
+    summary: tuple[str, ...] = ()  # what was subtracted, and how strains were moved
 
 
 def read_tension_record(
@@ -99,47 +131,46 @@ def read_tension_record(
         The curve of each repeat; its summary says what was subtracted and how strains were moved.
 
     Raises:
-        InputError: with every fault of the file; and if the force at zero strain is above the noise
-            but neither ``zero`` nor ``preload`` is given, or contradicts the preload.
+        InputError: with every mistake of the file; and if the force at zero strain is above the
+            noise but neither ``zero`` nor ``preload`` is given, or contradicts the preload.
+
+    Example:
+        >>> record = kl.read_tension_record("docs/examples/swatches/records/rib.csv", width=95.5)
+        >>> record.force.shape
+        (5, 40)
     """
-    path, tested = Path(path), Tested(zero, preload)
-    sizes = {"extension": gauge_length, "force": width, "stress": thickness}
-    columns, repeats, _ = _columns(path, sizes)
-    (strain, force), per_width = columns.values(), "stress" in columns or width is not None
-    owned = {name: np.array(repeats) == name for name in dict.fromkeys(repeats)}
-    first = {name: _first_loading(strain[own], force[own]) for name, own in owned.items()}
-    correction = _correction(path, first, tested, columns, width)
+    lengths = {"extension": gauge_length, "force": width, "stress": thickness}
+    records = _read(Path(path), lengths, zero, preload)
     branches, left_out = [], 0
-    for repeat, own in owned.items():
+    for repeat, (strain, force) in records.repeats.items():
         column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
-        taken, pulled, below = _loading(column, strain[own], force[own], cycle)
-        taken = (1 + taken) * (1 + correction.stretched) - 1
-        branches.append((taken, pulled - correction.offsets[repeat]))
-        left_out += below
-    turned = sum(len(branch[0]) for branch in branches) < len(strain) - left_out
-    lines = [f"{len(strain)} records of {len(branches)} repeats, loading of cycle {cycle}"]
+        loading = _loading(strain, cycle, column)
+        below = loading & (strain < 0)
+        taken = loading & ~below
+        if strain[loading].min() < -max(SLACK, SLACK * strain[loading].max()):
+            least = strain[loading].min()
+            raise invalid(column, f"goes down to {least:g}; give tension alone, from 0 up")
+        if (points := len(np.unique(strain[taken]))) < MIN_POINTS:
+            message = f"has {points} points; three parameters need at least {MIN_POINTS}"
+            raise invalid(column, message)
+        branches.append((strain[taken], force[taken]))
+        left_out += int(below.sum())
+    count = sum(len(strain) for strain, _ in records.repeats.values())
+    turned = sum(len(strain) for strain, _ in branches) < count - left_out
+    lines = [f"{count} records of {len(branches)} repeats, loading of cycle {cycle}"]
     if left_out:
         lines.append(f"{left_out} records at negative strain are left out")
-    lines += correction.summary
+    lines += records.summary
     if len(branches) == 1 and not turned and not np.any(np.diff(branches[0][0]) < 0):
-        strain, force = branches[0]
-        return TensionRecord(strain, force[None], per_width, tuple(lines))
-    start = max(float(branch[0].min()) for branch in branches)
-    end = min(float(branch[0].max()) for branch in branches)
-    edges = np.linspace(start, end, CURVE_POINTS + 1)
-    at = (edges[1:] + edges[:-1]) / 2
+        ((at, force),) = branches
+        return TensionRecord(at, force[None], records.per_width, tuple(lines), str(path))
+    start = max(float(strain.min()) for strain, _ in branches)
+    end = min(float(strain.max()) for strain, _ in branches)
+    at = _middles(start, end, CURVE_POINTS)
     curves = np.array([_filled(at, resampled(at, *branch).values) for branch in branches])
     known = np.isfinite(curves).all(axis=0)
     lines.append(f"{known.sum()} points, up to strain {at[known].max():.3g}, of every repeat")
-    return TensionRecord(at[known], curves[:, known], per_width, tuple(lines))
-
-
-def _filled(
-    at: Float[np.ndarray, " point"], force: Float[np.ndarray, " point"]
-) -> Float[np.ndarray, " point"]:
-    """Forces, interpolated between known ones where a repeat has no readings."""
-    known = np.isfinite(force)
-    return np.interp(at, at[known], force[known], left=np.nan, right=np.nan)
+    return TensionRecord(at[known], curves[:, known], records.per_width, tuple(lines), str(path))
 
 
 def read_cycles(
@@ -155,49 +186,79 @@ def read_cycles(
 
     The arguments are those of :func:`read_tension_record`. Each passage is resampled at evenly
     spaced strains; records at negative strain are left out. Offset and preload are those of the
-    first loading. InputError has every fault of the file. A column of several swatches, such as
+    first loading. InputError has every mistake of the file. A column of several swatches, such as
     ``specimen``, is refused.
     """
-    path, tested = Path(path), Tested(zero, preload)
-    sizes = {"extension": gauge_length, "force": width, "stress": thickness}
-    columns, repeats, named = _columns(path, sizes)
-    if len(set(repeats)) > 1 and named not in OF_ONE_SWATCH:
-        message = "has several swatches, and cycles are of one; give one, in a column repeat"
-        raise invalid(f"{path}: column {named}", message)
-    strain, force = columns.values()
-    own = np.array(repeats) == repeats[0]
-    first = {repeats[0]: _first_loading(strain[own], force[own])}
-    correction = _correction(path, first, tested, columns, width)
-    strain = (1 + strain) * (1 + correction.stretched) - 1
-    force = force - correction.offsets[repeats[0]]
+    lengths = {"extension": gauge_length, "force": width, "stress": thickness}
+    records = _read(Path(path), lengths, zero, preload, one_swatch=True)
     passages = list[Passage]()
-    for repeat in dict.fromkeys(repeats):
-        own = (np.array(repeats) == repeat) & (strain >= 0)
-        number = np.arange(own.sum(), dtype=float)
-        for cycle in cycles(number, strain[own], LEAST_TURN):
-            for loading in (True, False):
-                taken = cycle.loaded(number) if loading else cycle.unloaded(number)
-                at, pulled = strain[own][taken], force[own][taken]
-                if len(np.unique(at)) < LEAST_POINTS:
+    for strain, force in records.repeats.values():
+        at, pulled = strain[strain >= 0], force[strain >= 0]
+        number = np.arange(len(at), dtype=float)
+        for cycle in cycles(number, at, MIN_TURN):
+            for loading, taken in ((True, cycle.loaded(number)), (False, cycle.unloaded(number))):
+                if len(np.unique(at[taken])) < MIN_POINTS:
                     continue
-                even = np.linspace(at.min(), at.max(), CURVE_POINTS // 2 + 1)
-                curve = resampled((even[1:] + even[:-1]) / 2, at, pulled)
-                known = np.isfinite(curve.values)
-                steps = slice(None) if loading else slice(None, None, -1)
-                middles = ((even[1:] + even[:-1]) / 2)[known]
-                passages.append(Passage(middles[steps], curve.values[known][steps], loading))
+                even = _middles(at[taken].min(), at[taken].max(), CURVE_POINTS // 2)
+                curve = resampled(even, at[taken], pulled[taken]).values
+                steps = np.flatnonzero(np.isfinite(curve))[:: 1 if loading else -1]
+                passages.append(Passage(even[steps], curve[steps], loading))
     if not passages:
         raise invalid(str(path), "has no loading; give strain that rises")
-    per_width = "stress" in columns or width is not None
-    return LoadingCycles(tuple(passages), per_width, correction.summary)
+    return LoadingCycles(tuple(passages), records.per_width, records.summary)
 
 
-def _columns(
-    path: Path, sizes: dict[str, float | None]
-) -> tuple[dict[str, Record], list[str], str]:
-    """Strain and load, by the names of their columns, the repeat of every record, and its name.
+class _Records(NamedTuple):
+    """All records of a file, without offset, at strains of the relaxed length."""
 
-    ``sizes`` are the lengths [mm] by which columns are divided or, stress, multiplied.
+    repeats: dict[str, tuple[Record, Record]]  # strain, and force or force over width
+    per_width: bool
+    summary: tuple[str, ...]  # of the corrections
+
+
+def _read(
+    path: Path,
+    lengths: dict[str, float | None],
+    zero: Zero | None,
+    preload: float | None,
+    *,
+    one_swatch: bool = False,
+) -> _Records:
+    """Read and correct the records of a file; those of one swatch by its first loading."""
+    columns = _columns(path, lengths)
+    if one_swatch and len(columns.repeats) > 1 and columns.repeat_name not in OF_ONE_SWATCH:
+        message = "has several swatches, and cycles are of one; give one, in a column repeat"
+        raise invalid(f"{path}: column {columns.repeat_name}", message)
+    width, unit = lengths["force"] or 1.0, "N/mm" if columns.load == "stress" else "N"
+    starts = {}
+    for repeat, (strain, force) in columns.repeats.items():
+        first = _loading(strain) & (strain >= 0)
+        starts[repeat] = start_of(strain[first], width * force[first])
+        if one_swatch:
+            break
+    correction = correction_of(f"{path}: column {columns.load}", starts, zero, preload, unit)
+    (common, *_) = correction.offsets.values()
+    corrected = {
+        repeat: (
+            (1 + strain) * (1 + correction.stretched) - 1,
+            force - correction.offsets.get(repeat, common) / width,
+        )
+        for repeat, (strain, force) in columns.repeats.items()
+    }
+    per_width = columns.load == "stress" or lengths["force"] is not None
+    return _Records(corrected, per_width, correction.summary)
+
+
+class _Columns(NamedTuple):
+    repeats: dict[str, tuple[Record, Record]]  # strain and load of each, as recorded
+    repeat_name: str  # of the column of repeats, in lower case
+    load: str  # force or stress
+
+
+def _columns(path: Path, lengths: dict[str, float | None]) -> _Columns:
+    """Strain and load of every repeat.
+
+    ``lengths`` are those by which columns are divided or, stress, multiplied [mm].
     """
     headers, table, _ = read_table(path, EXAMPLE)
     columns: dict[str, tuple[int, str, str]] = {}
@@ -226,9 +287,9 @@ def _columns(
         mistakes.append(Mistake(f"{path}: columns force and stress", message))
     raise_if_any(mistakes)
     (load,) = loads
-    values = {}
+    values = []
     for kind in (along, load):
-        (number, unit, name), size = columns[kind], sizes.get(kind)
+        (number, unit, name), size = columns[kind], lengths.get(kind)
         over_width = " over width" if kind == "stress" and size is None else ""
         column, (target, hint) = f"{path}: column {name}", TARGETS[kind + over_width]
         numbers, wrong = column_numbers(path, name, table[number])
@@ -237,16 +298,20 @@ def _columns(
             of_unit = [Mistake(column, "needs the gauge_length, the relaxed length, in mm")]
         mistakes += wrong + of_unit
         scale = size or 1.0
-        values[kind] = numbers * factor * (scale if kind == "stress" else 1 / scale)
+        values.append(numbers * factor * (scale if kind == "stress" else 1 / scale))
     for other, name in (("stress", "thickness"), ("force", "width")):
-        if other != load and (size := sizes[other]) is not None:
+        if other != load and (size := lengths[other]) is not None:
             message = f"is for {other}, but the record holds {load}; leave it out"
             mistakes.append(Mistake(f"{name} {size:g}", message))
     raise_if_any(mistakes)
+    strain, force = values
     if "repeat" not in columns:
-        return values, ["1"] * len(table), ""
+        return _Columns({"1": (strain, force)}, "", load)
     number, _, name = columns["repeat"]
-    return values, table[number].tolist(), name.lower()
+    repeats = table[number].to_numpy(str)
+    owned = {repeat: repeats == repeat for repeat in dict.fromkeys(repeats.tolist())}
+    by_repeat = {repeat: (strain[own], force[own]) for repeat, own in owned.items()}
+    return _Columns(by_repeat, name.lower(), load)
 
 
 def _kind(name: str, unit: str) -> str | None:
@@ -258,53 +323,30 @@ def _kind(name: str, unit: str) -> str | None:
     return kinds[0] if kinds else None
 
 
-def _loading(column: str, strain: Record, force: Record, cycle: int) -> tuple[Points, Points, int]:
-    """Strain and force of one loading branch, from zero, and how many records are below zero."""
+def _loading(strain: Record, cycle: int = 1, column: str = "") -> Bool[np.ndarray, " record"]:
+    """Which records are of the loading branch of a cycle; those at rest before the first, too."""
     number = np.arange(len(strain), dtype=float)
-    pulls = cycles(number, strain, LEAST_TURN)
-    if cycle > max(1, len(pulls)):
-        raise invalid(column, f"has {len(pulls)} cycles; choose one of them, not cycle {cycle}")
-    if pulls:
-        loading = pulls[cycle - 1].loaded(number)
-        # Records at rest before the first loading belong to it.
-        loading |= (cycle == 1) & (number < pulls[0].start) & (strain >= 0)
-        strain, force = strain[loading], force[loading]
-    below = strain < 0
-    if strain.min() < -max(SLACK, SLACK * strain.max()):
-        raise invalid(column, f"goes down to {strain.min():g}; give tension alone, from 0 up")
-    strain, force = strain[~below], force[~below]
-    if (points := len(np.unique(strain))) < LEAST_POINTS:
-        message = f"has {points} points; three parameters need at least {LEAST_POINTS}"
-        raise invalid(column, message)
-    return strain, force, int(below.sum())
+    found = cycles(number, strain, MIN_TURN)
+    if cycle > max(1, len(found)):
+        raise invalid(column, f"has {len(found)} cycles; choose one of them, not cycle {cycle}")
+    if not found:
+        return np.full(len(strain), True)
+    loading = found[cycle - 1].loaded(number)
+    if cycle == 1:
+        loading |= (number < found[0].start) & (strain >= 0)
+    return loading
 
 
-def _first_loading(strain: Record, force: Record) -> tuple[Points, Points]:
-    """Strain and force of the first loading from zero, with what is recorded at rest before it."""
-    number = np.arange(len(strain), dtype=float)
-    loading = strain >= 0
-    for first in cycles(number, strain, LEAST_TURN)[:1]:
-        loading &= first.loaded(number) | (number < first.start)
-    return strain[loading], force[loading]
+def _middles(start: float, end: float, count: int) -> Points:
+    """The middles of equal intervals of strain."""
+    edges = np.linspace(start, end, count + 1)
+    return (edges[1:] + edges[:-1]) / 2
 
 
-def _correction(
-    path: Path,
-    first: dict[str, tuple[Points, Points]],
-    tested: Tested,
-    columns: dict[str, Record],
-    width: float | None,
-) -> Correction:
-    """Corrections of the repeats, by their first loadings, with offsets in the record's unit."""
-    if "stress" in columns and (name := tested.in_newtons):
-        message = "is in N, but the record holds stress; give a record of the force, or zero start"
-        raise invalid(f"{name} {getattr(tested, name):g}", message)
-    scale, unit = width or 1.0, "N/mm" if "stress" in columns else "N"
-    starts = {name: start_of(strain, scale * force) for name, (strain, force) in first.items()}
-    where = f"{path}: column {'stress' if 'stress' in columns else 'force'}"
-    correction = correction_of(where, starts, tested, unit)
-    offsets = {name: offset / scale for name, offset in correction.offsets.items()}
-    return replace(correction, offsets=offsets)
+def _filled(at: Points, force: Points) -> Points:
+    """Forces, interpolated between known ones where a repeat has no readings."""
+    known = np.isfinite(force)
+    return np.interp(at, at[known], force[known], left=np.nan, right=np.nan)
 
 
 def period_of(

@@ -122,8 +122,7 @@ def test_the_stripes_are_those_of_the_measured_forces(knit, widths, rows):
         read_tension_record(SWATCHES / "records" / f"{name}.csv", width=width, zero="none")
         for name, width in zip((knit, f"{knit}_along"), widths, strict=True)
     )
-    ridges = along.strain, along.force.mean(axis=0)
-    fitted = calibrate(10.0, across.strain, across.force, per_width=True, along=ridges)
+    fitted = calibrate(10.0, across, along=along)
     material = Material.read(ROOT / "workflows" / "swatches" / "acrylic.toml")
     for name, n in rows:
         own = fitted.stripe(name, n, "relaxed")

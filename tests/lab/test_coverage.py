@@ -12,7 +12,7 @@ from scipy.linalg import toeplitz
 import knitlab as kl
 from knitlab.cubes.uncertainty import NUMBERS, first_order
 from knitlab.lab import calibration
-from knitlab.lab.calibration import FITTED, calibrate
+from knitlab.lab.calibration import FITTED
 from knitlab.lab.fit_statistics import errors_by_residuals
 from knitlab.model.pure_stripe import PureStripe
 from knitlab.observables.schema import Status
@@ -32,7 +32,7 @@ SLOPES = {
     "theta_0 of the rib": {"rib_theta_0": 1.0},
     "both": {"rib_k_s": 0.2, "rib_theta_0": -0.8, "garter_k_t": 0.7, "garter_theta_0": 1.0},
 }
-"""Quantities that are linear in the numbers, by their slopes."""
+"""Quantities that are linear in the parameters, by their slopes."""
 
 
 def swatches(generator, count):
@@ -59,7 +59,7 @@ def fits(repeats):
         for _ in range(TRIALS):
             force = np.array([force_of(each) for each in swatches(generator, repeats)])
             force += NOISE * force.max() * generator.normal(size=force.shape)
-            made.append(calibrate(PERIOD, STRAIN, force))
+            made.append(kl.calibrate(STRAIN, force, period=PERIOD))
     return made
 
 
@@ -112,11 +112,11 @@ def test_intervals_of_few_repeats_cover(repeats, subject):
         known = uncertain_stripes(kl.Material(stripes, covariances=tables), subject)
         truths = swatches(generator, 2) if subject == "swatch" else [MIDDLE, MIDDLE]
         found = first_order(cube_of(stripes), known)["poisson_ratio_halfwidth"].values.ravel()
-        off_by = [
+        errors = [
             change(rib, truths[0], "rib", slopes) + change(garter, truths[1], "garter", slopes)
             for slopes in SLOPES.values()
         ]
-        covered.append(np.abs(off_by) <= found)
+        covered.append(np.abs(errors) <= found)
     shares = dict(zip(SLOPES, np.mean(covered, axis=0), strict=True))
     assert 0.92 <= np.mean(covered) <= 0.98, shares
     assert all(0.9 <= each <= 0.99 for each in shares.values()), shares
@@ -135,7 +135,7 @@ def test_intervals_of_one_curve_cover_the_curve_with_correlated_noise(rho):
     for _ in range(TRIALS):
         noise = 0.01 * force.max() * correlated(generator, rho, len(strain))
         with one_start():
-            fit = calibrate(PERIOD, strain, force + noise)
+            fit = kl.calibrate(strain, force + noise, period=PERIOD)
         low, high = np.array([fit.intervals[name] for name in FITTED]).T
         covered.append((low <= truth) & (truth <= high))
         warned.append(any("correlated" in warning for warning in fit.warnings))

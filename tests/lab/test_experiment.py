@@ -79,41 +79,33 @@ def test_imports_in_any_order_and_twice_make_one_cube(tmp_path, cube):
 
 @pytest.mark.parametrize(
     "imports",
-    [5, "", "[]", '{"tensile": null}', '{"tensile": {"variables": ["of_no_import"]}}'],
+    [5, "", '{"tensile": null}', '{"tensile": {"variables": ["of_no_import"]}}'],
 )
-def test_imports_of_another_form_are_a_sentence(tmp_path, imports):
+def test_a_damaged_list_of_imports_is_refused(tmp_path, imports):
     path = Laboratory(tmp_path).write()
     file = import_records("tensile", path, tmp_path).path
     changed = xr.load_dataset(file).assign_attrs(imports=imports)
     changed.to_netcdf(file)
-    with pytest.raises(InputError, match=r"cube\.nc: .*import all records again"):
+    with pytest.raises(InputError, match="import all records again"):
         import_records("markers", path, tmp_path)
 
 
-def test_a_trigger_synchronises_as_well_as_a_given_offset(tmp_path, cube):
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_trigger_synchronises_as_well_as_a_given_offset(tmp_path, cube, noise):
+    """It rises where it passes the middle of its range."""
     laboratory = Laboratory(tmp_path, delay=-7.25)
-    description = laboratory.description()
-    description["tensile"]["trigger"] = {"column": "trigger"}
-    del description["capacitance"]["starts"]
-    description["capacitance"]["trigger"] = {"column": "TRIG"}
-    imported = import_records("capacitance", laboratory.write(description), tmp_path)
-    assert "-7.25 s" in imported.summary[1]
-    # To within one record of either clock, 0.1 s at 1 % strain a second.
-    np.testing.assert_allclose(imported.cube["capacitance"], cube["capacitance"], atol=4 * 0.0015)
-
-
-def test_a_noisy_trigger_is_detected_at_the_middle_of_its_range(tmp_path, cube):
-    laboratory = Laboratory(tmp_path)
     description = laboratory.description()
     description["tensile"]["trigger"] = {"column": "trigger"}
     del description["capacitance"]["starts"]
     description["capacitance"]["trigger"] = {"column": "TRIG"}
     path = laboratory.write(description)
     log = laboratory.meter()
-    log["TRIG"] += np.random.default_rng(0).uniform(-0.1, 0.1, len(log))
+    log["TRIG"] += np.random.default_rng(0).uniform(-noise, noise, len(log))
     log.to_csv(tmp_path / "meter.csv", index=False)
-    imported = import_records("capacitance", path, tmp_path).cube
-    np.testing.assert_allclose(imported["capacitance"], cube["capacitance"], atol=4 * 0.0015)
+    imported = import_records("capacitance", path, tmp_path)
+    assert "-7.25 s" in imported.summary[1]
+    # To within one record of either clock, 0.1 s at 1 % strain a second.
+    np.testing.assert_allclose(imported.cube["capacitance"], cube["capacitance"], atol=4 * 0.0015)
 
 
 def test_the_first_cycles_may_be_left_out(tmp_path):
@@ -176,18 +168,6 @@ def test_markers_alone_need_no_machine(tmp_path):
     np.testing.assert_allclose(imported["mean_strain_yy"], imported["applied_strain"], atol=1e-9)
 
 
-def test_synthetic_records_are_marked_in_the_cube(tmp_path):
-    laboratory = Laboratory(tmp_path)
-    path = laboratory.write(laboratory.description() | {"synthetic": True})
-    assert import_records("tensile", path, tmp_path).cube.attrs["synthetic"].startswith("yes")
-
-
-def drawn(kind, cubes, output, *selections):
-    chosen = [word for text in selections for word in ("--select", text)]
-    words = ["map", kind, *map(str, cubes), "-o", str(output), *chosen]
-    return CliRunner().invoke(main, words)
-
-
 @pytest.fixture(scope="module")
 def both(tmp_path_factory, cube):
     folder = tmp_path_factory.mktemp("both")
@@ -196,20 +176,11 @@ def both(tmp_path_factory, cube):
     return folder / "simulated.nc", folder / "measured.nc"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["curves", "auxetic", "tension", "sensor", "capacitors"])
-def test_figures_accept_an_experiment_with_and_without_a_simulation(tmp_path, both, kind):
-    simulated, measured = both
-    for cubes in ([measured], [simulated, measured], [measured, simulated]):
-        result = drawn(kind, cubes, tmp_path / "map.png")
-        assert result.exit_code == 0, result.output
-
-
-@pytest.mark.parametrize("kind", ["shape", "wavelength", "sensitivity"])
-def test_figures_that_need_a_simulation_refuse_experiments(tmp_path, both, kind):
-    result = drawn(kind, both[1:], tmp_path / "map.png")
+def test_a_figure_that_needs_a_simulation_refuses_an_experiment(tmp_path, both):
+    words = ["map", "shape", str(both[1]), "-o", str(tmp_path / "map.png")]
+    result = CliRunner().invoke(main, words)
     assert result.exit_code == 2
-    assert "experiment was measured; draw auxetic" in result.output
+    assert "draw auxetic" in result.output
 
 
 def test_two_sources_are_queried_together(both):

@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import brentq
 
 import knitlab as kl
-from knitlab.lab.friction_fit import FITTED, LoadingCycles, Passage, fit_friction, sheet_forces
+from knitlab.lab.friction_fit import FITTED, fit_friction, sheet_forces
+from knitlab.lab.tension_record import LoadingCycles, Passage
 from knitlab.model.pure_stripe import PureStripe, tension_across
 from tests.solvers.equilibrium.test_friction import Hinge
 
@@ -93,18 +94,6 @@ def test_numbers_are_found_again(passages, within):
 
 @pytest.mark.slow
 @pytest.mark.nightly
-def test_the_repeats_of_swatches_tell_little():
-    """Loading alone: friction is not seen, and drift at a few standard errors."""
-    for knit in ("rib", "garter"):
-        cycles = kl.read_cycles(f"docs/examples/swatches/records/{knit}.csv", width=100)
-        assert [each.loading for each in cycles.passages] == [True] * 5
-        fit = kl.calibrate_friction(cycles, period=10)
-        assert 0 < fit.values["fold_drift"] < 5 * fit.standard_errors["fold_drift"]
-        assert fit.values["fold_friction"] < 2 * fit.standard_errors["fold_friction"]
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
 def test_repeats_that_only_scatter_have_no_drift():
     """Repeats that differ as wholes by 4 %: errors of independent points would often deny it."""
     noise = np.random.default_rng(1)
@@ -139,7 +128,7 @@ def test_cycles_are_of_one_swatch_and_friction_at_a_late_start_is_no_offset(tmp_
             ]
         )
     )
-    with pytest.raises(kl.InputError, match="has several swatches, and cycles are of one"):
+    with pytest.raises(kl.InputError, match="several swatches"):
         kl.read_cycles(path)
 
 
@@ -154,5 +143,5 @@ def test_friction_from_zero_strain_on_is_no_offset(tmp_path):
 
 def test_one_loading_tells_nothing_of_friction():
     cycles = LoadingCycles((replace(THERE, force=STRAIN),))
-    with pytest.raises(kl.InputError, match="one loading alone; give unloading"):
+    with pytest.raises(kl.InputError, match="give unloading"):
         kl.calibrate_friction(cycles, period=1.0)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from knitlab.lab.marker_grid import NoGrid, find_grid, grid_of_positions
+from knitlab.lab.tracks.grid import NoGrid, find_grid, grid_of_positions
 
 SETTINGS = settings(max_examples=50, deadline=None)
 
@@ -47,18 +47,6 @@ def test_every_marker_finds_its_place(grid):
     # A whole row or column at the edge may be missing, which cannot be detected.
     expected = place[markers] - place[seen].min(axis=0)
     np.testing.assert_array_equal(rows_columns, expected)
-
-
-@pytest.mark.slow
-@SETTINGS
-@given(distorted_grids(), st.integers(0, 2**32 - 1))
-def test_the_order_of_the_markers_does_not_matter(grid, seed):
-    points, _ = grid
-    order = np.random.default_rng(seed).permutation(len(points))
-    one, other = find_grid(points), find_grid(points[order])
-    present = one.marker >= 0
-    np.testing.assert_array_equal(present, other.marker >= 0)
-    np.testing.assert_array_equal(one.marker[present], order[other.marker[present]])
 
 
 def lattice(rows=5, columns=4):

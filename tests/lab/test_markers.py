@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from knitlab.io.errors import InputError
 from knitlab.lab.description import MarkersTable, SampleTable
 from knitlab.lab.experiment import import_records
-from knitlab.lab.marker_grid import find_grid
 from knitlab.lab.markers import (
     MarkedSample,
     along_pull,
@@ -18,7 +17,7 @@ from knitlab.lab.markers import (
     marker_values,
     read_marked,
 )
-from knitlab.lab.track_formats import read_tracks
+from knitlab.lab.tracks.grid import find_grid
 from knitlab.observables.unit_cells import deformation_gradient, lattice_vectors
 from tests.lab.recorded import CAMERA, CELLS, NU, Laboratory, positions
 from workflows.laboratory.make_synthetic import Camera
@@ -121,18 +120,6 @@ def test_a_lost_marker_removes_only_its_own_quadrilaterals_and_is_counted():
     np.testing.assert_array_equal(np.isnan(values["mean_strain_yy"]), both)
 
 
-def test_the_mean_is_over_the_central_cells_that_are_left():
-    strain = np.linspace(0, 0.3, 61)
-    corners = positions(strain)
-    corners[20:, 1, 1] = np.nan
-    grid = find_grid(corners[0].reshape(-1, 2))
-    values = marker_values(
-        MarkedSample(corners[0], corners, grid, 1, CELLS), strain[::5], strain, np.arange(61)
-    )
-    np.testing.assert_allclose(values["mean_strain_yy"], strain[::5], atol=1e-9)
-    assert values["cells_lost"][-1] == 4
-
-
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_errors_of_strains_are_those_of_the_noise(tmp_path):
@@ -149,8 +136,8 @@ def test_errors_of_strains_are_those_of_the_noise(tmp_path):
         cube = import_records("markers", laboratory.write(description), tmp_path).cube.squeeze()
         strain = cube["applied_strain"].values
         for name, slope in (("xx", -NU), ("yy", 1.0)):
-            apart = cube[f"mean_strain_{name}"].values - slope * strain
-            astray[name].append(apart / cube[f"mean_strain_{name}_error"].values)
+            error = cube[f"mean_strain_{name}"].values - slope * strain
+            astray[name].append(error / cube[f"mean_strain_{name}_error"].values)
     for values in astray.values():
         assert 0.8 < np.std(values) < 1.25
 
@@ -170,27 +157,6 @@ def test_axes_are_those_that_the_description_gives(weft, warp, turned):
     camera = Camera(0.1, turn, (0.0, 0.0), 0.0)
     seen = camera.sees(points, np.random.default_rng(0)) * [1, -1]
     np.testing.assert_allclose(in_fabric_axes(seen, table(turned=turned)), points, atol=1e-12)
-
-
-def test_a_csv_of_markers_is_read_as_the_array(tmp_path):
-    laboratory = Laboratory(tmp_path)
-    path = laboratory.write()
-    tracks = np.load(tmp_path / "markers.npy")
-    tracks[3, 5] = np.nan
-    np.save(tmp_path / "markers.npy", tracks)
-    rows = [
-        f"{frame},{marker + 7},{x},{y}"
-        for frame in reversed(range(len(tracks)))
-        for marker, (x, y) in enumerate(tracks[frame])
-        if np.isfinite(x) or marker % 2
-    ]
-    (tmp_path / "markers.csv").write_text("\n".join(["Frame, Marker, x, y", *rows]))
-    of_array, of_table = (
-        read_tracks(tmp_path / f"markers.{suffix}", "up").positions for suffix in ("npy", "csv")
-    )
-    np.testing.assert_allclose(of_table, of_array)
-    np.testing.assert_allclose(of_array, tracks * [1, -1])
-    assert path.exists()
 
 
 def test_every_second_marker_may_be_a_corner_and_places_may_be_given(tmp_path):

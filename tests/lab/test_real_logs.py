@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from knitlab.io.errors import InputError
-from knitlab.lab.experiment import import_records
+from knitlab import InputError, import_records
 from tests.lab.recorded import Laboratory, capacitance
 
 
@@ -42,7 +41,7 @@ def test_a_status_in_words_is_not_a_number_to_check(laboratory):
 
 def test_a_meter_that_only_overloads_is_refused(laboratory):
     laboratory.meter().assign(C=9.9e37).to_csv(laboratory.folder / "meter.csv", index=False)
-    with pytest.raises(InputError, match="has 0 rows of measurements"):
+    with pytest.raises(InputError, match="0 rows"):
         imported(laboratory, "capacitance")
 
 
@@ -86,5 +85,5 @@ def test_exports_of_testing_machines_are_the_plain_table(laboratory, program, un
 def test_a_unit_in_the_file_that_contradicts_the_description_is_refused(laboratory):
     machine = laboratory.machine().rename(columns={"force": "force [N]"})
     machine.to_csv(laboratory.folder / "tensile.csv", index=False)
-    with pytest.raises(InputError, match=r"column force: is in \[N\] by its header, but cN"):
+    with pytest.raises(InputError, match=r"force.*\[N\].*cN"):
         imported(laboratory, "tensile")

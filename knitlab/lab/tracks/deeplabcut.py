@@ -1,0 +1,34 @@
+"""DeepLabCut: rows ``scorer``, perhaps ``individuals``, ``bodyparts`` and ``coords`` above."""
+
+from io import StringIO
+
+import pandas as pd
+
+from knitlab.io.errors import invalid
+from knitlab.lab.tracks.track_file import TrackFile, TrackFormat, Tracks
+
+
+def _read(file: TrackFile) -> Tracks | None:
+    if not (file.is_table and file.text.startswith("scorer")):
+        return None
+    where = str(file.path)
+    begins = [line.split(",")[0] for line in file.text.splitlines()[:6]]
+    if "coords" not in begins:
+        raise invalid(where, "begins as a table of DeepLabCut, but has no row coords below")
+    try:
+        table = pd.read_csv(
+            StringIO(file.text), header=list(range(begins.index("coords") + 1)), index_col=0
+        )
+        columns = table.apply(pd.to_numeric, errors="raise").to_numpy(float)
+    except (ValueError, TypeError, IndexError) as error:
+        message = f"begins as a table of DeepLabCut, but is none ({' '.join(str(error).split())})"
+        raise invalid(where, f"{message}; export it again") from error
+    coordinates = [str(name[-1]) for name in table.columns]
+    if len(columns) == 0 or coordinates != ["x", "y", "likelihood"] * (len(coordinates) // 3):
+        message = "begins as a table of DeepLabCut, but its columns are not x, y, likelihood"
+        raise invalid(where, f"{message}; export it again")
+    markers = columns.reshape(len(columns), -1, 3)
+    return Tracks(markers[..., :2], confidence=markers[..., 2])
+
+
+DEEPLABCUT = TrackFormat("DeepLabCut", _read)

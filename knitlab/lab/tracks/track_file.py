@@ -1,0 +1,115 @@
+"""What a format of tracks is: the program that writes it, and how its files are read."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+from knitlab.io.errors import invalid, raise_if_any
+from knitlab.io.table_file import Table, column_numbers, read_table
+from knitlab.io.text_file import read_text
+
+Trajectories = Float[np.ndarray, "frame marker 2"]
+YAxis = Literal["up", "down"]
+EXAMPLE = "write it as in 'frame,marker,x,y'"
+
+
+class Tracks(NamedTuple):
+    """What a tracker has written, in pixels of its own axes."""
+
+    positions: Trajectories  # NaN where a marker is lost
+    confidence: Float[np.ndarray, "frame marker"] | None = None  # from 0 to 1, where stated
+    unit: str = ""  # of the positions, if it is not the pixel
+
+
+@dataclass(frozen=True)
+class TrackFile:
+    """A file of a tracker; text and table are read when a format first asks for them."""
+
+    path: Path
+
+    @property
+    def is_table(self) -> bool:
+        """Whether its suffix is that of a table."""
+        return self.path.suffix.lower() in (".csv", ".txt", ".tsv", ".xlsx")
+
+    @cached_property
+    def text(self) -> str:
+        """Its text; none of a workbook."""
+        return "" if self.path.suffix.lower() == ".xlsx" else read_text(self.path).lstrip()
+
+    @cached_property
+    def table(self) -> Table:
+        """Its table; entries are text."""
+        return read_table(self.path, EXAMPLE)
+
+    def table_with(self, *columns: str) -> Table | None:
+        """Its table, with lower-case headers from the row that has all these columns."""
+        if self.is_table:
+            for headers in [*self.table.above, self.table.headers]:
+                lower = [name.lower() for name in headers[: len(self.table.headers)]]
+                if set(columns) <= set(lower):
+                    return self.table._replace(headers=lower)
+        return None
+
+    def column(
+        self, table: Table, name: str, number: int | None = None
+    ) -> Float[np.ndarray, " row"]:
+        """Numbers of a column, by its header or its index, NaN where it is empty."""
+        texts = table.rows[table.headers.index(name) if number is None else number]
+        gap = texts.str.lower().isin(["", "nan"])
+        values = np.full(len(texts), np.nan)
+        values[~gap], mistakes = column_numbers(self.path, name, texts[~gap])
+        raise_if_any(mistakes)
+        return values
+
+    def by_frame(
+        self, table: Table, frame: str, marker: np.ndarray, names: list[str]
+    ) -> Float[np.ndarray, "frame marker value"]:
+        """Columns of rows in any order; NaN where a marker has no row, or the table no column."""
+        known = {name: self.column(table, name) for name in names if name in table.headers}
+        rows = pd.DataFrame(dict.fromkeys(names, np.nan) | known, index=range(len(marker)))
+        index = whole_numbers(self.path, frame, self.column(table, frame))
+        frames, where = np.unique(index), f"{self.path}: column frame"
+        if frames[0] > 1:
+            message = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in"
+            raise invalid(where, f"{message} time")
+        if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
+            raise invalid(where, f"skips {gap[0]}; number the frames consecutively")
+        rows.index = pd.MultiIndex.from_arrays([index, marker])
+        if rows.index.has_duplicates:
+            raise invalid(str(self.path), "has a marker twice in one frame; keep one row")
+        wide = rows.unstack().to_numpy()
+        return wide.reshape(len(frames), len(names), -1).swapaxes(1, 2)
+
+    def rows_of_positions(
+        self, table: Table, frame: str, marker: str, x: str, y: str
+    ) -> Trajectories:
+        """Positions of a table with a row for each; a marker without a row is lost there."""
+        markers = whole_numbers(self.path, marker, self.column(table, marker))
+        return self.by_frame(table, frame, markers, [x, y])
+
+
+@dataclass(frozen=True)
+class TrackFormat:
+    """A format of tracked markers."""
+
+    program: str
+    read: Callable[[TrackFile], Tracks | None]  # None if it does not recognise the file
+    y_axis: YAxis = "down"  # direction in which y increases in the picture
+
+
+def whole_numbers(
+    path: Path, name: str, values: Float[np.ndarray, " row"]
+) -> Int[np.ndarray, " row"]:
+    """Values of a column as whole numbers from 0 up; InputError names the first that is none."""
+    bad = np.flatnonzero(~((values % 1 == 0) & (values >= 0)))
+    if len(bad):
+        message = f"has {values[bad[0]]:g} at point {bad[0] + 1}; count from 0 up"
+        raise invalid(f"{path}: column {name}", message)
+    return values.astype(int)
