@@ -218,7 +218,7 @@ def calibrate_stripe(
         >>> record = "docs/examples/swatches/rib.csv"
         >>> result = kl.calibrate_stripe(record, "rib", 4, period=10)
         >>> result.fit.usable, round(result.stripe.theta_0, 2)
-        (True, 0.77)
+        (True, 0.74)
     """
     if output is not None:
         check_suffix(Path(output), TOML, "a material")
