@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.table_file import unit_factor, name_and_unit, column_numbers, read_table
+from knitlab.io.table_file import column_numbers, name_and_unit, read_table, unit_factor
 from knitlab.lab.record_start import Zero, correction_of, start_of
 from knitlab.lab.records import Record, cycles, resampled
 
