@@ -1,10 +1,12 @@
-"""A file that ends with its own checksum, so that any damage is noticed when it is read.
+"""Files that end with their own checksum, so that any damage is noticed when they are read.
 
 netCDF ignores what follows its contents, and cuts it off when another program changes the file:
-then the file has no checksum, and is believed as any file of another program.
+then the file has no checksum, and is believed as any file of another program. In a table of JSON
+the checksum is the last entry.
 """
 
 import hashlib
+import re
 from os import SEEK_END
 from pathlib import Path
 
@@ -13,6 +15,8 @@ from knitlab.io.text_file import plain_file
 MARK = b"\nknitlab-sha256:"
 LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size
 PART = 1 << 20  # bytes that are in memory at a time
+END_OF_JSON = "\n}\n"
+IN_JSON = re.compile(r',\n "sha256": "(\w+)"\n}\n\Z')
 
 
 def append_checksum(path: Path) -> None:
@@ -38,3 +42,18 @@ def has_checksum(path: Path) -> bool:
     if tail[len(MARK) :] != digest.hexdigest().encode():
         raise ValueError("it has other contents than were written")
     return True
+
+
+def json_with_checksum(text: str) -> str:
+    """The text of a table that ends with its own checksum."""
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return f'{text.removesuffix(END_OF_JSON)},\n "sha256": "{digest}"{END_OF_JSON}'
+
+
+def is_damaged_json(text: str) -> bool:
+    """Whether the text of a table ends with the checksum of other contents."""
+    stated = IN_JSON.search(text)
+    if stated is None:
+        return False
+    contents = text[: stated.start()] + END_OF_JSON
+    return hashlib.sha256(contents.encode()).hexdigest() != stated[1]

@@ -22,10 +22,6 @@ class Mistake:
         return f"{self.path}: {self.message}"
 
 
-SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
-"""Pydantic's error types for values that should be a single one."""
-
-
 class InputError(ValueError):
     """Invalid input; carries every mistake that was found."""
 
@@ -112,12 +108,14 @@ def _message(entry: ErrorDetails, known: Mapping[str, str]) -> str:
     if kind == "extra_forbidden":
         hint = "is not a known key; remove it or check its spelling"
         return unknown(str(key), known, "setting") if known else hint
-    if isinstance(given, list) and kind in SINGLE_VALUES:
+    single_values = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
+    if isinstance(given, list) and kind in single_values:
         if isinstance(key, int):
             return f"is a list within a list, {shown(given)}; remove one pair of brackets"
         return f"is a list, {shown(given)}; give one value"
-    of_value = kind == "value_error"
-    text = str(entry["ctx"]["error"]) if of_value else f"{entry['msg']}, but is {shown(given)}"
+    text = f"{entry['msg']}, but is {shown(given)}"
+    if kind == "value_error":
+        text = str(entry["ctx"]["error"])
     return text[:1].lower() + text[1:]
 
 

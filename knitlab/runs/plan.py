@@ -12,8 +12,8 @@ from typing import Any
 from knitlab.cubes.cube_file import common_settings
 from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.checksum import json_with_checksum
 from knitlab.io.errors import ErrorCollector, InputError, Mistake, invalid
-from knitlab.io.json_file import with_checksum
 from knitlab.io.limits import MAX_CASES
 from knitlab.io.provenance import MODEL, file_digests, package_digest, text_digest
 from knitlab.io.shipped import shipped
@@ -113,7 +113,7 @@ class Plan:
         head = json.dumps(record, indent=1).removesuffix("\n}")
         with atomic_write(path) as temporary:
             text = f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n"
-            temporary.write_text(with_checksum(text), encoding="utf-8")
+            temporary.write_text(json_with_checksum(text), encoding="utf-8")
 
 
 def make_plan(

@@ -16,8 +16,9 @@ from pydantic import BaseModel, Field, PositiveFloat, model_validator
 from knitlab.cubes.case_file import is_undamaged, read_code, stored_cases
 from knitlab.cubes.cube_file import design_dims
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.checksum import is_damaged_json
 from knitlab.io.errors import invalid
-from knitlab.io.json_file import json_table, read_json
+from knitlab.io.json_file import json_table
 from knitlab.io.names import Name
 from knitlab.io.provenance import MODEL, file_digests, stored_model
 from knitlab.io.text_file import plain_file
@@ -143,10 +144,17 @@ def label_text(dims: Iterable[str], design: Iterable[Any]) -> str:
 
 def read_plan(folder: Path) -> dict[str, Any]:
     """The record of a folder's plan."""
-    path = folder / PLAN
-    if not path.exists():
-        raise invalid(str(path), "does not exist; plan or run the workflow first")
-    return read_json(path, PlanRecord, "a plan", "plan the workflow again")
+    path, hint = folder / PLAN, "plan the workflow again"
+    try:
+        text = plain_file(path).read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        message = "does not exist; plan or run the workflow first"
+        raise invalid(str(path), message) from error
+    except (OSError, UnicodeError) as error:
+        raise invalid(str(path), f"cannot be read ({error}); {hint}") from error
+    if is_damaged_json(text):
+        raise invalid(str(path), f"is not as it was written; {hint}")
+    return json_table(text, str(path), PlanRecord, f"is not a plan; {hint}")
 
 
 def planned_designs(record: Mapping[str, Any]) -> dict[str, Labels]:
@@ -164,7 +172,7 @@ def earlier_failures(folder: Path) -> dict[str, Failure]:
     """Entries for designs that were not ok when a run last ended, by case identifier."""
     try:
         lines = plain_file(folder / FAILURES).read_text(encoding="utf-8").splitlines()
-        entries = [json_table(line, FAILURES, FailureRecord) for line in lines]
+        entries = [json_table(line, FAILURES, FailureRecord, "is damaged") for line in lines]
         return {entry["case_id"]: entry for entry in entries}
     except (OSError, ValueError):
         return {}  # every run rewrites the file, and no result depends on it

@@ -26,11 +26,6 @@ LEAST_FREEDOM = 2.0
 """Degrees of freedom below which samples are too far apart to be simulated."""
 
 
-def latin_hypercube(count: int, numbers: int, seed: int) -> Float[np.ndarray, "sample number"]:
-    """Independent normal numbers, each of which has one in every of ``count`` equal quantiles."""
-    return student_hypercube(count, (numbers,), (math.inf,), seed)
-
-
 def student_hypercube(
     count: int, numbers: Sequence[int], freedoms: Sequence[float], seed: int
 ) -> Float[np.ndarray, "sample number"]:

@@ -109,12 +109,9 @@ class WorkflowText:
                 except ValidationError as error:
                     if len(mistakes) > MAX_CHOICES:
                         break
-                    messages = [
-                        entry.message for entry in pydantic_mistakes(error, "") if number > 1
-                    ]
-                    mistakes += [
-                        Mistake(f"{source}: value {number}", message) for message in messages
-                    ]
+                    if number > 1:  # the check of the whole workflow reports the first
+                        where, found = f"{source}: value {number}", pydantic_mistakes(error, "")
+                        mistakes += [Mistake(where, each.message) for each in found]
             if len(set(values)) < len(values) and name not in self.paired:
                 mistakes.append(Mistake(source, "has a value twice; keep one"))
             axes[name] = tuple(values)

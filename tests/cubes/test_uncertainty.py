@@ -14,7 +14,7 @@ from knitlab.cubes.uncertainty import NUMBERS, Stripes, UncertainStripe, first_o
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.schema import Status, described
-from knitlab.runs.stripe_samples import latin_hypercube, saltelli
+from knitlab.runs.stripe_samples import saltelli, student_hypercube
 
 DIMS = ("n_stripe", "n_subunit")
 PARAMETERS = [f"{knit}_{name}" for knit in ("rib", "garter") for name in NUMBERS]
@@ -309,7 +309,7 @@ def test_samples_have_the_deviation_and_the_sobol_indices_of_a_known_function():
 
 
 def test_a_latin_hypercube_has_deviations_and_no_indices():
-    made = sampled(latin_hypercube(64, 2, 0), lambda z: 3 * z[:, 0] + z[:, 1])
+    made = sampled(student_hypercube(64, (2,), (np.inf,), 0), lambda z: 3 * z[:, 0] + z[:, 1])
     made["status"][0, 0, 0] = Status.failed
     assert saltelli_design(made) is None
     found = sampled_uncertainty(made).isel(n_stripe=0, n_subunit=0).sel(applied_strain=0.1)

@@ -24,10 +24,9 @@ from knitlab.cubes.cube_file import open_cube
 from knitlab.cubes.query import formatted, query_cubes
 from knitlab.figures.claims_page import _escaped
 from knitlab.figures.explorer.explorer import write_explorer
-from knitlab.io.checksum import LENGTH
+from knitlab.io.checksum import LENGTH, json_with_checksum
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
-from knitlab.io.json_file import with_checksum
 from knitlab.io.names import is_name
 from knitlab.io.text_file import read_text
 from knitlab.runs.merge import merge_folders
@@ -181,7 +180,7 @@ def test_a_plan_that_does_not_match_the_schema_is_named_and_replaced(folder, cha
     text = change
     if isinstance(change, dict):
         record = json.loads((folder / "plan.json").read_text()) | change
-        text = with_checksum(json.dumps(record, indent=1) + "\n")
+        text = json_with_checksum(json.dumps(record, indent=1) + "\n")
     (folder / "plan.json").write_text(text)
     with pytest.raises(InputError, match=r"plan\.json"):
         status("periodic", results=tmp_path)
