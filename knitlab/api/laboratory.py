@@ -20,7 +20,7 @@ from knitlab.io.names import check_suffix
 from knitlab.io.toml import TOML
 from knitlab.lab.calibration import Calibration, Law
 from knitlab.lab.calibration import calibrate as fit_sheet
-from knitlab.lab.curves import case_for, target_of
+from knitlab.lab.curves import case_for, measured_test
 from knitlab.lab.experiment import import_records as import_records
 from knitlab.lab.fit import Fit, Step, fit_stripes
 from knitlab.lab.friction_fit import FrictionFit, fit_friction
@@ -29,9 +29,9 @@ from knitlab.lab.swatch import Swatch, simulated_swatches
 from knitlab.lab.tension_record import (
     LoadingCycles,
     TensionRecord,
-    period_of,
     read_cycles,
     read_tension_record,
+    relaxed_period,
 )
 from knitlab.model.settings import CellSize
 from knitlab.model.spring_law import SpringCurve
@@ -229,7 +229,7 @@ def calibrate_stripe(
     for name, length in along_sizes.items() if along is None else ():
         message = "is of the record along the ridges; give along = FILE, or leave it out"
         raise invalid(f"along_{name} {length:g}", message)
-    period = period_of(n, period, gauge_length, gauge_stitches)
+    period = relaxed_period(n, period, gauge_length, gauge_stitches)
     size = cell_size or defaults().model.cell_size
     swatch: dict[str, Any] = {"gauge_length": gauge_length, "width": width, "zero": zero}
     swatch |= {"thickness": thickness, "preload": preload}
@@ -364,7 +364,7 @@ def fit(
         plan = make_plan(str(workflow), overrides or settings)
     cube = select(as_cube(experiment), selections)
     case = case_for(plan, cube)
-    target = target_of(cube, case, model_error)
+    target = measured_test(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))
     if kept is None and material is not None:
         kept = material.with_suffix(".tests")

@@ -468,8 +468,8 @@ def _undetermined(
     bounds = _unknowns(np.array([BOUNDS[name] for name in fitted]).T)
     to_bound = np.abs(bounds - fit.x).min(axis=0)
     spread = MODEL_ERROR * math.sqrt(len(fit.fun) / INDEPENDENT)
-    of_model = spread * np.sqrt(np.diag(covariance_of_unit_noise(fit.jac)))
-    largest = zip(fitted, standard_errors, of_model, to_bound, strict=True)
+    model_errors = spread * np.sqrt(np.diag(covariance_of_unit_noise(fit.jac)))
+    largest = zip(fitted, standard_errors, model_errors, to_bound, strict=True)
     for name, error, model_error, distance in largest:
         if distance < AT_BOUND:
             low, high = BOUNDS[name]
@@ -477,8 +477,8 @@ def _undetermined(
         elif error > USELESS_ERROR:
             warnings.append(f"{name} is uncertain by more than half")
         elif name in OF_SPRINGS and model_error > USELESS_ERROR:
-            error_of = f"an error of {MODEL_ERROR:.0%} of the largest force"
-            warnings.append(f"{error_of} changes {name} by more than half")
+            model_error_text = f"an error of {MODEL_ERROR:.0%} of the largest force"
+            warnings.append(f"{model_error_text} changes {name} by more than half")
         else:
             continue
         unknown[name] = None

@@ -63,7 +63,7 @@ class MeasuredTest:
         return dict(zip(QUANTITIES, np.sqrt(mean_square).tolist(), strict=True))
 
 
-def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
+def measured_test(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
     """The measured curves of one test, scaled to the number of unit cells across a case."""
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:

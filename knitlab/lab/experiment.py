@@ -120,14 +120,14 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
         "code": MODEL,
         "periods": periods_per_patch(sample.n_stripe, sample.n_subunit),
     }
-    of_cycles = [
+    each_cycle = [
         xr.Dataset({name: (VARIABLES[name].dims, each) for name, each in (common | values).items()})
         for values in cycles
     ]
-    cube = of_cycles[0]
+    cube = each_cycle[0]
     if len(cycles) > 1:
         numbers = pd.RangeIndex(1, len(cycles) + 1, name=CYCLE)
-        cube = xr.concat(of_cycles, numbers, data_vars="all")
+        cube = xr.concat(each_cycle, numbers, data_vars="all")
     cube = cube.expand_dims({"n_stripe": [sample.n_stripe], "n_subunit": [sample.n_subunit]})
     indices = {dim: np.arange(size) for dim, size in cube.sizes.items() if dim not in cube.coords}
     strains = list(description.protocol.applied_strain)

@@ -136,9 +136,9 @@ def fit_friction(period: float, cycles: LoadingCycles) -> FrictionFit:
     freedom = max(len(measured) - len(FITTED), 1)
     # Repeats differ as wholes: then the scores of passages, not of points, are independent.
     sizes = [len(each.force) for each in passages]
-    of_points = 2 * best.cost / freedom * covariance_of_unit_noise(best.jac)
-    of_passages = covariance_by_groups(best.jac, best.fun, sizes)
-    errors = np.sqrt(np.maximum(np.diag(of_points), np.diag(of_passages)))
+    point_covariance = 2 * best.cost / freedom * covariance_of_unit_noise(best.jac)
+    group_covariance = covariance_by_groups(best.jac, best.fun, sizes)
+    errors = np.sqrt(np.maximum(np.diag(point_covariance), np.diag(group_covariance)))
     values = _parameters(best.x)
     errors[:LOGARITHMS] *= values[:LOGARITHMS]
     return FrictionFit(

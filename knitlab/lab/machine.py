@@ -115,7 +115,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
     strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
     seen, least = np.isfinite(strain), defaults().capacitor.linearity
 
-    def values_of(cycle: Cycle) -> Values:
+    def cycle_values(cycle: Cycle) -> Values:
         loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
         capacitance, error, _ = resampled(strains, strain[loading], log["capacitance"][loading])
         finite = np.isfinite(capacitance)
@@ -137,7 +137,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
 
     shift = f"the meter's clock is {starts:+.3g} s from the machine's"
     remarks = [f"{dropped} {LEFT_OUT}"] if dropped else []
-    return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary, shift, *remarks]
+    return [cycle_values(cycle) for cycle in pulls.cycles], [pulls.summary, shift, *remarks]
 
 
 def _read_log(
@@ -147,12 +147,12 @@ def _read_log(
 
     A row is bad if a reading is an overload, or the status of a meter is not 0.
     """
-    names, of_meter = (*COLUMN_UNITS, "trigger", STATUS), isinstance(table, CapacitanceTable)
+    names, is_meter = (*COLUMN_UNITS, "trigger", STATUS), isinstance(table, CapacitanceTable)
     columns = {name: column for name in names if (column := getattr(table, name, None))}
     units = {column.column: getattr(column, "unit", None) for column in columns.values()}
-    numbers = read_columns(path, units, EXAMPLE, optional=(STATUS,) if of_meter else ())
+    numbers = read_columns(path, units, EXAMPLE, optional=(STATUS,) if is_meter else ())
     good = np.all([np.abs(numbers[name]) < OVERLOAD for name in units], axis=0)
-    if of_meter:
+    if is_meter:
         status = columns[STATUS].column if STATUS in columns else STATUS
         good &= numbers.get(status, np.zeros(len(good))) == 0
     numbers = {name: column[good] for name, column in numbers.items()}

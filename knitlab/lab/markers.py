@@ -13,7 +13,7 @@ from knitlab.lab.description import Description, MarkersTable, SampleTable
 from knitlab.lab.machine import Imports, Values, read_pulls
 from knitlab.lab.records import Record, resampled
 from knitlab.lab.tracks.checks import without_implausible
-from knitlab.lab.tracks.grid import MarkerGrid, NoGrid, find_grid, grid_of_positions
+from knitlab.lab.tracks.grid import MarkerGrid, NoGrid, find_grid, placed_grid
 from knitlab.lab.tracks.reading import read_tracks
 from knitlab.lab.tracks.track_file import Trajectories, whole_numbers
 from knitlab.observables.unit_cells import (
@@ -129,7 +129,7 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     before = tracks[: table.relaxed_frames]
     seen = np.isfinite(before).sum(axis=0)
     first = np.where(seen > 0, np.nansum(before, axis=0) / seen.clip(1), np.nan)
-    grid = _grid_of(path, first, folder / table.places if table.places else None)
+    grid = _marker_grid(path, first, folder / table.places if table.places else None)
     every_y, every_x = table.markers_per_cell
     relaxed = grid.corners(first[None])[0, ::every_y, ::every_x]
     corners = grid.corners(tracks)[:, ::every_y, ::every_x]
@@ -181,18 +181,18 @@ def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSampl
     drift, separation, _ = marked.motion(strain)
     if not separation.any():
         return marked
-    by_drift, turn = (
+    drift_turn, turn = (
         float(np.arctan(-across / along)) if along else np.pi / 2
         for across, along in (drift, separation)
     )
-    difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
+    difference = (drift_turn - turn + np.pi / 2) % np.pi - np.pi / 2
     drifting = np.linalg.norm(drift) > MIN_DRIFT * np.linalg.norm(separation)
     if drifting and abs(difference) > np.radians(MAX_MISALIGNMENT):
         moves = f"moves {abs(np.degrees(difference)):.0f}° off the separation of its rows"
         hint = "correct weft and warp, or if the camera moved give align = picture"
         raise invalid(str(path), f"shows a sample that {moves}; {hint}")
     if drifting and abs(difference) <= AGREEING:
-        turn = by_drift
+        turn = drift_turn
     if abs(turn) > np.radians(MAX_MISALIGNMENT):
         message = f"shows a pull that is {np.degrees(turn):.0f}° from the warp"
         hint = "correct weft, warp or turned, or give align = picture"
@@ -237,11 +237,11 @@ def marker_values(
         mean = resampled(strains, strain, np.asarray(central_mean(field)))
         # The relaxed shape is a mean of a few frames, each with the same noise.
         noise = mean.noise[np.isfinite(mean.noise)]
-        of_relaxed = np.median(noise) / np.sqrt(marked.relaxed_frames) if len(noise) else 0.0
+        relaxed_noise = np.median(noise) / np.sqrt(marked.relaxed_frames) if len(noise) else 0.0
         values |= {
             f"strain_{name}": resampled(strains, strain, np.asarray(field)).values,
             f"mean_strain_{name}": mean.values,
-            f"mean_strain_{name}_error": np.hypot(mean.errors, of_relaxed),
+            f"mean_strain_{name}_error": np.hypot(mean.errors, relaxed_noise),
         }
     across, along = values["mean_strain_xx"], values["mean_strain_yy"]
     ratio = poisson_ratio_of_test(across, along)
@@ -271,7 +271,9 @@ def _clockwise(angle: float) -> Float[np.ndarray, "2 2"]:
     return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 
 
-def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None) -> MarkerGrid:
+def _marker_grid(
+    path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None
+) -> MarkerGrid:
     """The grid of markers, found in the first frame of ``path`` or read from a table of places."""
     try:
         if places is None:
@@ -284,6 +286,6 @@ def _grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | No
             raise invalid(f"{places}: column marker", message)
         rows, columns = np.full((2, len(first)), -1)
         rows[marker], columns[marker] = row, column
-        return grid_of_positions(rows, columns)
+        return placed_grid(rows, columns)
     except NoGrid as error:
         raise invalid(str(places or path), str(error)) from error

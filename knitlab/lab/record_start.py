@@ -45,7 +45,7 @@ class Correction:
     summary: tuple[str, ...] = ()
 
 
-def start_of(strain: Points, force: Points) -> Start | None:
+def loading_start(strain: Points, force: Points) -> Start | None:
     """The start of a first loading, at strains of at least 0; None if it is not recorded.
 
     The force at zero strain is the mean of the readings there, if there are three or more. With
@@ -98,7 +98,7 @@ def _polynomial(at: Points, values: Points, degree: int) -> _Polynomial:
     return _Polynomial(value, slope, float(errors[0]), noise, curved)
 
 
-def correction_of(
+def start_correction(
     where: str,
     starts: Mapping[str, Start | None],
     zero: Zero | None,
@@ -161,7 +161,7 @@ def correction_of(
 
 def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> None:
     """InputError if the force at zero strain of a repeat, or its mean, is above the noise."""
-    for name, start in {**starts, **_mean_of(starts)}.items():
+    for name, start in {**starts, **_mean_start(starts)}.items():
         if abs(start.force) <= start.noise:
             continue
         begins = f"is {start.force:.3g} {unit} at zero strain, above its noise of {start.noise:.2g}"
@@ -175,7 +175,7 @@ def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> Non
         raise invalid(_named(where, name, starts), f"{begins} {unit}; {hint}")
 
 
-def _mean_of(starts: Mapping[str, Start]) -> dict[str, Start]:
+def _mean_start(starts: Mapping[str, Start]) -> dict[str, Start]:
     """The mean start of several repeats, under the name mean: an offset is common to them."""
     if len(starts) < 2:
         return {}

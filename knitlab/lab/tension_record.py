@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.table_file import column_numbers, name_and_unit, read_table, unit_factor
-from knitlab.lab.record_start import Zero, correction_of, start_of
+from knitlab.lab.record_start import Zero, loading_start, start_correction
 from knitlab.lab.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
@@ -233,10 +233,10 @@ def _read(
     starts = {}
     for repeat, (strain, force) in columns.repeats.items():
         first = _loading(strain) & (strain >= 0)
-        starts[repeat] = start_of(strain[first], width * force[first])
+        starts[repeat] = loading_start(strain[first], width * force[first])
         if one_swatch:
             break
-    correction = correction_of(f"{path}: column {columns.load}", starts, zero, preload, unit)
+    correction = start_correction(f"{path}: column {columns.load}", starts, zero, preload, unit)
     (common, *_) = correction.offsets.values()
     corrected = {
         repeat: (
@@ -293,10 +293,10 @@ def _columns(path: Path, lengths: dict[str, float | None]) -> _Columns:
         over_width = " over width" if kind == "stress" and size is None else ""
         column, (target, hint) = f"{path}: column {name}", TARGETS[kind + over_width]
         numbers, wrong = column_numbers(path, name, table[number])
-        factor, of_unit = unit_factor(column, unit, target, hint)
+        factor, unit_mistakes = unit_factor(column, unit, target, hint)
         if kind == "extension" and size is None:
-            of_unit = [Mistake(column, "needs the gauge_length, the relaxed length, in mm")]
-        mistakes += wrong + of_unit
+            unit_mistakes = [Mistake(column, "needs the gauge_length, the relaxed length, in mm")]
+        mistakes += wrong + unit_mistakes
         scale = size or 1.0
         values.append(numbers * factor * (scale if kind == "stress" else 1 / scale))
     for other, name in (("stress", "thickness"), ("force", "width")):
@@ -349,7 +349,7 @@ def _filled(at: Points, force: Points) -> Points:
     return np.interp(at, at[known], force[known], left=np.nan, right=np.nan)
 
 
-def period_of(
+def relaxed_period(
     n: int,
     period: float | None = None,
     gauge_length: float | None = None,

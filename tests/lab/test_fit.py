@@ -11,8 +11,8 @@ from knitlab.lab.curves import (
     QUANTITIES,
     MeasuredTest,
     case_for,
+    measured_test,
     simulated_test,
-    target_of,
     with_factors,
 )
 from knitlab.lab.fit import FITTED, fit_stripes
@@ -236,7 +236,7 @@ def experiment(case, truth, **changes):
 @pytest.mark.slow
 def test_a_target_has_the_size_of_the_sample_and_the_requested_errors(case, truth):
     cube = experiment(case, truth)
-    target = target_of(cube, case, model_error=0.01)
+    target = measured_test(cube, case, model_error=0.01)
     assert target.applied_strain == STRAINS[1:]
     # The experiment is two unit cells wide, the case one.
     np.testing.assert_allclose(target.values[:2], truth.values[:2])
@@ -256,8 +256,8 @@ def test_experiments_that_cannot_be_fitted_are_refused(case, truth):
         (lambda: case_for(plan, experiment(case, truth, source="simulation")), "simulated"),
         (lambda: case_for(plan, experiment(case, truth, n_stripe=[6], n_subunit=[24])), "has 0"),
         (lambda: case_for(two, cube), "has 2"),
-        (lambda: target_of(cube, case, model_error=0.0), "above 0"),
-        (lambda: target_of(short, case, model_error=0.01), "3 strains"),
+        (lambda: measured_test(cube, case, model_error=0.0), "above 0"),
+        (lambda: measured_test(short, case, model_error=0.01), "3 strains"),
     ):
         with refused(part):
             attempt()

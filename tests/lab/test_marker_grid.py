@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from knitlab.lab.tracks.grid import NoGrid, find_grid, grid_of_positions
+from knitlab.lab.tracks.grid import NoGrid, find_grid, placed_grid
 
 SETTINGS = settings(max_examples=50, deadline=None)
 
@@ -96,8 +96,8 @@ def test_markers_that_form_no_grid_are_refused(points, problem):
 
 def test_a_table_of_places_is_taken_as_it_is():
     rows, columns = np.array([1, 0, -1, 0]), np.array([0, 0, -1, 2])
-    found = grid_of_positions(rows, columns)
+    found = placed_grid(rows, columns)
     np.testing.assert_array_equal(found.marker, [[1, -1, 3], [0, -1, -1]])
     assert found.strays == (2,)
     with pytest.raises(NoGrid, match="markers 0 and 1 are both in row 1, column 0"):
-        grid_of_positions(np.array([1, 1]), np.array([0, 0]))
+        placed_grid(np.array([1, 1]), np.array([0, 0]))

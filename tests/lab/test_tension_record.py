@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab import InputError, read_tension_record
-from knitlab.lab.tension_record import period_of
+from knitlab.lab.tension_record import relaxed_period
 from knitlab.model.pure_stripe import PureStripe
 from knitlab.model.settings import ModelOptions
 from knitlab.model.stripe import cell_length
@@ -249,11 +249,11 @@ def test_records_that_start_off_zero_are_cut_there(tmp_path_factory, shift, seed
 
 
 def test_the_period_follows_from_stitches():
-    assert period_of(4, gauge_length=80.0, gauge_stitches=64) == pytest.approx(10.0)
-    assert period_of(4, 10.0) == 10.0
+    assert relaxed_period(4, gauge_length=80.0, gauge_stitches=64) == pytest.approx(10.0)
+    assert relaxed_period(4, 10.0) == 10.0
     for twice in ({"period": 1.0, "gauge_stitches": 4.0}, {}, {"gauge_stitches": 4.0}):
         with pytest.raises(InputError):
-            period_of(4, **twice)
+            relaxed_period(4, **twice)
 
 
 def gripped(tmp_path, tension=0.0, offset=0.0, noise=0.0, seed=3, repeats=1, points=200):

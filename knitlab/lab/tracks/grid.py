@@ -50,7 +50,7 @@ class MarkerGrid:
         return np.concatenate([trajectories, nowhere], axis=1)[:, self.marker]
 
 
-def grid_of_positions(
+def placed_grid(
     rows: Int[np.ndarray, " marker"], columns: Int[np.ndarray, " marker"]
 ) -> MarkerGrid:
     """The grid of markers with given rows and columns, of which negative ones mark strays."""
@@ -89,7 +89,7 @@ def find_grid(points: Points) -> MarkerGrid:
     rows_columns = np.full((2, len(points)), NONE)
     lines = np.array(list(positions.values())).T
     rows_columns[:, seen[list(positions)]] = lines - lines.min(axis=1, keepdims=True)
-    grid = grid_of_positions(*rows_columns)
+    grid = placed_grid(*rows_columns)
     if min(grid.marker.shape) < 2:
         raise NoGrid(ONE_LINE)
     _check_even(grid.corners(points[None])[0])

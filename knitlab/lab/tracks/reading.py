@@ -65,8 +65,8 @@ def read_tracks(
     unsure = ~lost[..., 0] & (False if confidence is None else confidence < least_confidence)
     # Programs that lose a marker may write zeros.
     at_origin = (tracks == 0).all(axis=2) & ~unsure
-    of_unsure = f"of a confidence below {least_confidence:g}"
-    for wrong, which in ((unsure, of_unsure), (at_origin, "at (0, 0)")):
+    unsure_text = f"of a confidence below {least_confidence:g}"
+    for wrong, which in ((unsure, unsure_text), (at_origin, "at (0, 0)")):
         if wrong.any():
             tracks = np.where(wrong[..., None], np.nan, tracks)
             summary.append(f"{wrong.sum()} positions {which} are left out")
