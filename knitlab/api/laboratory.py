@@ -366,9 +366,9 @@ def fit(
     case = case_for(plan, cube)
     target = measured_test(cube, case, model_error)
     case = replace(case, applied_strain=(0.0, *target.applied_strain))
-    if kept is None and material is not None:
-        kept = material.with_suffix(".tests")
     folder = None if kept is None else Path(kept)
+    if material is not None and kept is None:
+        folder = material.with_suffix(".tests")
     fitted = fit_stripes(case, target, prior_std, starts=starts, step=step, kept=folder)
     if material is not None:
         from knitlab.figures.fits import fit_figure
@@ -376,7 +376,8 @@ def fit(
         name = cube_name(cube)
         source = Path(name) if isinstance(experiment, xr.Dataset) else Path(experiment)
         fitted.material(source).write(material)
-        shutil.rmtree(material.with_suffix(".tests"), ignore_errors=True)
+        if kept is None:
+            shutil.rmtree(material.with_suffix(".tests"), ignore_errors=True)
         title = f"{fitted.before.label}, fitted to {name}"
         draw_into(lambda: fit_figure(fitted, title), material.with_suffix(".png"))
     return fitted

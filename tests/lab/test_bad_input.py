@@ -299,9 +299,13 @@ def test_records_of_another_sample_are_not_mixed_in(tmp_path, good, changes):
     assert (results / "sheet" / "cube.nc").read_bytes() == before
 
 
-def test_the_old_name_of_prior_std_is_accepted():
+def test_the_old_names_of_prior_std_are_accepted():
     with pytest.warns(DeprecationWarning, match="prior_std"), pytest.raises(kl.InputError):
         kl.fit("nowhere.nc", "laboratory", looseness=0.1)
+    words = ["fit", "nowhere.nc", "laboratory", "--looseness", "0.1"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 2
+    assert "--prior-std" in result.output
 
 
 def test_settings_beside_a_plan_are_refused():
