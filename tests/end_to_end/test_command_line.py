@@ -130,10 +130,3 @@ def test_selected_numbers_are_read_as_numbers(values):
 @pytest.mark.parametrize("label", ["04", "1e3", "barrier", "4 x 2"])
 def test_a_selected_label_keeps_its_letters(label):
     assert read_selections((f"name={label}",)) == {"name": [label]}
-
-
-def test_a_folder_that_cannot_be_written_is_a_sentence(tmp_path):
-    (tmp_path / "results").write_text("a file where a folder should be")
-    result = knitlab("plan", "periodic", "--results", str(tmp_path / "results" / "deeper"))
-    assert result.exit_code == 2
-    assert "cannot be written" in result.output

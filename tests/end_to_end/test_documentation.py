@@ -1,11 +1,8 @@
 """The output shown in the documentation is that of its commands and Python on the kept cubes."""
 
 import doctest
-import os
 import re
 import shlex
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -216,34 +213,6 @@ def test_the_commands_of_a_page_have_the_options_that_it_shows(page):
         known = {name for option in command.params for name in option.opts + option.secondary_opts}
         shown = {word.split("=")[0] for word in example.words if re.match("-[a-z-]", word)}
         assert shown <= known, example
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-def test_the_job_of_the_guide_to_clusters_can_be_submitted_again_for_one_part(tmp_path):
-    page = (ROOT / "docs/how-to/cluster.md").read_text(encoding="utf-8")
-    (script,) = re.findall(r"^```bash\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    assert script.count("40") == 2
-    small = "periodic --set n_stripe=4 --set n_subunit=8,16,24 --set strain_max=0.03"
-    job = script.replace("40", "3").replace("WORKFLOW", f"{small} --set robustness=0")
-    (tmp_path / "knitlab").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m knitlab "$@"\n')
-    (tmp_path / "knitlab").chmod(0o755)
-    paths = {
-        "PATH": os.pathsep.join([str(tmp_path), os.environ["PATH"]]),
-        "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path]),
-    }
-    for simulated in (1, 0):
-        said = subprocess.run(
-            ["bash", "-c", job],
-            cwd=tmp_path,
-            env=os.environ | paths | {"SLURM_ARRAY_TASK_ID": "2", "SLURM_ARRAY_TASK_COUNT": "1"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert said.returncode == 0, said.stderr
-        there = f"{simulated} cases simulated, {1 - simulated} already there in shard 2/3"
-        assert there in said.stdout
 
 
 def test_the_workflow_of_the_guide_can_be_planned(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ import knitlab as kl
 from knitlab.api import knitting
 from knitlab.cli import main
 from knitlab.export.knitting.knitout import knitout
+from tests.refusals import refused
 
 PREVIEW = "results/reference/periodic"
 DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
@@ -60,11 +61,9 @@ def test_a_design_takes_the_electrodes_of_an_object_and_no_keywords():
     plated = replace(known.capacitor, layout=known.layouts["checkerboard"])
     sample = kl.knit(design, model=kl.Model(cell_size="flat"), capacitor=plated)
     assert sample.program == kl.knit("sensor", n_stripe=4, n_subunit=16).program
-    with pytest.raises(
-        kl.InputError, match="layout: is of a workflow or a cube; of a Design, give"
-    ):
+    with refused("layout", "Design"):
         kl.knit(design, layout="checkerboard")
-    with pytest.raises(kl.InputError, match="capacitor: is of a Design; leave it out"):
+    with refused("capacitor", "Design"):
         kl.knit("periodic", capacitor=plated)
 
 
@@ -87,38 +86,24 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "named"),
     [
-        (
-            ("periodic",),
-            "--select: periodic has 10 designs; select one of n_stripe 2 n_subunit 16,",
-        ),
-        ((PREVIEW, "--select", "n_stripe=4"), "--select: the cube has 3 designs; select one of"),
-        ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "--set n_stripe: belongs to workflows"),
-        ((*SMALL, "--repeats", "4"), "--repeats: is '4'; give two counts such as 4x2"),
-        ((*SMALL, "--repeats", "0x1"), "--repeats: are two counts from 1 up, (y, x), but are"),
-        ((*SMALL, "--repeats", "1x1", "--needles", "90"), "--repeats: and needles both set"),
-        ((*SMALL, "--face", "back"), "--face: is of electrodes, and n_stripe 2"),
-        ((*SMALL, "--needles", "9"), "--needles 9: one repeat takes 16 of them"),
-        ((*SMALL, "--machine", "end"), "machine end: is not KEY=VALUE"),
-        ((*SMALL, "--machine", "ends=drop"), "there is no setting of the machine 'ends'"),
-        (
-            (*SMALL, "--machine", "model=Stoll"),
-            "machine model: is 'Stoll', and knitlab knows SWG061N2, SWG091N2, Kniterate",
-        ),
-        (
-            (*SMALL, "-o", "sample.dat"),
-            "sample.dat: has no suffix of knitout or a chart; give one",
-        ),
-        ((*SMALL, "--sheet", "sheet.k"), "sheet.k: has no suffix of a figure"),
-        (("nothing",), "is not a file, and there is no workflow 'nothing'"),
-        (("results/nothing.nc",), "does not exist; run a workflow"),
+        (("periodic",), "--select"),
+        ((PREVIEW, "--select", "n_stripe=4"), "3 designs"),
+        ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "n_stripe"),
+        ((*SMALL, "--repeats", "4"), "'4'"),
+        ((*SMALL, "--repeats", "1x1", "--needles", "90"), "needles"),
+        ((*SMALL, "--needles", "9"), "16"),
+        ((*SMALL, "--machine", "ends=drop"), "'ends'"),
+        ((*SMALL, "--machine", "model=Stoll"), "SWG061N2"),
+        ((*SMALL, "-o", "sample.dat"), "sample.dat"),
+        (("nothing",), "'nothing'"),
     ],
 )
-def test_bad_input_is_explained_with_exit_code_2(words, message):
+def test_invalid_input_is_named_with_exit_code_2(words, named):
     result = run(*words)
     assert result.exit_code == 2, result.output
-    assert message in result.stderr
+    assert named in result.stderr
     assert "Traceback" not in result.stderr
 
 
@@ -140,7 +125,7 @@ def test_a_cube_without_its_cases_is_planned_again(tmp_path):
     assert sample.chart.front.shape == (96, 48)
     cube.attrs["workflow"] = "own"
     cube.to_netcdf(tmp_path / "other.nc")
-    with pytest.raises(kl.InputError, match="is recorded in no plan and no case file"):
+    with refused("plan"):
         kl.knit(tmp_path / "other.nc", n_stripe=6, n_subunit=24)
 
 
@@ -165,11 +150,8 @@ def test_a_kept_cube_is_knitted_at_another_size_of_a_stitch(tmp_path):
 
 def test_what_leaves_for_the_machine_says_which_yarn_it_needs(tmp_path):
     words = ("knit", "periodic", "--set", "n_stripe=4", "--set", "n_subunit=16")
-    needed = (
-        CliRunner()
-        .invoke(main, [*words, "--set", "rib_k_t_factor=2", "-o", str(tmp_path / "a.k")])
-        .output
-    )
+    stiffer = [*words, "--set", "rib_k_t_factor=2", "-o", str(tmp_path / "a.k")]
+    needed = CliRunner().invoke(main, stiffer).output
     assert "rib 4 needs k_t × 2.00 of the paper's yarn" in needed
     assert "garter 8 needs" not in needed
     usual = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "b.k")]).output
@@ -255,48 +237,30 @@ def test_what_a_material_does_not_give_is_said_to_be_not_given(merino):
     lines = MERINO.splitlines(keepends=True)
     bare = [line for line in lines if not line.startswith(("yarn", "stitch_size", "machine"))]
     merino.write_text("".join(bare), encoding="utf-8")
-    words = ("sensor", "--set", "n_stripe=4", "--set", "n_subunit=16", "--material", merino)
-    result = run(*words)
+    result = run("sensor", "--set", "n_stripe=4", "--set", "n_subunit=16", "--material", merino)
     assert result.exit_code == 0, result.output
-    for name, value in (
-        ("material", "merino"),
-        ("yarn", "not given"),
-        ("carrier 3", "body: not given"),
-        ("carrier 4", "electrode A, on the front: not given"),
-        ("stitch size", "body not given, plated not given (machine units)"),
-    ):
-        assert of_row(result.output, name) == value
-    assert "stitch_size in the material" in result.stderr
-    # 3.2 mm are not a stitch of 15 needles an inch.
-    assert (
-        "warning: stitch_width is 3.2 mm, and the needles of SWG061N2 are 1.69 mm" in result.stderr
-    )
+    for name in ("yarn", "carrier 3", "carrier 4", "stitch size"):
+        assert "not given" in of_row(result.output, name)
+    assert "stitch_size" in result.stderr
 
 
-def test_another_machine_than_the_materials_is_remarked_on(merino):
+def test_another_machine_or_gauge_than_the_material_is_warned_of(merino):
     words = ("periodic", "--set", "n_stripe=4", "--set", "n_subunit=16", "--material", merino)
     result = run(*words, "--machine", "model=SWG061N2")
     assert result.exit_code == 0, result.output
-    assert "merino are of Kniterate, not SWG061N2" in result.stderr
-    assert of_row(result.output, "stitch size") == "body not given (machine units)"
+    assert "Kniterate" in result.stderr
+    assert "not given" in of_row(result.output, "stitch size")
+    for width, warned in (("19", True), ("1.9", False)):
+        result = run(*SMALL, "--set", f"stitch_width={width}", "--set", "stitch_height=1")
+        assert ("stitch_width" in result.stderr) == warned
 
 
 def test_the_size_in_cloth_is_that_of_the_gauge_on_every_machine():
-    sizes = set()
-    for model in ("SWG061N2", "SWG091N2", "Kniterate"):
-        result = run(*SMALL, "--machine", f"model={model}")
-        sizes.add(of_row(result.output, "size flat"))
-        warned = "warning: stitch_width is 1.35 mm" in result.stderr
-        assert warned == (model == "Kniterate")
+    models = ("SWG061N2", "SWG091N2", "Kniterate")
+    sizes = {
+        of_row(run(*SMALL, "--machine", f"model={model}").output, "size flat") for model in models
+    }
     assert sizes == {f"{16 * 1.35:.0f} × {32 * 0.8:.0f} mm (width × length)"}
-
-
-def test_a_stitch_of_19_mm_is_warned_of():
-    result = run(*SMALL, "--set", "stitch_width=19")
-    assert "warning: stitch_width is 19 mm" in result.stderr
-    assert (
-        "warning" not in run(*SMALL, "--set", "stitch_width=1.9", "--set", "stitch_height=1").stderr
-    )
 
 
 @pytest.mark.slow
@@ -317,5 +281,5 @@ def test_material_and_yarn_are_the_same_from_a_file_an_object_a_plan_and_a_test(
         rows = dict(sample.rows())
         assert (rows["material"], rows["yarn"]) == ("merino", "merino 2/30, two ends")
         assert rows["machine"].startswith("Kniterate")
-    with pytest.raises(kl.InputError, match="material: is of a Design"):
+    with refused("material", "Design"):
         kl.knit("periodic", n_stripe=4, n_subunit=16, material=material)

@@ -54,18 +54,6 @@ def test_a_second_run_prints_the_same_and_writes_nothing(results):
 
 
 @pytest.mark.slow
-def test_a_sweep_too_wide_for_figures_is_finished_too(tmp_path):
-    factors = ",".join(f"{1 + k / 100:g}" for k in range(9))
-    words = ("--set", f"k_t_factor={factors}", "--set", "strain_max=0.03")
-    first = ran(tmp_path, *words)
-    before, again = written(tmp_path), ran(tmp_path, *words)
-    assert again.splitlines()[0] == "0 cases simulated, 9 already there"
-    for text in (first, again):
-        assert "9 slices are too many to draw in a run" in text
-    assert written(tmp_path) == before
-
-
-@pytest.mark.slow
 def test_a_second_run_imports_none_of_the_slow_libraries(results):
     words = [*WORDS, "--results", str(results)]
     program = (

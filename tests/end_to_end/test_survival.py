@@ -77,18 +77,3 @@ def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
     nobody = knitlab("reproduce", "4-8-000000000000")
     assert nobody.exit_code == 2
     assert "is in no plan.json" in nobody.output
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("status", "periodic"), "plan.json: does not exist; plan or run the workflow first"),
-        (("reproduce", "4-8-0"), "is in no plan.json"),
-    ],
-)
-def test_missing_files_are_reported_in_one_sentence(tmp_path, monkeypatch, words, message):
-    monkeypatch.chdir(tmp_path)
-    result = knitlab(*words)
-    assert result.exit_code == 2
-    assert message in result.output
-    assert list(tmp_path.iterdir()) == []
