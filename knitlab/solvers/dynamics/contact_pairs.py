@@ -213,44 +213,52 @@ class PairFinder:
         cell = np.concatenate([cells.one[close], beside[0]])
         cell_other = np.concatenate([cells.other[close], beside[1]])
         distances = self._distances(cell, cell_other, place)
-        found: dict[Kind, Parts] = {}
-        for kind, split in SPLIT.items():
-            steps = _STEPS[kind]
-            limit = self.layers.far.begins + margin
-            number, which = np.nonzero(limit >= distances[kind].T)
-            if kind == "triangle":
-                swap = which >= 2
-                own = np.where(swap[:, None], cell_other[number], cell[number])
-                against = np.where(swap[:, None], cell[number], cell_other[number])
-                step = steps[which % 2]
-            else:
-                own = cell[number]
-                against = cell_other[number]
-                step = steps[which]
-            corners = np.concatenate(
-                [own[:, None] + step[:, :split], against[:, None] + step[:, split:]], axis=1
-            )
-            distance = distances[kind][which, number]
-            steps_between = _steps_between(corners, split)
-            exist = (steps_between > 0).all(axis=(1, 2))
-            if not self.shape.periodic:
-                inside = (corners >= 0) & (corners < [self.shape.nodes_y, self.shape.nodes_x])
-                exist &= inside.all(axis=(1, 2))
-            of_layers = []
-            for near, layer in ((False, self.layers.far), (True, self.layers.near)):
-                on_grid = (steps_between <= self.layers.near_cells) == near
-                those = exist & on_grid.any(axis=(1, 2))
-                pairs = Parts(
-                    corners[those], np.full(those.sum(), near), distance[those] - layer.begins
-                )
-                of_layers.append(pairs.within(margin))
-            found[kind] = Parts(
-                *(
-                    np.concatenate([getattr(each, name) for each in of_layers])
-                    for name in ("corners", "near", "gap")
-                )
-            )
+        found: dict[Kind, Parts] = {
+            kind: self._near_parts(kind, cell, cell_other, distances[kind], margin)
+            for kind in SPLIT
+        }
         return found, watched
+
+    def _near_parts(
+        self,
+        kind: Kind,
+        one: Cells,
+        other: Cells,
+        distances: Float[np.ndarray, "pair cell"],
+        margin: float,
+    ) -> Parts:
+        """Pairs of one kind with gaps up to a margin, of what two cells own; those far apart first.
+
+        A pair counts as near, or as far, if any of its corners are so on the grid.
+        """
+        number, which = np.nonzero(self.layers.far.begins + margin >= distances.T)
+        distance = distances[which, number]
+        first = one[number]
+        second = other[number]
+        if kind == "triangle":  # the node of the first cell, or of the second
+            swap = (which >= 2)[:, None]
+            first, second = np.where(swap, second, first), np.where(swap, first, second)
+            which = which % 2
+        split = SPLIT[kind]
+        corners = _STEPS[kind][which]
+        corners[:, :split] += first[:, None]
+        corners[:, split:] += second[:, None]
+        steps_between = _steps_between(corners, split)
+        exist = (steps_between > 0).all(axis=(1, 2))
+        if not self.shape.periodic:
+            inside = (corners >= 0) & (corners < [self.shape.nodes_y, self.shape.nodes_x])
+            exist &= inside.all(axis=(1, 2))
+        found = []
+        for near, layer in ((False, self.layers.far), (True, self.layers.near)):
+            those = exist & ((steps_between <= self.layers.near_cells) == near).any(axis=(1, 2))
+            gap = distance[those] - layer.begins
+            found.append(Parts(corners[those], np.full(len(gap), near), gap).within(margin))
+        far, close = found
+        return Parts(
+            np.concatenate([far.corners, close.corners]),
+            np.concatenate([far.near, close.near]),
+            np.concatenate([far.gap, close.gap]),
+        )
 
     def _close_cells(self, place: Place, within: float) -> CloseCells:
         """Pairs of cells whose boxes are within a distance [mm], but for neighbours."""
