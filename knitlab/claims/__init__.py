@@ -3,5 +3,6 @@
 In: cubes, and the claims of ``params/claims.toml``. Out: for each claim whether it holds, by which
 margin, and on which samples.
 
-Read ``claims.py`` and ``judgement.py``; each claim's ``test`` is a function of ``checks.py``.
+Read ``claims.py`` and ``judgement.py``; each claim's ``test`` is a check that ``checks.py``
+registers.
 """

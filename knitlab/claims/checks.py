@@ -1,14 +1,15 @@
 """Checks of claims: every sample on its own, trends, extremes, orders, correlations and lines.
 
-Each is a function of a cube at one value of every swept setting, or of several. Its other arguments
-are the keys of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the
-variable. Samples without a complete test are ignored; NotMeasured if too few are left.
+Each is registered by :func:`check`, or by :func:`sample_check` if it measures one sample at a time.
+Its arguments, besides the cube or the sample, are the keys of a claim in ``params/claims.toml``:
+``about`` selects the samples, ``of`` names the variable. Samples without a complete test are
+ignored; NotMeasured if too few are left.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import wraps
 from itertools import pairwise, product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import xarray as xr
@@ -33,7 +34,8 @@ from knitlab.observables.schema import DESIGN_DIMS, Status
 MAX_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
 MIN_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve
 Measured = tuple[float | None, str] | None  # margin of a sample, and its value; None if unknown
-Measure = Callable[[xr.Dataset], Measured]
+Measure = Callable[..., Measured]
+Check = Callable[..., CheckResult]
 Direction = Literal["rises", "falls"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 Sample = Annotated[tuple[PositiveInt | Literal["rib", "garter"], PositiveInt], Field(strict=False)]
@@ -43,162 +45,183 @@ Families = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 Lines = dict[int, LinearFit]  # the line fitted to the designs of each n_stripe, against n_subunit
 
 
+CHECKS: dict[str, Check] = {}
+"""Every check, by the name that ``test`` of a claim gives."""
+
+
+def check(test: Check) -> Check:
+    """Register a check of a cube, or of several, at one value of every swept setting."""
+    CHECKS[test.__name__] = test
+    return test
+
+
+def sample_check(*variables: str) -> Callable[[Measure], Measure]:
+    """Register a check that measures each sample alone: the worst of them decides.
+
+    ``variables`` are those that the samples must have, or the arguments that name them.
+    """
+
+    def register(measure: Measure) -> Measure:
+        @wraps(measure)
+        def test(cube: xr.Dataset, about: About, **arguments: object) -> CheckResult:
+            needed = [str(arguments.get(name, name)) for name in variables]
+            samples = Samples.of(cube, about, *needed)
+            margins, texts = dict[Labels, float](), dict[Labels, str]()
+            for labels, sample in samples.complete.items():
+                margin, text = measure(sample, about, **arguments) or (None, "")
+                if margin is not None:
+                    margins[labels] = margin
+                    texts[labels] = f"{name_of(labels)} {text}"
+            if not margins:
+                raise samples.too_few(0)
+            failing = [labels for labels, margin in margins.items() if margin < 0]
+            opening = f"{len(failing)} of {len(margins)} do not: " if failing else ""
+            shown = failing or list(margins)
+            first = sorted(shown, key=lambda labels: margins[labels])[:MAX_LISTED]
+            listed = ", ".join(texts[labels] for labels in shown if labels in first)
+            more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
+            return samples.result(min(margins.values()), opening + listed + more, margins)
+
+        CHECKS[measure.__name__] = test
+        return measure
+
+    return register
+
+
+@check
 def laboratory(cube: xr.Dataset, needs: str) -> CheckResult:
     """A comparison with measurements that are not in the paper's text."""
     raise NotMeasured(f"needs {needs}")
 
 
+@sample_check("of")
 def value_within(
-    cube: xr.Dataset,
+    sample: xr.Dataset,
     about: Checkerboards,
     of: str,
     lowest: float = -np.inf,
     highest: float = np.inf,
     slack: float = 0.0,
-) -> CheckResult:
+) -> Measured:
     """A value, or a curve over the applied strain, is between two limits, with some slack.
 
     A value equal to a limit of 0 is outside.
     """
-
-    def measure(sample: xr.Dataset) -> Measured:
-        values = sample[of].values[np.isfinite(sample[of].values)]
-        if not values.size:
-            return None
-        least, most = float(values.min()), float(values.max())
-        margin = worst(within(end, lowest - slack, highest + slack) for end in (least, most))
-        return margin, f"{least:.2f} to {most:.2f}" if sample[of].ndim else f"{least:.3g}"
-
-    return _each(cube, about, measure, of)
+    values = sample[of].values[np.isfinite(sample[of].values)]
+    if not values.size:
+        return None
+    least, most = float(values.min()), float(values.max())
+    margin = worst(within(end, lowest - slack, highest + slack) for end in (least, most))
+    return margin, f"{least:.2f} to {most:.2f}" if sample[of].ndim else f"{least:.3g}"
 
 
-def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> CheckResult:
+@sample_check("of", "than")
+def less_than(sample: xr.Dataset, about: Checkerboards, of: str, than: str) -> Measured:
     """The value ``of`` is less than the value ``than`` of the same sample."""
-
-    def measure(sample: xr.Dataset) -> Measured:
-        one, other = float(sample[of]), float(sample[than])
-        return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
-
-    return _each(cube, about, measure, of, than)
+    one, other = float(sample[of]), float(sample[than])
+    return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
 
 
+@sample_check("of")
 def rises_and_falls(
-    cube: xr.Dataset, about: Checkerboards, of: str, fall: PositiveFloat
-) -> CheckResult:
+    sample: xr.Dataset, about: Checkerboards, of: str, fall: PositiveFloat
+) -> Measured:
     """A curve rises to a peak within the test, then falls by the fraction ``fall`` of the peak."""
-
-    def measure(sample: xr.Dataset) -> Measured:
-        curve = sample[of].dropna("applied_strain")
-        if curve.size < MIN_POINTS:
-            return None
-        top = int(curve.values.argmax())
-        first, peak, last = curve.values[[0, top, -1]].tolist()
-        falls = (peak - last) / peak if peak > max(first, 0.0) else 0.0
-        strain = float(curve["applied_strain"][top])
-        return above(falls, fall), f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
-
-    return _each(cube, about, measure, of)
+    curve = sample[of].dropna("applied_strain")
+    if curve.size < MIN_POINTS:
+        return None
+    top = int(curve.values.argmax())
+    first, peak, last = curve.values[[0, top, -1]].tolist()
+    falls = (peak - last) / peak if peak > max(first, 0.0) else 0.0
+    strain = float(curve["applied_strain"][top])
+    return above(falls, fall), f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
 
 
+@sample_check("of")
 def fall_confined(
-    cube: xr.Dataset,
+    sample: xr.Dataset,
     about: Checkerboards,
     of: str,
     end: Literal["begins", "ends"],
     at: PositiveFloat,
     part: Fraction,
     slack: PositiveFloat,
-) -> CheckResult:
+) -> Measured:
     """The fall of a curve begins, or ends, at an applied strain: but for a ``part`` of the fall.
 
     It falls from its highest value to its lowest value after that.
     """
-
-    def measure(sample: xr.Dataset) -> Measured:
-        curve = sample[of].dropna("applied_strain")
-        fall = curve[int(curve.values.argmax()) :] if curve.size else curve
-        fall = fall[: int(fall.values.argmin()) + 1] if fall.size else fall
-        if fall.size < MIN_POINTS:
-            return None
-        first, last = fall.values[[0, -1]].tolist()
-        done = np.maximum.accumulate((first - fall.values) / (first - last))
-        wanted = part if end == "begins" else 1 - part
-        strain = float(np.interp(wanted, done, fall["applied_strain"].values))
-        return within(strain, at - slack, at + slack), f"{strain:.3g}"
-
-    return _each(cube, about, measure, of)
+    curve = sample[of].dropna("applied_strain")
+    fall = curve[int(curve.values.argmax()) :] if curve.size else curve
+    fall = fall[: int(fall.values.argmin()) + 1] if fall.size else fall
+    if fall.size < MIN_POINTS:
+        return None
+    first, last = fall.values[[0, -1]].tolist()
+    done = np.maximum.accumulate((first - fall.values) / (first - last))
+    wanted = part if end == "begins" else 1 - part
+    strain = float(np.interp(wanted, done, fall["applied_strain"].values))
+    return within(strain, at - slack, at + slack), f"{strain:.3g}"
 
 
+@sample_check("of")
 def follows(
-    cube: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat
-) -> CheckResult:
+    sample: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat
+) -> Measured:
     """A strain rises with the applied strain and stays close to it.
 
     ``tolerance`` is of the largest departure, over the largest applied strain.
     """
-
-    def measure(sample: xr.Dataset) -> Measured:
-        curve = sample[of].dropna("applied_strain")
-        if curve.size < MIN_POINTS:
-            return None
-        applied = curve["applied_strain"]
-        off = float(abs(curve - applied).max() / applied.max())
-        slope = float((np.diff(curve) / np.diff(applied)).min())
-        margin = worst([below(off, tolerance), above(slope, 0, strict=True)])
-        return margin, f"off by {off:.1%}" + ("" if slope > 0 else ", not monotonic")
-
-    return _each(cube, about, measure, of)
+    curve = sample[of].dropna("applied_strain")
+    if curve.size < MIN_POINTS:
+        return None
+    applied = curve["applied_strain"]
+    off = float(abs(curve - applied).max() / applied.max())
+    slope = float((np.diff(curve) / np.diff(applied)).min())
+    margin = worst([below(off, tolerance), above(slope, 0, strict=True)])
+    return margin, f"off by {off:.1%}" + ("" if slope > 0 else ", not monotonic")
 
 
+@sample_check("of")
 def largest_at_centre(
-    cube: xr.Dataset, about: Checkerboards, of: str, applied_strain: PositiveFloat
-) -> CheckResult:
+    sample: xr.Dataset, about: Checkerboards, of: str, applied_strain: PositiveFloat
+) -> Measured:
     """A local strain is positive at the centre, and larger there than along the rest."""
     # JAX is imported only for this check.
     from knitlab.model.cell_grid import central
 
-    def measure(sample: xr.Dataset) -> Measured:
-        if not np.isclose(sample["applied_strain"], applied_strain, 0, 1e-9).any():
-            raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
-        field = sample[of].sel(applied_strain=applied_strain, method="nearest")
-        along = field.dropna("cell_y", how="all").mean("cell_x").values
-        if along.size < MIN_POINTS:
-            return None
-        middle = central(along.size)
-        centre, beside = along[middle].max(), np.delete(along, middle).max()
-        scale = float(abs(along).max())
-        positive = above(along[middle].min(), 0, strict=True, scale=scale)
-        margin = worst([positive, above(centre, beside, scale=scale)])
-        return margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
-
-    return _each(cube, about, measure, of)
+    if not np.isclose(sample["applied_strain"], applied_strain, 0, 1e-9).any():
+        raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
+    field = sample[of].sel(applied_strain=applied_strain, method="nearest")
+    along = field.dropna("cell_y", how="all").mean("cell_x").values
+    if along.size < MIN_POINTS:
+        return None
+    middle = central(along.size)
+    centre, beside = along[middle].max(), np.delete(along, middle).max()
+    scale = float(abs(along).max())
+    positive = above(along[middle].min(), 0, strict=True, scale=scale)
+    margin = worst([positive, above(centre, beside, scale=scale)])
+    return margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
 
 
+@sample_check("row_force")
 def stripe_toe(
-    cube: xr.Dataset, about: PureStripes, softer_than: PositiveFloat, visible: bool
-) -> CheckResult:
+    sample: xr.Dataset, about: PureStripes, softer_than: PositiveFloat, visible: bool
+) -> Measured:
     """A force curve is J-shaped or not: its initial over its largest tangent is small."""
-
-    def measure(sample: xr.Dataset) -> Measured:
-        slopes = tangents(sample)
-        ratio = float(slopes[0] / slopes.max())
-        j_shaped = below(ratio, softer_than, strict=True)
-        return j_shaped if visible else above(ratio, softer_than), f"{ratio:.2f}"
-
-    return _each(cube, about, measure, "row_force")
+    slopes = tangents(sample)
+    ratio = float(slopes[0] / slopes.max())
+    j_shaped = below(ratio, softer_than, strict=True)
+    return j_shaped if visible else above(ratio, softer_than), f"{ratio:.2f}"
 
 
+@sample_check("one", "other")
 def same_curves(
-    cube: xr.Dataset, about: PureStripes, one: str, other: str, tolerance: PositiveFloat
-) -> CheckResult:
+    sample: xr.Dataset, about: PureStripes, one: str, other: str, tolerance: PositiveFloat
+) -> Measured:
     """Two curves of a stripe differ by at most ``tolerance`` times the largest of ``other``."""
-
-    def measure(sample: xr.Dataset) -> Measured:
-        reference = sample[other].values
-        off = float(abs(sample[one].values - reference).max() / abs(reference).max())
-        return below(off, tolerance), f"{off:.1%}"
-
-    return _each(cube, about, measure, one, other)
+    reference = sample[other].values
+    off = float(abs(sample[one].values - reference).max() / abs(reference).max())
+    return below(off, tolerance), f"{off:.1%}"
 
 
 def tangents(stripe: xr.Dataset) -> np.ndarray:
@@ -206,25 +229,7 @@ def tangents(stripe: xr.Dataset) -> np.ndarray:
     return np.diff(stripe["row_force"].values) / np.diff(stripe["applied_strain"].values)
 
 
-def _each(cube: xr.Dataset, about: About, measure: Measure, *variables: str) -> CheckResult:
-    samples = Samples.of(cube, about, *variables)
-    margins, texts = dict[Labels, float](), dict[Labels, str]()
-    for labels, sample in samples.complete.items():
-        margin, text = measure(sample) or (None, "")
-        if margin is not None:
-            margins[labels] = margin
-            texts[labels] = f"{name_of(labels)} {text}"
-    if not margins:
-        raise samples.too_few(0)
-    failing = [labels for labels, margin in margins.items() if margin < 0]
-    opening = f"{len(failing)} of {len(margins)} do not: " if failing else ""
-    shown = failing or list(margins)
-    first = sorted(shown, key=lambda labels: margins[labels])[:MAX_LISTED]
-    listed = ", ".join(texts[labels] for labels in shown if labels in first)
-    more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
-    return samples.result(min(margins.values()), opening + listed + more, margins)
-
-
+@check
 def monotonic(
     cube: xr.Dataset,
     about: Checkerboards,
@@ -237,6 +242,7 @@ def monotonic(
     return _trend(samples, samples.values(of), DESIGN_DIMS.index(along), direction)
 
 
+@check
 def stripe_order(
     cube: xr.Dataset,
     about: PureStripes,
@@ -285,6 +291,7 @@ def _trend(
     return samples.result(worst(margins.values()), text, values)
 
 
+@check
 def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Design) -> CheckResult:
     """A design has the lowest value of all designs with a complete test."""
     samples = Samples.of(cube, about, of)
@@ -298,6 +305,7 @@ def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Desig
     return samples.result(margin, text, values)
 
 
+@check
 def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat) -> CheckResult:
     """The largest value exceeds the smallest by more than the fraction ``least`` of it."""
     samples = Samples.of(cube, about, of)
@@ -311,6 +319,7 @@ def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat
     return samples.result(margin, text, values)
 
 
+@check
 def trades_off(
     cube: xr.Dataset,
     about: Checkerboards,
@@ -336,6 +345,7 @@ def weakest_significant(count: int, significant: float) -> float:
     return t / float(np.sqrt(count - 2 + t**2))
 
 
+@check
 def sample_order(
     cubes: Sequence[xr.Dataset], of: str, less: SampleList, more: SampleList
 ) -> CheckResult:
@@ -367,44 +377,49 @@ def sample_order(
     return CheckResult(margin, text, len(used), wanted, "samples", at, numbers)
 
 
+@check
 def linear(cube: xr.Dataset, n_stripe: Families, of: str, unexplained: Fraction) -> CheckResult:
     """A value is linear in n_subunit: a line leaves little of its variance unexplained."""
-    lines, result = _lines(cube, n_stripe, of, fewest=1)
+    lines = _lines(cube, n_stripe, of, fewest=1)
     margin = worst(
         above(line.r_squared, 1 - unexplained, scale=unexplained) for line in lines.values()
     )
     text = ", ".join(f"n_stripe {n}: R² {line.r_squared:.4f}" for n, line in lines.items())
-    return result(margin, text)
+    return _result_of_lines(lines, n_stripe, margin, text)
 
 
+@check
 def common_slope(
     cube: xr.Dataset, n_stripe: Families, of: str, spread: PositiveFloat
 ) -> CheckResult:
     """The slopes of all lines differ by at most the fraction ``spread`` of their mean."""
-    lines, result = _lines(cube, n_stripe, of, fewest=2)
+    lines = _lines(cube, n_stripe, of, fewest=2)
     slopes = np.array([line.slope for line in lines.values()])
     difference = float(np.ptp(slopes) / abs(slopes.mean()))
     probability = common_slope_probability(list(lines.values()))
     text = f"{_slopes(lines)}; apart by {difference:.0%}, p of one slope {probability:.2g}"
-    return result(below(difference, spread), text)
+    return _result_of_lines(lines, n_stripe, below(difference, spread), text)
 
 
+@check
 def departs_most(
     cube: xr.Dataset, n_stripe: Families, of: str, departing: PositiveInt
 ) -> CheckResult:
     """The slope of one n_stripe is farther from the mean of the others than each of the others."""
-    lines, result = _lines(cube, (departing, *n_stripe), of, fewest=3, needed=departing)
+    every = (departing, *n_stripe)
+    lines = _lines(cube, every, of, fewest=3, needed=departing)
     others = np.array([line.slope for n, line in lines.items() if n != departing])
     mean = float(others.mean())
     scale = float(np.ptp([line.slope for line in lines.values()]))
     margin = above(abs(lines[departing].slope - mean), float(abs(others - mean).max()), scale=scale)
-    return result(margin, f"{_slopes(lines)}; mean of the others {mean:.3f}")
+    text = f"{_slopes(lines)}; mean of the others {mean:.3f}"
+    return _result_of_lines(lines, every, margin, text)
 
 
 def _lines(
     cube: xr.Dataset, n_stripe: Families, of: str, fewest: int, needed: int | None = None
-) -> tuple[Lines, Callable[[float | None, str], CheckResult]]:
-    """The lines of n_stripe with enough complete tests, and what makes a result of these.
+) -> Lines:
+    """The lines of n_stripe with enough complete tests.
 
     NotMeasured if there are not ``fewest`` of them, and the needed one.
     """
@@ -416,9 +431,14 @@ def _lines(
         missing = ", ".join(str(n) for n in n_stripe if n not in lines)
         reason = f"fewer than {MIN_POINTS} designs measured for n_stripe {missing}"
         raise NotMeasured(reason, len(n_stripe), "lines")
+    return lines
+
+
+def _result_of_lines(
+    lines: Lines, n_stripe: Families, margin: float | None, text: str
+) -> CheckResult:
     at = tuple((n, int(m)) for n, line in lines.items() for m in line.x)
-    count: dict[str, Any] = {"judged": len(lines), "wanted": len(n_stripe), "counted": "lines"}
-    return lines, partial(CheckResult, at=at, **count)
+    return CheckResult(margin, text, len(lines), len(n_stripe), "lines", at)
 
 
 def _slopes(lines: Lines) -> str:

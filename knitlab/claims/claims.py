@@ -1,7 +1,7 @@
 """Claims: statements of the paper and their tests (``params/claims.toml``)."""
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import xarray as xr
 from pydantic import Field, ValidationError, create_model
 
-from knitlab.claims import checks
+from knitlab.claims.checks import CHECKS
 from knitlab.claims.margin import CheckResult, NotMeasured
 from knitlab.io.errors import Mistake, pydantic_mistakes, raise_if_any, unknown
 from knitlab.io.shipped import shipped
@@ -20,13 +20,6 @@ Topic = Literal[
 ]
 TOPICS: tuple[Topic, ...] = get_args(Topic)
 OF_RELAXED_FABRIC: tuple[Topic, ...] = ("relaxed shape", "wavelengths")
-
-
-CHECKS: dict[str, Callable[..., CheckResult]] = {
-    name: check
-    for name, check in inspect.getmembers(checks, inspect.isfunction)
-    if not name.startswith("_") and inspect.signature(check).return_annotation is CheckResult
-}
 
 
 class Claim(StrictModel):
