@@ -23,10 +23,10 @@ from knitlab.claims.samples import (
     Design,
     PureStripes,
     Samples,
-    by_labels,
-    name_of,
     preference,
-    unit_of,
+    sample_name,
+    unit_suffix,
+    values_by_label,
 )
 from knitlab.lab.fit_statistics import LinearFit, common_slope_probability, linear_fit
 from knitlab.observables.schema import DESIGN_DIMS, Status
@@ -71,7 +71,7 @@ def sample_check(*variables: str) -> Callable[[Measure], Measure]:
                 margin, text = measure(sample, about, **arguments) or (None, "")
                 if margin is not None:
                     margins[labels] = margin
-                    texts[labels] = f"{name_of(labels)} {text}"
+                    texts[labels] = f"{sample_name(labels)} {text}"
             if not margins:
                 raise samples.too_few(0)
             failing = [labels for labels, margin in margins.items() if margin < 0]
@@ -119,7 +119,7 @@ def value_within(
 def less_than(sample: xr.Dataset, about: Checkerboards, of: str, than: str) -> Measured:
     """The value ``of`` is less than the value ``than`` of the same sample."""
     one, other = float(sample[of]), float(sample[than])
-    return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
+    return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_suffix(of)}"
 
 
 @sample_check("of")
@@ -282,12 +282,12 @@ def _trend(
     text = f"all {len(steps)} steps between {len(values)} {samples.counted}"
     if wrong:
         shown = [
-            f"{name_of(one)} to {name_of(next_)}: {values[one]:.3g} to {values[next_]:.3g}"
+            f"{sample_name(one)} to {sample_name(next_)}: {values[one]:.3g} to {values[next_]:.3g}"
             for one, next_ in wrong[:MAX_LISTED]
         ]
         text = f"{len(wrong)} of {len(steps)} steps do not: {', '.join(shown)}"
     elif len(values) <= MAX_LISTED:
-        text += ": " + ", ".join(f"{name_of(each)} {values[each]:.3g}" for each in ordered)
+        text += ": " + ", ".join(f"{sample_name(each)} {values[each]:.3g}" for each in ordered)
     return samples.result(worst(margins.values()), text, values)
 
 
@@ -315,7 +315,7 @@ def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat
     smallest, largest = min(values.values()), max(values.values())
     scale = least * abs(smallest)
     margin = above(largest, smallest + scale, strict=True, scale=scale)
-    text = f"{smallest:.3g} to {largest:.3g}{unit_of(of)} over {len(values)} designs"
+    text = f"{smallest:.3g} to {largest:.3g}{unit_suffix(of)} over {len(values)} designs"
     return samples.result(margin, text, values)
 
 
@@ -357,7 +357,7 @@ def sample_order(
         (number, labels): value
         for number, cube in enumerate(cubes)
         if of in cube
-        for labels, value in by_labels(cube[of].where(cube["status"] == Status.ok)).items()
+        for labels, value in values_by_label(cube[of].where(cube["status"] == Status.ok)).items()
         if np.isfinite(value)
     }
     used: dict[Sample, tuple[int, Labels]] = {}
@@ -367,7 +367,7 @@ def sample_order(
     if not used:
         raise NotMeasured(f"no {of} of these samples in this cube")
     known = {sample: measured[at] for sample, at in used.items()}
-    text = ", ".join(f"{name_of(each)} {known[each]:.3g}{unit_of(of)}" for each in used)
+    text = ", ".join(f"{sample_name(each)} {known[each]:.3g}{unit_suffix(of)}" for each in used)
     wanted = len({*less, *more})
     pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(used)]
     if not pairs:

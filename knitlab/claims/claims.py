@@ -19,7 +19,7 @@ Topic = Literal[
     "stripes", "relaxed shape", "wavelengths", "tension", "Poisson's ratio", "capacitors"
 ]
 TOPICS: tuple[Topic, ...] = get_args(Topic)
-OF_RELAXED_FABRIC: tuple[Topic, ...] = ("relaxed shape", "wavelengths")
+RELAXED_TOPICS: tuple[Topic, ...] = ("relaxed shape", "wavelengths")
 
 
 class Claim(StrictModel):
@@ -57,9 +57,9 @@ class Claim(StrictModel):
         return "knitlab" if self.knitlab else "paper"
 
     @property
-    def of_relaxed_fabric(self) -> bool:
+    def about_relaxed_fabric(self) -> bool:
         """Whether it is about fabric in equilibrium, before it is pulled."""
-        return self.topic in OF_RELAXED_FABRIC
+        return self.topic in RELAXED_TOPICS
 
     @property
     def compares_cubes(self) -> bool:

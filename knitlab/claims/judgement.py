@@ -84,7 +84,7 @@ def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
         (
             result.margin is None,
             result.wanted == 0,
-            claim.of_relaxed_fabric and bool(pulled_without_pause(cube).any()),
+            claim.about_relaxed_fabric and bool(pulled_without_pause(cube).any()),
             *preference(cube, result.at),
         )
         for _, cube, result in checked

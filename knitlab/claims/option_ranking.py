@@ -12,7 +12,7 @@ import xarray as xr
 from knitlab.claims.claims import Claim
 from knitlab.claims.judgement import Slice, judged_slices
 from knitlab.claims.margin import CheckResult, Grade
-from knitlab.claims.samples import by_labels, stated_options
+from knitlab.claims.samples import stated_options, values_by_label
 from knitlab.cubes.cube_file import base_dims, cube_name, parameters_of, swept_dims
 from knitlab.observables.schema import DESIGN_DIMS, Status
 
@@ -66,7 +66,7 @@ def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list
         dims = swept_dims(cube)
         for indices in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
             one = cube.isel(dict(zip(dims, indices, strict=True)))
-            options = tuple(options_of(one).items())
+            options = tuple(ranking_options(one).items())
             if base_dims(one) == DESIGN_DIMS:
                 boards[options].append((Path(cube_name(cube)), one))
             else:
@@ -77,7 +77,7 @@ def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list
         designs = {
             labels
             for _, one in boards[options]
-            for labels, status in by_labels(one["status"]).items()
+            for labels, status in values_by_label(one["status"]).items()
             if status == Status.ok
         }
         results = {each.claim.name: each.result for each in judgements}
@@ -90,7 +90,7 @@ def differing(ranked: Sequence[RankedOptions]) -> list[str]:
     return [name for name in NAMES if len({each.options.get(name) for each in ranked}) > 1]
 
 
-def options_of(cube: xr.Dataset) -> dict[str, str | float]:
+def ranking_options(cube: xr.Dataset) -> dict[str, str | float]:
     """The model options of a cube at one value of every swept setting."""
     parameters = parameters_of(cube)
     stated = {**(parameters.get("solver") or {}), **(parameters.get("dynamics") or {})}

@@ -33,8 +33,8 @@ class Checkerboards(StrictModel):
 
     def among(self, planned: Iterable[Labels]) -> list[Labels]:
         """The designs that the claim is about, of those that are planned."""
-        of_family = [each for each in planned if each[0] in (self.n_stripe or each)]
-        return list(self.designs) or [each for each in of_family if each not in self.without]
+        family = [each for each in planned if each[0] in (self.n_stripe or each)]
+        return list(self.designs) or [each for each in family if each not in self.without]
 
 
 class PureStripes(StrictModel):
@@ -76,19 +76,19 @@ class Samples:
             raise NotMeasured(f"no {about.kind} in this cube")
         if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
             raise NotMeasured(f"no {', '.join(missing)} in this cube")
-        statuses = by_labels(cube["status"])
+        statuses = values_by_label(cube["status"])
         planned = [labels for labels, status in statuses.items() if status != Status.excluded]
         samples = about.among(planned)
         cube = cube[["status", *variables]]
         complete = [labels for labels in samples if statuses.get(labels) == Status.ok]
-        by_sample = {labels: one_sample(cube, labels) for labels in complete}
-        return cls(cube, by_sample, max(about.at_least, len(samples)), about.counted)
+        samples_by_label = {labels: one_sample(cube, labels) for labels in complete}
+        return cls(cube, samples_by_label, max(about.at_least, len(samples)), about.counted)
 
     def values(self, of: str) -> dict[Labels, float]:
         """The value, or the largest of a curve, of the complete samples that have one."""
         dims = base_dims(self.cube)
         curves = self.cube[of].transpose(*dims, ...)
-        values = by_labels(curves.max([dim for dim in curves.dims if dim not in dims]))
+        values = values_by_label(curves.max([dim for dim in curves.dims if dim not in dims]))
         return {labels: values[labels] for labels in self.complete if np.isfinite(values[labels])}
 
     def result(self, margin: float | None, text: str, at: Iterable[Labels]) -> CheckResult:
@@ -102,7 +102,7 @@ class Samples:
         return NotMeasured(f"{count} {self.counted} measured", self.wanted, self.counted)
 
 
-def by_labels(variable: xr.DataArray) -> dict[Labels, Any]:
+def values_by_label(variable: xr.DataArray) -> dict[Labels, Any]:
     """The values of a variable of designs, by the labels of each."""
     labels = product(*(variable[dim].values.tolist() for dim in variable.dims))
     return dict(zip(labels, variable.values.ravel().tolist(), strict=True))
@@ -113,13 +113,13 @@ def one_sample(cube: xr.Dataset, labels: Labels) -> xr.Dataset:
     return cube.sel(dict(zip(base_dims(cube), labels, strict=True)))
 
 
-def name_of(labels: Labels) -> str:
+def sample_name(labels: Labels) -> str:
     """The name of a sample in text: ``(4, 16)``, or ``rib 4``."""
     first, second = labels[:2]
     return f"{first} {second}" if isinstance(first, str) else f"({first}, {second})"
 
 
-def unit_of(variable: str) -> str:
+def unit_suffix(variable: str) -> str:
     """The unit of a variable, to follow a number; empty for a plain number."""
     unit = VARIABLES[variable].units
     return "" if unit == "1" else f" {unit}"

@@ -39,7 +39,7 @@ MAX_NAMED = 16  # largest number of columns or rows that have a tick each
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 
 
-def designs_of(cube: xr.Dataset) -> list[xr.Dataset]:
+def planned_designs(cube: xr.Dataset) -> list[xr.Dataset]:
     """The designs of a cube of checkerboards that are not excluded."""
     status = cube["status"].transpose("n_stripe", "n_subunit").values
     return [

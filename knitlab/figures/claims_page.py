@@ -44,8 +44,8 @@ def introduction(judgements: Sequence[Judgement]) -> dict[str, list[tuple[str, s
     """Which claims a user may rely on: pairs of an assessment and its claims, topic by topic."""
     topics: dict[str, list[tuple[str, str]]] = {}
     for topic, (group, opening) in product(TOPICS, OPENINGS.items()):
-        of_topic = (one for one in judgements if one.claim.topic == topic)
-        if claims := [_quoted(one) for one in of_topic if reliance(one) == group]:
+        on_topic = (one for one in judgements if one.claim.topic == topic)
+        if claims := [_quoted(one) for one in on_topic if reliance(one) == group]:
             topics.setdefault(topic, []).append((opening, "; ".join(claims) + "."))
     return topics
 

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from knitlab.cubes.cube_file import is_measured, source_of
-from knitlab.figures.cells import designs_of
+from knitlab.figures.cells import planned_designs
 from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import RUN, STRAIN, Status
@@ -37,7 +37,7 @@ def draw_curves(
 
     ``legend`` is a variable, and the corner of its panels that has room for their legend.
     """
-    designs = [one for cube in cubes for one in designs_of(cube) if int(one["status"]) in RUN]
+    designs = [one for cube in cubes for one in planned_designs(cube) if int(one["status"]) in RUN]
     if not designs:
         raise invalid("designs", "none of this selection has been simulated; run it first")
     stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})

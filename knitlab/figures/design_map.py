@@ -35,15 +35,15 @@ def draw_map(
     """
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = style.value_colours(np.concatenate([np.empty(0), *values]), signed)
-    by_cell = defaultdict[tuple[int, float], list[xr.Dataset]](list)
-    for design in chain.from_iterable(map(cells.designs_of, sorted(cubes, key=is_measured))):
+    cell_designs = defaultdict[tuple[int, float], list[xr.Dataset]](list)
+    for design in chain.from_iterable(map(cells.planned_designs, sorted(cubes, key=is_measured))):
         n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
-        by_cell[n_stripe, n_subunit / (2 * n_stripe)].append(design)
-    if any(sum(map(is_measured, designs)) > 1 for designs in by_cell.values()):
+        cell_designs[n_stripe, n_subunit / (2 * n_stripe)].append(design)
+    if any(sum(map(is_measured, designs)) > 1 for designs in cell_designs.values()):
         raise invalid("experiments", "there are several on one design; show one of them")
-    stripes, periods = (sorted({each[k] for each in by_cell}) for k in (0, 1))
-    marked = {Status.excluded} if len(by_cell) < len(stripes) * len(periods) else set[Status]()
-    for (n_stripe, p), designs in by_cell.items():
+    stripes, periods = (sorted({each[k] for each in cell_designs}) for k in (0, 1))
+    marked = {Status.excluded} if len(cell_designs) < len(stripes) * len(periods) else set[Status]()
+    for (n_stripe, p), designs in cell_designs.items():
         row, column = stripes.index(n_stripe), periods.index(p)
         border = row - 0.5 + (0.42 if len(designs) > 1 else 0)
         spans = (border, row + 0.5), (row - 0.5, border)

@@ -29,7 +29,7 @@ COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of
 def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) -> Figure:
     """A row of panels for each target: what is wanted in green, and the nearest designs.
 
-    With ``bands`` the range over the siblings of a design is shaded, and curves have a panel for
+    With ``bands`` the range over perturbed copies of a design is shaded, and curves have a panel for
     each design, as bands would cover each other.
     """
     names = []
@@ -117,8 +117,8 @@ def pareto_figure(
     """
     figure, axes = subplots(3.0, width=ONE_COLUMN * 1.4)
     for number in sorted(candidates.unique()):
-        of_search = (candidates == number).to_numpy()
-        axes.plot(*distances[of_search].T, "o", ms=4, alpha=0.7, label=f"search {number}")
+        in_search = (candidates == number).to_numpy()
+        axes.plot(*distances[in_search].T, "o", ms=4, alpha=0.7, label=f"search {number}")
     front = distances[non_dominated(distances)]
     front = front[np.argsort(front[:, 0])]
     axes.plot(*front.T, "-", color=FRONT, lw=1, label="Pareto front", zorder=0)

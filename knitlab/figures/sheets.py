@@ -59,7 +59,7 @@ def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
     axes.set_box_aspect(half, zoom=0.97 * axes.viewLim.x1 / reach)
 
 
-def faces_of(nodes: Float[np.ndarray, "y x 3"]) -> Float[np.ndarray, "face 4 3"]:
+def grid_faces(nodes: Float[np.ndarray, "y x 3"]) -> Float[np.ndarray, "face 4 3"]:
     """Corners of the grid cells of a sheet of nodes."""
     surface = grid_surface(nodes)
     return surface.nodes[surface.faces]

@@ -53,11 +53,11 @@ def stitch_chart_figure(chart: StitchChart, leads: Sequence["Lead"] = ()) -> Fig
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     draw_chart(figure.subplots(), chart, stitch, leads)
     figure.legend(handles=legend_handles(chart, leads), loc="outside lower left", ncols=2)
-    figure.suptitle(title_of(chart), fontsize="medium")
+    figure.suptitle(chart_title(chart), fontsize="medium")
     return figure
 
 
-def title_of(chart: StitchChart) -> str:
+def chart_title(chart: StitchChart) -> str:
     """Design and size of a chart, and what of it is drawn."""
     along_y, along_x = chart.repeats
     title = f"{chart.title}: {chart.courses} courses of {chart.wales} wales"
@@ -84,8 +84,8 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence["L
     front, plated = chart.front[rows, columns], chart.plated[rows, columns]
     colours = np.where(front[..., None], to_rgb(FRONT), to_rgb(BACK))
     for electrode, (on_front, on_back) in ELECTRODES.items():
-        of_bed = np.where(front[..., None], to_rgb(on_front), to_rgb(on_back))
-        colours = np.where((plated == electrode)[..., None], of_bed, colours)
+        bed_colours = np.where(front[..., None], to_rgb(on_front), to_rgb(on_back))
+        colours = np.where((plated == electrode)[..., None], bed_colours, colours)
     extent = (columns.start, columns.stop, rows.start, rows.stop)
     axes.imshow(colours, origin="lower", extent=extent, aspect=0.5, interpolation="nearest")
     left, right, low, high = extent
@@ -134,18 +134,18 @@ def legend_handles(chart: StitchChart, leads: Sequence["Lead"] = ()) -> list[Pat
         colours[f"{label}; darker: purl"] = ELECTRODES[electrode][0]
     outline = "edge of the sample" if chart.is_whole_sample else "repeat"
     ends: Look = {"color": "black", "lw": 0.9, "markersize": 4}
-    of_leads = [
+    lead_handles = [
         Line2D([], [], label="conductive yarn is brought in", marker="o", **ends),
         Line2D([], [], label="conductive yarn is cut", marker="s", **ends),
     ]
     if any(lead.distance for lead in leads):
         inside = "end to lead to the edge"
-        of_leads.append(Line2D([], [], label=inside, color="black", lw=0.9, ls=LED))
+        lead_handles.append(Line2D([], [], label=inside, color="black", lw=0.9, ls=LED))
     return [
         *(Patch(fc=colour, ec="0.3", lw=0.5, label=label) for label, colour in colours.items()),
         Line2D([], [], color="black", linewidth=1.0, label="border of a patch"),
         Line2D([], [], color="black", label=outline, **REPEAT),
-        *(of_leads if leads else []),
+        *(lead_handles if leads else []),
     ]
 
 
@@ -234,7 +234,7 @@ def specification_sheet(specification: "Specification") -> Figure:
     axes = figure.add_axes((0.1, 0.12, 0.54, 0.4))
     axes.set_anchor("NW")
     draw_chart(axes, chart, 4.4 / (columns.stop - columns.start), specification.leads)
-    figure.text(0.07, 0.565, f"Chart, seen from the front. {title_of(chart)}", fontsize=9)
+    figure.text(0.07, 0.565, f"Chart, seen from the front. {chart_title(chart)}", fontsize=9)
     at: Look = {"loc": "lower left", "bbox_to_anchor": (0.06, 0.018)}
     figure.legend(handles=legend_handles(chart, specification.leads), ncols=2, **at)
     _draw_prediction(figure.add_axes((0.75, 0.32, 0.2, 0.18)), specification.prediction)

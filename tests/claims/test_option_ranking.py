@@ -9,7 +9,7 @@ import xarray as xr
 
 from knitlab.claims.claims import read_claims
 from knitlab.claims.margin import Grade
-from knitlab.claims.option_ranking import differing, options_of, ranked_options
+from knitlab.claims.option_ranking import differing, ranked_options, ranking_options
 from knitlab.cubes.cube_file import open_cube, write_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
 from tests.claims.test_claims import good_checkerboards, good_stripes
@@ -98,12 +98,12 @@ def test_options_of_stripes_alone_are_ranked_by_their_claims():
 
 def test_the_motion_is_an_option_of_what_moves():
     cube = good_checkerboards()
-    assert options_of(cube) == {}
+    assert ranking_options(cube) == {}
     motion = {"ending": "time", "damping_ratio": 0.05}
     moved = cube.assign_attrs(parameters=json.dumps({"dynamics": motion | {"snapshots": 0}}))
-    assert options_of(moved) == motion
+    assert ranking_options(moved) == motion
     swept = moved.assign_coords(damping_ratio=0.015)
-    assert options_of(swept) == motion | {"damping_ratio": 0.015}
+    assert ranking_options(swept) == motion | {"damping_ratio": 0.015}
 
 
 @pytest.mark.slow

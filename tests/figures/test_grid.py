@@ -8,7 +8,7 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.figures.drawing import draw
-from knitlab.figures.kinds.grid import by_periods
+from knitlab.figures.kinds.grid import with_periods
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.cubes.artificial_cubes import STATUS, made_up_cube
@@ -99,7 +99,7 @@ def test_designs_lie_along_p_by_default():
 
 def test_a_cube_by_p_has_the_same_designs():
     cube = made_up_cube()
-    moved = by_periods(cube)
+    moved = with_periods(cube)
     for (n_stripe, n_subunit), status in STATUS.items():
         if status is not Status.excluded:
             design = moved.sel(n_stripe=n_stripe, periods=n_subunit / (2 * n_stripe))

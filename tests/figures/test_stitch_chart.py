@@ -14,10 +14,10 @@ from knitlab.figures.stitch_chart import (
     BACK,
     ELECTRODES,
     FRONT,
+    chart_title,
     drawn_block,
     specification_sheet,
     stitch_chart_figure,
-    title_of,
 )
 from knitlab.model.stitches import Gauge
 from tests.export.knitting.charts import case_of
@@ -63,7 +63,7 @@ def test_of_a_large_chart_one_repeat_is_drawn_with_its_electrodes():
     rows, columns = drawn_block(LARGE)
     assert (rows.stop - rows.start, columns.stop - columns.start) == LARGE.repeat
     assert (LARGE.plated[rows, columns] > 0).any()
-    assert title_of(LARGE).endswith("; one of 22 × 11 repeats is drawn")
+    assert chart_title(LARGE).endswith("; one of 22 × 11 repeats is drawn")
 
 
 def ends_drawn(figure):

@@ -19,7 +19,7 @@ from PIL import Image
 from knitlab.cubes.case_file import case_path, in_cloth, is_undamaged, read_case
 from knitlab.cubes.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
 from knitlab.cubes.model_line import model_line
-from knitlab.figures.explorer.shapes import shape_of
+from knitlab.figures.explorer.shapes import shape_content
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
 from knitlab.observables.schema import FLAGS, INTEGERS, STRAIN, Status
@@ -81,9 +81,9 @@ def cube_content(cube: xr.Dataset) -> dict[str, Any]:
         ],
         "strains": cube[STRAIN].values.tolist(),
         "designs": designs,
-        "variables": variables_of(cube, indices),
-        "run": run_of(cube, designs, folder),
-        "figures": figures_of(folder) if folder else {"shown": [], "left_out": 0},
+        "variables": variable_contents(cube, indices),
+        "run": run_report(cube, designs, folder),
+        "figures": figure_contents(folder) if folder else {"shown": [], "left_out": 0},
     }
 
 
@@ -102,10 +102,10 @@ def _shape(
         return DAMAGED_CASE_FILE, {}
     design = cube[dict(zip(design_dims(cube), index, strict=True))]
     case = in_cloth(read_case(folder, case_id), design)
-    return shape_of(case, cube[STRAIN].values), case.attrs
+    return shape_content(case, cube[STRAIN].values), case.attrs
 
 
-def variables_of(cube: xr.Dataset, indices: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
+def variable_contents(cube: xr.Dataset, indices: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
     """Variables of designs, of their strains or stripe parameters, with values at some designs."""
     numbers = [
         str(name)
@@ -146,7 +146,7 @@ def _contents(
         }
 
 
-def run_of(
+def run_report(
     cube: xr.Dataset, designs: Sequence[Mapping[str, Any]], folder: Path | None
 ) -> dict[str, Any]:
     """What ran, how long its batches took, what failed, and the code and settings behind it."""
@@ -183,7 +183,7 @@ def run_of(
     }
 
 
-def figures_of(folder: Path) -> dict[str, Any]:
+def figure_contents(folder: Path) -> dict[str, Any]:
     """The PNG figures of a results folder, reduced for the screen, and how many are left out."""
     paths = sorted((folder / "figures").glob("*.png"))
     shown = [{"name": path.stem, "source": _reduced(path)} for path in paths[:MAX_FIGURES]]

@@ -61,7 +61,7 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
         "cubes": described,
     }
     with atomic_write(output) as temporary:
-        temporary.write_text(page_of(f"knitlab explorer: {names}", content), encoding="utf-8")
+        temporary.write_text(page_text(f"knitlab explorer: {names}", content), encoding="utf-8")
     return output
 
 
@@ -71,7 +71,7 @@ def colour_maps() -> dict[str, list[str]]:
     return {name: list(map(to_hex, colours(levels))) for name, colours in COLOUR_MAPS.items()}
 
 
-def page_of(title: str, content: dict[str, Any]) -> str:
+def page_text(title: str, content: dict[str, Any]) -> str:
     """The page with a title and a content that JSON can hold."""
     modules = {
         f"{PREFIX}{file.name.removesuffix('.js')}": "data:text/javascript;base64,"
@@ -86,7 +86,7 @@ def page_of(title: str, content: dict[str, Any]) -> str:
         f"default-src 'none'; script-src {_hash(imports)} {_hash(start)} data:;"
         f" style-src {_hash(styles)}; img-src data:; base-uri 'none'; form-action 'none'"
     )
-    content_of = {
+    contents = {
         "policy": html.escape(policy),
         "title": html.escape(title),
         "styles": styles,
@@ -94,7 +94,7 @@ def page_of(title: str, content: dict[str, Any]) -> str:
         "content": as_script_data(content),
         "start": start,
     }
-    return re.sub(r"{{(\w+)}}", lambda named: content_of[named[1]], _text("page.html"))
+    return re.sub(r"{{(\w+)}}", lambda named: contents[named[1]], _text("page.html"))
 
 
 def as_script_data(content: Any) -> str:

@@ -29,7 +29,7 @@ class Window(NamedTuple):
     note: str = ""
 
 
-def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
+def shape_content(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
     """The shape of a case at strains of the cube, or a sentence that says why there is none."""
     if "position" not in case:
         return NO_POSITIONS
@@ -125,7 +125,7 @@ def _electrodes(case: "Case", window: Window) -> dict[str, Any] | None:
         return None
     x, y = window.columns[0], window.rows[0]
     strips = [
-        [[one.left - x, one.right - x, one.bottom - y, one.top - y] for one in of_electrode]
-        for of_electrode in case.electrodes.strips
+        [[one.left - x, one.right - x, one.bottom - y, one.top - y] for one in electrode_strips]
+        for electrode_strips in case.electrodes.strips
     ]
     return {"along": case.electrodes.along, "strips": strips}

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.figures.cells import designs_of, marks_legend
+from knitlab.figures.cells import marks_legend, planned_designs
 from knitlab.figures.design_map import draw_map, explained, row_count, value_marks
 from knitlab.figures.registry import figure
 from knitlab.figures.style import number, subplots
@@ -22,8 +22,9 @@ NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
     """Design map: lowest Poisson's ratio of every design, and the strain at which it occurs.
 
-    With one applied strain selected, it shows Poisson's ratio there. Where ν of the siblings of a
-    design differs by more than 0.05 at any strain, the map states the difference.
+    With one applied strain selected, it shows Poisson's ratio there. Where ν of
+    slightly different copies of a design differs by more than 0.05 at any strain, the map states
+    the difference.
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
         raise invalid("auxetic", "shows Poisson's ratio, and there is none; import markers")
@@ -32,7 +33,7 @@ def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
     if not lowest:
         cubes = [cube.isel(applied_strain=0) for cube in cubes]
     name = "poisson_ratio_min" if lowest else "poisson_ratio"
-    designs = [design for cube in cubes for design in designs_of(cube)]
+    designs = [design for cube in cubes for design in planned_designs(cube)]
 
     def text(value: float, design: xr.Dataset) -> str:
         shown = f"{number(value)}{value_marks(name, design)}"
@@ -55,7 +56,7 @@ def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
 
 
 def _spread(cube: xr.Dataset) -> float:
-    """Largest spread of ν over siblings, at any strain of any design; NaN without siblings."""
+    """Largest spread of ν over perturbed copies, at any strain of any design; NaN without them."""
     if "poisson_ratio_low" not in cube:
         return float("nan")
     return float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max())

@@ -101,8 +101,8 @@ def _samples(cube: xr.Dataset) -> list[tuple[str, xr.Dataset]]:
     if "capacitance" not in cube:
         return []
     samples = []
-    of_first = cube.isel(boundary=[0]) if "boundary" in cube.dims else cube
-    stacked = of_first.stack(sample=base_dims(cube))
+    first_boundary = cube.isel(boundary=[0]) if "boundary" in cube.dims else cube
+    stacked = first_boundary.stack(sample=base_dims(cube))
     source = f" {source_of(cube)}" if is_measured(cube) else ""
     for labels in stacked["sample"].values:
         cell, (first, second) = stacked.sel(sample=labels), labels[:2]

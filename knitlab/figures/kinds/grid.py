@@ -43,7 +43,7 @@ def grid(
             raise invalid("x" if x == PERIODS else "y", "pure stripes have no P; choose n")
         attributes, given = cube[of].attrs, of
         of = "P" if of == PERIODS else of
-        cube = by_periods(cube.rename({given: of}))
+        cube = with_periods(cube.rename({given: of}))
         cube[of].attrs |= attributes
     x, y = _axes(cube[of], x, y)
     values, status, fixed = _plane(cube, x, y, of)
@@ -83,7 +83,7 @@ def grid(
     return figure
 
 
-def by_periods(cube: xr.Dataset) -> xr.Dataset:
+def with_periods(cube: xr.Dataset) -> xr.Dataset:
     """A cube of checkerboards with the dimension ``periods`` in place of ``n_subunit``."""
     cube = cube.drop_vars(PERIODS, errors="ignore")
     planned = cube["status"] != Status.excluded

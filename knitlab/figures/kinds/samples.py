@@ -33,7 +33,7 @@ def samples(cases: Sequence[xr.Dataset]) -> Figure:
         strains = strains.sel(applied_strain=[0, SHOWN_STRAIN], method="nearest")
     states = [case.sel(applied_strain=strain) for case in cases for strain in strains.values]
     values = np.concatenate([state["strain_xx"].values.ravel() for state in states])
-    by_strain = style.value_colours(values, signed=True)
+    colours = style.value_colours(values, signed=True)
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
     widths, heights = 1.1 * np.transpose(spans)
     height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
@@ -41,10 +41,10 @@ def samples(cases: Sequence[xr.Dataset]) -> Figure:
     figure, (grid,) = style.subplots(height, 1, len(states), **look)
     for axes, state in zip(grid, states, strict=True):
         nodes = state["position"].values
-        faces = sheets.faces_of(nodes - [0, nodes[..., 1].min(), 0])
+        faces = sheets.grid_faces(nodes - [0, nodes[..., 1].min(), 0])
         case = recorded_case(state)
         local = on_grid_cells(case, state["strain_xx"].values).ravel()
-        sheets.draw_faces(axes, faces, sheets.shaded(faces, by_strain.to_rgba(local)))
+        sheets.draw_faces(axes, faces, sheets.shaded(faces, colours.to_rgba(local)))
         patterned = "pattern" in state.coords
         design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
         cells_y, cells_x = state["strain_xx"].shape
@@ -53,5 +53,5 @@ def samples(cases: Sequence[xr.Dataset]) -> Figure:
     grid[0].set_ylabel(f"y, warp [{length_unit(cases[0])}]")
     figure.supxlabel(f"x, weft [{length_unit(cases[0])}]", fontsize="medium")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
-    style.colour_bar(list(grid), by_strain, label=label, shrink=0.8, aspect=30)
+    style.colour_bar(list(grid), colours, label=label, shrink=0.8, aspect=30)
     return figure

@@ -30,7 +30,7 @@ def sensitivity(cube: xr.Dataset) -> Figure:
     """
     if QUANTITY not in cube:
         raise invalid("sensitivity", "needs sensitivities; run with sensitivities = true")
-    designs = cells.designs_of(cube)
+    designs = cells.planned_designs(cube)
     if len(designs) > MAX_DESIGNS:
         message = f"shows {MAX_DESIGNS} designs at most, not {len(designs)}; select some"
         raise invalid("sensitivity", message)
@@ -61,8 +61,8 @@ def sensitivity(cube: xr.Dataset) -> Figure:
             cells.cell(axes, row, column, text, letters=letters, facecolor=rgba[row, k])
         frame: Look = {"facecolor": "none", "edgecolor": "black", "zorder": 3}
         cells.cell(axes, row, columns[leading], **frame)
-    of_stripes = [name.partition("_") for name in parameters]
-    axes.set_xticks(columns, [SYMBOLS.get(name, PERIODS[knit]) for knit, _, name in of_stripes])
+    parts = [name.partition("_") for name in parameters]
+    axes.set_xticks(columns, [SYMBOLS.get(name, PERIODS[knit]) for knit, _, name in parts])
     strains = [float(design["applied_strain_at_min"]) for design in designs]
     wheres = [f"at {strain:.0%}" if np.isfinite(strain) else "" for strain in strains]
     names = [f"{cells.design_name(each)}  {at}" for each, at in zip(designs, wheres, strict=True)]
@@ -70,9 +70,9 @@ def sensitivity(cube: xr.Dataset) -> Figure:
     axes.set(xlim=(-0.55, columns[-1] + 0.55), ylim=(len(designs) - 0.45, -0.55))
     axes.set_ylabel("design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$")
     for knit in PERIODS:
-        of_knit = [c for c, name in zip(columns, parameters, strict=True) if name.startswith(knit)]
+        own = [c for c, name in zip(columns, parameters, strict=True) if name.startswith(knit)]
         above: Look = {"xytext": (0, 4), "textcoords": "offset points", "ha": "center"}
-        axes.annotate(f"{knit} stripe", ((of_knit[0] + of_knit[-1]) / 2, -0.5), **above)
+        axes.annotate(f"{knit} stripe", ((own[0] + own[-1]) / 2, -0.5), **above)
     cells.remove_frame(axes)
     extend = "both" if np.nanmax(np.abs(values), initial=0) > bound else "neither"
     label = "$p\\,\\partial\\nu/\\partial p$ [1]"

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from knitlab.cubes.cube_file import is_measured
 from knitlab.cubes.strain_window import with_columns
 from knitlab.cubes.trust import COLUMN, marks_of
-from knitlab.figures.cells import designs_of, marks_legend
+from knitlab.figures.cells import marks_legend, planned_designs
 from knitlab.figures.design_map import draw_map, explained, row_count, value_marks
 from knitlab.figures.nearest_designs import non_dominated
 from knitlab.figures.registry import figure
@@ -66,7 +66,7 @@ def sensor(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure:
             Merit(slope, f"|slope| of C over {window} [pF]", "+.2f", SIGNED),
             Merit(straight, f"R² of a line over {window} [1]", ".2f"),
         )
-    designs = [design for cube in cubes for design in designs_of(cube)]
+    designs = [design for cube in cubes for design in planned_designs(cube)]
     height = 0.5 + 0.38 * max(row_count(designs), 3)
     heights = height, height, 3.1
     figure, (*maps, below) = subplots(sum(heights), 3, height_ratios=heights)

@@ -41,7 +41,7 @@ def shape(case: xr.Dataset) -> Figure:
     repeat = len(recorded.pattern), len(recorded.pattern[0])
     cells = repeats * along_y, repeats * along_x
     sample = replace(recorded, unit_cells=cells).sample
-    faces = sheets.faces_of(nodes)
+    faces = sheets.grid_faces(nodes)
     heights = faces[:, :, 2].mean(axis=1)
     colours = ScalarMappable(Normalize(heights.min(), heights.max()), SEQUENCE_COLOURS)
     extent = np.ptp(nodes[..., :2], axis=(0, 1))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cubes.cube_file import is_measured, source_of
-from knitlab.figures.cells import design_name, designs_of
+from knitlab.figures.cells import design_name, planned_designs
 from knitlab.figures.registry import figure
 from knitlab.figures.style import Look, colour_bar, subplots, value_colours
 from knitlab.io.errors import invalid
@@ -61,7 +61,7 @@ def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
         design.sel(applied_strain=SHOWN_STRAIN, method="nearest")
         for cube in cubes
         if "strain_xx" in cube
-        for design in designs_of(cube)
+        for design in planned_designs(cube)
         if int(design["status"]) == Status.ok
         and (is_measured(design) or design_name(design) in order)
     ]

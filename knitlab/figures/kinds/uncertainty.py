@@ -67,7 +67,7 @@ def uncertainty(
         form = f".{min(max(digits, 0), MAX_PLACES)}f"
         return f"{number(float(design[name]), form)} ± {deviation:{form}}\n{leader}"
 
-    figure, axes = subplots(max(2.4, 1.2 + 0.55 * row_count(cells.designs_of(shown))))
+    figure, axes = subplots(max(2.4, 1.2 + 0.55 * row_count(cells.planned_designs(shown))))
     what = VARIABLES[name].long_name + (f"\nat {cube[STRAIN].item():.0%}" if single else "")
     label = f"95 % half-width of the\n{what}" + ("" if unit == "1" else f" [{unit}]")
     said = wrap(f"uncertainty {known.attrs['comment']}", LINE)

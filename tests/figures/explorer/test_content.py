@@ -18,10 +18,10 @@ from knitlab.figures.explorer.cube_content import (
     MAX_FIGURES,
     NO_CASE_FILE,
     cube_content,
-    figures_of,
-    variables_of,
+    figure_contents,
+    variable_contents,
 )
-from knitlab.figures.explorer.shapes import shape_of
+from knitlab.figures.explorer.shapes import shape_content
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from tests.figures.explorer.conftest import HOSTILE, PREVIEW, REFERENCE
@@ -71,7 +71,7 @@ def test_a_sensitivity_is_a_variable_for_each_parameter(cube):
     given = cube[["status", "poisson_ratio"]].copy()
     parameters = xr.DataArray([1.0, 2.0], {"stripe_parameter": ["rib_k_t", "rib_k_s"]})
     given["poisson_ratio_sensitivity"] = given["poisson_ratio"] * parameters
-    one, first, second = variables_of(given, [(3, 5)])
+    one, first, second = variable_contents(given, [(3, 5)])
     assert [first["name"], second["name"]] == [
         "poisson_ratio_sensitivity[rib_k_t]",
         "poisson_ratio_sensitivity[rib_k_s]",
@@ -126,7 +126,7 @@ def test_of_a_large_sample_the_central_unit_cells_are_shown(monkeypatch):
     cube = open_cube(REFERENCE / "preview")
     case_id = cube["case_id"].sel(n_stripe=4, n_subunit=16).item()
     case, strains = read_case(REFERENCE / "preview", case_id), cube["applied_strain"].values
-    shape = shape_of(case, strains)
+    shape = shape_content(case, strains)
     assert shape["rows"] * shape["columns"] == 17 * 17  # of one unit cell
     assert "1 × 1 of 3 × 2 unit cells" in shape["note"]
     positions = case["position"].values
@@ -140,7 +140,7 @@ def test_of_a_large_sample_the_central_unit_cells_are_shown(monkeypatch):
 def test_electrodes_are_placed_on_the_shape():
     cube = open_cube(REFERENCE / "sensor")
     case_id = cube["case_id"].sel(n_stripe=4, n_subunit=16).item()
-    shape = shape_of(read_case(REFERENCE / "sensor", case_id), cube["applied_strain"].values)
+    shape = shape_content(read_case(REFERENCE / "sensor", case_id), cube["applied_strain"].values)
     assert shape["electrodes"]["along"] in ("wale", "course")
     assert [len(strips) > 0 for strips in shape["electrodes"]["strips"]] == [True, True]
 
@@ -174,7 +174,7 @@ def test_figures_that_are_left_out_are_counted(tmp_path):
     (tmp_path / "figures").mkdir()
     for number in range(MAX_FIGURES + 3):
         Image.new("RGB", (4, 4)).save(tmp_path / "figures" / f"{number:02}.png")
-    found = figures_of(tmp_path)
+    found = figure_contents(tmp_path)
     assert (len(found["shown"]), found["left_out"]) == (MAX_FIGURES, 3)
 
 
@@ -186,11 +186,11 @@ def test_a_damaged_figure_is_a_sentence(tmp_path):
     for damaged in (b"", contents[:50], contents.replace(b"IDAT", b"IDAU")):
         path.write_bytes(damaged)
         with pytest.raises(InputError, match=r"shape\.png: cannot be read as an image"):
-            figures_of(tmp_path)
+            figure_contents(tmp_path)
     path.unlink()
     os.mkfifo(path)
     with pytest.raises(InputError, match=r"shape\.png: cannot be read as an image"):
-        figures_of(tmp_path)
+        figure_contents(tmp_path)
 
 
 @pytest.mark.slow

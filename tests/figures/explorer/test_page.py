@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.figures.explorer.explorer import PREFIX, as_script_data, page_of
+from knitlab.figures.explorer.explorer import PREFIX, as_script_data, page_text
 from tests.figures.explorer.conftest import HOSTILE, PREVIEW
 
 MODULES = {
@@ -47,7 +47,7 @@ def test_content_is_read_back_as_it_was(content):
 
 
 def test_hostile_text_adds_no_element():
-    harmless, hostile = (Elements(page_of(text, {"title": text})) for text in ("x", HOSTILE))
+    harmless, hostile = (Elements(page_text(text, {"title": text})) for text in ("x", HOSTILE))
     assert [tag for tag, _ in hostile.found] == [tag for tag, _ in harmless.found]
     assert HOSTILE in json.loads(hostile.scripts[0])["title"]
 
