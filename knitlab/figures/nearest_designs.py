@@ -29,8 +29,8 @@ COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of
 def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) -> Figure:
     """A row of panels for each target: what is wanted in green, and the nearest designs.
 
-    With ``bands`` the range over perturbed copies of a design is shaded, and curves have a panel for
-    each design, as bands would cover each other.
+    With ``bands`` the range over perturbed copies of a design is shaded, and curves have a panel
+    for each design, as bands would cover each other.
     """
     names = []
     for _, design in nearest.table.head(MAX_SHOWN).iterrows():
