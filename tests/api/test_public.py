@@ -33,8 +33,17 @@ def test_every_public_name_is_documented(name):
     assert inspect.getdoc(PUBLIC[name])
 
 
+LONG = {"calibrate_friction"}  # examples that are run nightly
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("example", examples(), ids=lambda example: example.name)
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(each, id=each.name, marks=pytest.mark.nightly if each.name in LONG else ())
+        for each in examples()
+    ],
+)
 def test_examples_run(example, tmp_path, monkeypatch):
     monkeypatch.chdir(knitlab.__path__[0] + "/..")
     example.globs = {"folder": tmp_path, "kl": knitlab}
