@@ -14,9 +14,8 @@ from knitlab.claims.margin import GOOD, NEAR, Grade, signed
 from knitlab.figures.drawing import draw_figure
 from knitlab.figures.figure_files import reporting
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import Mistake, invalid
+from knitlab.io.errors import Mistake
 
-SUFFIX = ".md"
 Key = tuple[str, tuple[Path, ...]]  # kind of figure and cubes, which identify the figure of a claim
 EXPLAINED = (
     "A margin says how far a claim is from its threshold: it holds at 0 and above, and fails below."
@@ -113,12 +112,6 @@ def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, s
     return cells
 
 
-def check_suffix(page: Path) -> None:
-    """Check that a page is Markdown by its suffix; else InputError."""
-    if page.suffix.lower() != SUFFIX:
-        raise invalid(f"output {page}", f"is not a page of Markdown; give it the suffix {SUFFIX}")
-
-
 def write_page(
     judgements: Sequence[Judgement], page: Path, selections: Mapping[str, Any] = {}
 ) -> tuple[list[Path], list[Mistake]]:
@@ -126,7 +119,6 @@ def write_page(
 
     Returned are the files, and why some figures could not be drawn.
     """
-    check_suffix(page)
     folder, figures, mistakes = page.with_suffix(""), dict[Key, Path](), list[Mistake]()
     keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
     for kind, cubes in dict.fromkeys(keys):

@@ -1,6 +1,7 @@
 """Fits of the stripes: to the tension curve of a stripe, and to a test of a fabric."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -8,9 +9,11 @@ from matplotlib.patches import Patch
 
 from knitlab.figures.kinds.curves import ROWS
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, STRAIN_LABEL, TWO_COLUMNS, name_rows
-from knitlab.lab.calibration import Calibration
-from knitlab.lab.fit import Fit
-from knitlab.lab.swatch import Swatch
+
+if TYPE_CHECKING:  # which import JAX
+    from knitlab.lab.calibration import Calibration
+    from knitlab.lab.fit import Fit
+    from knitlab.lab.swatch import Swatch
 
 LABELS = (ROWS["mean_strain_xx"].label, ROWS["mean_strain_yy"].label, "reaction force [N]")
 FITTED, LINEAR = CATEGORY_COLOURS[:2]
@@ -18,10 +21,10 @@ BEFORE, SHADE = "0.55", "0.9"
 
 
 def calibration_figure(
-    fitted: Calibration,
+    fitted: "Calibration",
     title: str,
-    linear: Calibration | None = None,
-    swatches: Sequence[Swatch] = (),
+    linear: "Calibration | None" = None,
+    swatches: Sequence["Swatch"] = (),
 ) -> Figure:
     """Curve and fit above, residuals below; also those of linear springs if they are not fitted.
 
@@ -59,7 +62,7 @@ def calibration_figure(
     return figure
 
 
-def fit_figure(fit: Fit, title: str) -> Figure:
+def fit_figure(fit: "Fit", title: str) -> Figure:
     """Curves above, residuals in standard errors below, and the factors beside them."""
     figure = Figure(figsize=(TWO_COLUMNS, 3.6), layout="constrained")
     grid = figure.add_gridspec(2, 4, height_ratios=(2.5, 1), width_ratios=(1, 1, 1, 0.9))

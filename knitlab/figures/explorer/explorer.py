@@ -24,9 +24,9 @@ from knitlab.figures.explorer.cube_content import cube_content
 from knitlab.figures.style import SEQUENCE_COLOURS
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
+from knitlab.io.names import check_suffix
 from knitlab.observables.schema import Status
 
-SUFFIX = ".html"
 PAGE = files("knitlab.figures.explorer").joinpath("page")
 PREFIX = "explorer/"  # what the names of modules begin with in their imports
 STYLES = ("theme.css", "layout.css", "views.css", "tables.css", "narrow.css")
@@ -42,8 +42,7 @@ SHADES = 33
 
 def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
     """Write the explorer of cubes, an ``.html`` file that opens in a browser without a network."""
-    if output.suffix.lower() != SUFFIX:
-        raise invalid(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
+    check_suffix(output, (".html",), "a page")
     if not cubes:
         raise invalid("cubes", "are missing; give one or several")
     described = [cube_content(cube) for cube in cubes]
