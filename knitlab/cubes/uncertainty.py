@@ -12,11 +12,11 @@ from jaxtyping import Float
 
 from knitlab.cubes.cube_file import parameters_of
 from knitlab.io.errors import invalid
-from knitlab.model.stripe_covariance import Subject
 from knitlab.observables.schema import STRAIN, Status
 
 if TYPE_CHECKING:  # which imports JAX
     from knitlab.model.stripe import Stripe
+    from knitlab.model.stripe_covariance import Subject
 
 NUMBERS = ("k_s", "k_t", "theta_0", "period")
 """Uncertain numbers of a stripe."""
@@ -52,7 +52,7 @@ class Stripes:
     """
 
     pair: Callable[[int], tuple[UncertainStripe, UncertainStripe]]
-    subject: Subject
+    subject: "Subject"
     note: str
 
 
