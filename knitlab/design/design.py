@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -92,7 +93,6 @@ def run_design(
     Raises InputError, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
     """
     began = time.time()
-    run = RunOptions(workers=workers)
     if own and workers:
         raise invalid("workers", "cannot compute your own measures; give workers = 0")
     space = search_space(request)
@@ -101,63 +101,91 @@ def run_design(
     if not objective.has_gradient and find_spec("cmaes") is None:
         message = "is needed for targets without derivatives; pip install 'knitlab[design]'"
         raise invalid("the package cmaes", message)
+    text = request.text.encode()
     path = folder / REQUEST
-    if path.is_file() and path.read_bytes() != request.text.encode():
+    if path.is_file() and path.read_bytes() != text:
         message = "holds the results of another request; choose another folder, or delete it"
         raise invalid(str(folder), message)
+    run = RunOptions(workers=workers)
     # The run that tests the candidates locks the folder itself.
     with locked(folder / SEARCHES), interrupted_by_signals():
-        starts, simulations, unknown = _starts(objective, space, folder / TRIALS, run, budget)
+        starts = _starts(objective, space, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
-            temporary.write_bytes(request.text.encode())
-        left = max(budget - simulations, 1)
+            temporary.write_bytes(text)
+        designs = starts.designs[: max(budget - starts.simulations, 1)]
+        shares = _shares(max(budget - starts.simulations, 1), len(designs))
         at_once = max(workers, 1)
-        designs = starts[:left]
         seconds = np.inf if minutes is None else 60 * minutes / -(-len(designs) // at_once)
-        searches = []
-        for number, design in enumerate(designs):
-            most = left // len(designs) + (number < left % len(designs))
-            deadline = began + seconds * (number // at_once + 1)
-            searches.append(DesignSearch(space, objective, design, folder, most, deadline))
-        results = _searched(searches, folder, workers, show_progress)
-        winners = list[Candidate]()
-        for number, result in enumerate(results, start=1):
-            if (best := result.winner) is not None:
-                case, gauge = space.case(result.design, np.array(best.point))
-                labels = space.labels(result.design)
-                winners.append(Candidate(number, labels, best.values, case, gauge))
+        searches = [
+            DesignSearch(
+                space, objective, design, folder, share, began + seconds * (number // at_once + 1)
+            )
+            for number, (design, share) in enumerate(zip(designs, shares, strict=True))
+        ]
+        results = tuple(_searched(searches, folder, workers, show_progress))
+        winners = _winners(space, results)
         if not winners:
             message = "no start converges; try other designs, bounds or settings"
             raise invalid(request.name, message)
-        # An earlier cube may hold candidates that are no longer any.
+        # An earlier cube may hold candidates that no longer exist.
         for old in (folder / CUBE, *folder.glob("candidate_*.toml")):
             old.unlink(missing_ok=True)
         plan = candidates_plan(request, space, winners)
         tested = run_plan(plan, folder, replace(run, refresh=True))
         if tested.stopped:
             raise KeyboardInterrupt
-    cube = completed(tested.cube, space, winners, own, folder)
-    ranking, cube = ranked(cube, objective)
+    ranking, cube = ranked(completed(tested.cube, space, winners, own, folder), objective)
     write_cube(cube, folder / CUBE)
     trials = trials_table(request, space.dims, results)
     with atomic_write(folder / "trials.csv") as temporary:
         trials.to_csv(temporary, index=False)
-    simulations += len(trials)
-    files = tuple(write_workflow(folder, request, space, winner) for winner in winners)
-    searched = tuple(results)
-    return Designed(request, folder, cube, ranking, searched, trials, simulations, files, unknown)
+    return Designed(
+        request,
+        folder,
+        cube,
+        ranking,
+        results,
+        trials,
+        starts.simulations + len(trials),
+        tuple(write_workflow(folder, request, space, winner) for winner in winners),
+        starts.unknown,
+    )
+
+
+def _shares(budget: int, searches: int) -> list[int]:
+    """The simulations of each search; their numbers differ by at most one."""
+    return [budget // searches + (number < budget % searches) for number in range(searches)]
+
+
+def _winners(space: SearchSpace, results: Sequence[SearchResult]) -> list[Candidate]:
+    """The best trial of each search that has one."""
+    winners = []
+    for number, result in enumerate(results, start=1):
+        if (best := result.winner) is not None:
+            case, gauge = space.case(result.design, np.array(best.point))
+            labels = space.labels(result.design)
+            winners.append(Candidate(number, labels, best.values, case, gauge))
+    return winners
+
+
+class _Starts(NamedTuple):
+    """Where searches begin."""
+
+    designs: tuple[DesignLabels, ...]  # the nearest first
+    simulations: int = 0  # of the coarse sweep
+    unknown: tuple[DesignLabels, ...] = ()  # allowed designs without results
 
 
 def _starts(
     objective: Objective, space: SearchSpace, folder: Path, options: RunOptions, budget: int
-) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
-    """Designs to refine, the nearest first; simulations of the sweep; designs without results."""
+) -> _Starts:
+    """The designs nearest to the targets, by given cubes or by a coarse sweep."""
     request = objective.request
-    simulations = 0
     cubes = [open_cube(path, lazily=True) for path in request.cubes]
+    simulations = 0
     if not cubes:
         if (count := len(space.designs)) <= request.starts:
-            return space.designs, 0, ()
+            return _Starts(space.designs)
         if budget <= count:
             message = f"is less than the coarse sweep of {count} designs takes; raise it, or give"
             raise invalid(f"budget {budget}", f"{message} cubes to start from")
@@ -169,7 +197,7 @@ def _starts(
     # No cube has own functions; refining may fulfil constraints.
     targets = [target for target in request.wanted if target.name not in dict(objective.own)]
     if not targets:
-        return space.designs[: request.starts], simulations, ()
+        return _Starts(space.designs[: request.starts], simulations)
     table = find_designs(cubes, targets).table
     if PATTERN not in table:
         table = table.assign(**{PATTERN: PAPERS_PATTERN})
@@ -179,7 +207,7 @@ def _starts(
         labels = ", ".join(map(str, space.designs))
         raise invalid("cubes", f"have none of the allowed designs; simulate {labels} first")
     unknown = tuple(design for design in space.designs if design not in known)
-    return tuple(allowed[: request.starts]), simulations, unknown
+    return _Starts(tuple(allowed[: request.starts]), simulations, unknown)
 
 
 def _searched(
@@ -207,9 +235,9 @@ def _searched(
 def summary(designed: Designed) -> Iterator[str]:
     """Lines about each candidate, the best first, and about targets that could not be met."""
     dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
-    searches = [(n, designed.searches[n - 1]) for n in map(int, designed.table["candidate"])]
     crossings = designed.table.set_index("candidate").get(CROSSINGS)
-    for number, search in searches:
+    for number in map(int, designed.table["candidate"]):
+        search = designed.searches[number - 1]
         best = search.winner.values if search.winner else {}
         values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
         yield f"candidate {number}: {label_text(dims, search.design)}  {values}".rstrip()
@@ -223,19 +251,7 @@ def summary(designed: Designed) -> Iterator[str]:
         if weak := [f"{name} (± {100 * determined[name]:.0f} %)" for name in search.undetermined]:
             yield f"  hardly determined by the targets: {', '.join(weak)}"
     if not designed.met:
-        others = (search for search in designed.searches if search.winner)
-        nearest = searches[0][1] if searches else next(others)
-        off_by = nearest.winner.off_by if nearest.winner else []
-        for target, off in zip(designed.request.wanted, off_by, strict=True):
-            if off is not None and off > target.allowance:
-                yield f"not met: {target.text}: the nearest is off by {off:.4g}"
-        if nearest.held_by:
-            yield f"held back by {', '.join(nearest.held_by)}: widen it, or relax a target"
-        elif (conflict := designed.conflict) is not None:
-            one, other = conflict.targets
-            yield f"{one!r} and {other!r} conflict; no bound holds it back"
-        else:
-            yield "no bound holds it back: let more vary, add designs, or raise the budget"
+        yield from _missed(designed)
     names = [variable.name for variable in designed.request.variables]
     if one_knit := [name for name in names if name.startswith(("rib_", "garter_"))]:
         factors = (name.partition("_")[2] for name in one_knit if "factor" in name)
@@ -245,3 +261,21 @@ def summary(designed: Designed) -> Iterator[str]:
     if designed.unknown:
         labels = "; ".join(label_text(dims, design) for design in designed.unknown)
         yield f"not considered, as no cube has results of them: {labels}"
+
+
+def _missed(designed: Designed) -> Iterator[str]:
+    """Which targets the best candidate misses, and what holds it back."""
+    numbers = [int(number) - 1 for number in designed.table["candidate"]]
+    ranked_searches = [designed.searches[number] for number in numbers] or designed.searches
+    nearest = next(search for search in ranked_searches if search.winner)
+    off_by = nearest.winner.off_by if nearest.winner else []
+    for target, off in zip(designed.request.wanted, off_by, strict=True):
+        if off is not None and off > target.allowance:
+            yield f"not met: {target.text}: the nearest is off by {off:.4g}"
+    if nearest.held_by:
+        yield f"held back by {', '.join(nearest.held_by)}: widen it, or relax a target"
+    elif (conflict := designed.conflict) is not None:
+        one, other = conflict.targets
+        yield f"{one!r} and {other!r} conflict; no bound holds it back"
+    else:
+        yield "no bound holds it back: let more vary, add designs, or raise the budget"

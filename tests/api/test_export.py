@@ -83,11 +83,11 @@ def test_a_thickness_gives_a_solid_to_print(tmp_path):
         ("a.vtu", {"yarn": 1}, {}, "is not a coordinate of a shape; select along n_stripe"),
         ("a.vtu", {"n_stripe": 4, "n_subunit": 24}, {}, r"n_subunit = 24: has no case file in"),
         ("a.vtu", ONE | {"applied_strain": 0.17}, {}, "has no applied_strain = 0.17"),
-        ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, "strains 0, 0.3 for one mesh"),
-        ("a.stl", ONE, {"thickness": 0.0}, "thickness 0: is not above 0 mm"),
-        ("a.stl", ONE, {"thickness": float("nan")}, "thickness nan: is not above 0 mm"),
+        ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, "strains 0, 0.3"),
+        ("a.stl", ONE, {"thickness": 0.0}, "thickness 0: .*above 0 mm"),
+        ("a.stl", ONE, {"thickness": float("nan")}, "thickness nan: .*above 0 mm"),
         ("a.stl", ONE, {"thickness": 3.0}, r"thickness 3: is too large .* at most 1.3 mm"),
-        ("a.stl", ONE, {"repeats": (0, 1)}, "repeats 0 1: is not 1 or more"),
+        ("a.stl", ONE, {"repeats": (0, 1)}, "repeats 0 1: .*1 or more"),
     ],
 )
 def test_what_cannot_be_exported_is_one_sentence_and_writes_nothing(
