@@ -1,6 +1,9 @@
-"""Several electrodes on one fabric: their capacitances, and what moves a reading.
+"""Several electrodes on one fabric: their capacitances, and what changes a reading.
 
-``electrode_set.py`` names electrodes by the ridges or grid cells that they cover, ``maxwell.py``
-computes their capacitance matrix, ``crosstalk.py`` and ``selectivity.py`` what a reading depends
-on. The capacitance of one knitted capacitor is an observable: ``knitlab.observables.capacitance``.
+In: a case with electrodes, and its states. Out: capacitance matrices, cross-talk, and gauge factors
+of strain and bending.
+
+Read ``electrode_set.py`` (names of electrodes), ``readings.py`` (matrices, and what a meter shows),
+then ``crosstalk.py`` and ``selectivity.py``. Capacitances themselves are computed in
+``knitlab.observables.capacitance``.
 """

@@ -1,8 +1,9 @@
-"""Capacitance of electrodes on a fabric, and its figures of merit as a strain sensor.
+"""Capacitance of electrodes on a fabric, and figures of merit of a strain sensor.
 
 In: electrodes, and configurations of the fabric that carries them. Out: a capacitance for every
-state or the reason why it has none, then sensitivity, linearity and hysteresis.
+state or the reason why there is none, then sensitivity, linearity and hysteresis.
 
-Read ``capacitor.py``, then ``boundary_elements.py`` (the method) and ``sensor.py`` (the figures of
-merit). ``wedge.py`` is the paper's estimate for two strips.
+Read ``capacitor.py`` (the capacitor of a case), ``maxwell.py`` (matrices of any electrodes, and the
+extrapolation to ever finer panels), ``panels.py`` and ``boundary_elements.py`` (the method), and
+``sensor.py`` (the figures of merit). ``wedge.py`` is the paper's estimate for two strips.
 """

@@ -186,4 +186,4 @@ def test_a_file_that_cannot_be_written_leaves_nothing(sheet, tmp_path, suffix):
     with pytest.raises(CannotWrite, match="cannot be written"):
         write_meshes(Shapes([sheet], [0.0]), tmp_path / "taken" / f"shape{suffix}")
     write_meshes(Shapes([sheet], [0.0]), tmp_path / f"shape{suffix}")
-    assert (tmp_path / f"shape{suffix}").stat().st_size > 1000
+    assert (tmp_path / f"shape{suffix}").stat().st_size > 100
