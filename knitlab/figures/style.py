@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_rgb
@@ -52,6 +53,12 @@ def subplots(
     """A figure of a size [inch] with axes, or a grid of them, that share its space."""
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, **look)
+
+
+def variable_label(variable: xr.DataArray) -> str:
+    """The meaning of a variable and its unit, for an axis."""
+    meaning = variable.attrs.get("long_name", variable.name)
+    return f"{meaning} [{variable.attrs.get('units', '1')}]"
 
 
 def number(value: float, form: str = ".2f") -> str:

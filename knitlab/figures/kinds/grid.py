@@ -1,5 +1,6 @@
 """Any variable of a cube over two of its dimensions."""
 
+from functools import partial
 from math import floor, log10
 from textwrap import fill
 from typing import Any
@@ -72,11 +73,9 @@ def grid(
                 cells.cell(axes, row, column, **look)
     names = ([_text(each, "g") for each in values[dim].values] for dim in (x, y))
     cells.name_columns_and_rows(axes, *names)
-    label = f"{values.attrs.get('long_name', of)} [{values.attrs.get('units', '1')}]"
-    upright, label = (
-        fill(text, 26, break_long_words=False) for text in (_axis_label(cube, y), label)
-    )
-    axes.set(xlabel=_axis_label(cube, x), ylabel=upright)
+    upright = partial(fill, width=26, break_long_words=False)
+    axes.set(xlabel=_axis_label(cube, x), ylabel=upright(_axis_label(cube, y)))
+    label = upright(style.variable_label(values))
     style.colour_bar(axes, colours, pad=0.01, label=label)
     cells.marks_legend(figure, marked, NO_VALUE)
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")

@@ -48,9 +48,8 @@ def swept(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         label += f" ({missing} without value)" if missing else ""
         look: Look = {"ms": 4.5, "mfc": "none", "color": CATEGORY_COLOURS[k], "label": label}
         axes.plot(values, np.arange(len(names)), MARKERS[k], **look)
-    unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
     style.name_rows(axes, names, fontsize=6.5)
-    axes.set(xlabel=f"{name or of} [{unit or '1'}]", ylabel=f"({', '.join(designs)})")
+    axes.set(xlabel=style.variable_label(cube[of]), ylabel=f"({', '.join(designs)})")
     axes.grid(axis="y", color="0.9", lw=0.5)
     axes.set_axisbelow(True)
     axes.tick_params(axis="y", length=0)
