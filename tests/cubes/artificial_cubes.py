@@ -24,7 +24,7 @@ N_STRIPE, N_SUBUNIT = [2, 4, 8], [16, 32, 64]
 PARAMETERS = ["rib_k_s", "rib_k_t", "garter_k_s", "garter_k_t"]
 
 
-def made_up_cube(sensitivities: bool = False) -> xr.Dataset:
+def synthetic_cube(sensitivities: bool = False) -> xr.Dataset:
     grid = [[(n, m) for m in N_SUBUNIT] for n in N_STRIPE]
     status = np.array([[STATUS[pair] for pair in row] for row in grid], dtype=np.int8)
     lowest = np.array([[LOWEST.get(pair, np.nan) for pair in row] for row in grid])

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from knitlab.cubes.comparison import compared, difference
 from knitlab.io.errors import InputError
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 
 NUMBER = st.floats(-10, 10)
 
@@ -52,7 +52,7 @@ def test_only_strains_that_both_have_count():
 
 def measured_cube():
     """(4, 16) with the same ratios but 0.1 more, of a sample twice as wide, at other strains."""
-    cube = made_up_cube().sel(n_stripe=[4], n_subunit=[16])
+    cube = synthetic_cube().sel(n_stripe=[4], n_subunit=[16])
     cube = cube.interp(applied_strain=[0.0, 0.125, 0.15, 0.2]).assign_coords(source="bench 3")
     cube["poisson_ratio"] += 0.1
     cube["poisson_ratio_error"] = cube["poisson_ratio"] * 0 + 0.01
@@ -63,7 +63,7 @@ def measured_cube():
 
 
 def simulated_cube():
-    cube = made_up_cube()
+    cube = synthetic_cube()
     grid = (*cube["status"].dims, "applied_strain", "cell_y", "cell_x")
     cube["strain_yy"] = grid, np.zeros((*cube["status"].shape, 3, 4, 3))
     cube["reaction_force"] = 2.0 * cube["applied_strain"] + 0 * cube["poisson_ratio"]

@@ -13,7 +13,7 @@ import knitlab as kl
 from knitlab.cubes.case_file import case_path, write_case_file
 from knitlab.cubes.cube_file import read_cube, write_cube
 from knitlab.observables.schema import described
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
 
 REFERENCE = PREVIEW.parent
@@ -66,7 +66,7 @@ def test_a_case_file_that_is_written_follows_cf(tmp_path):
 
 
 def test_faults_of_another_writer_are_found(tmp_path):
-    made_up_cube().assign_attrs(Conventions="CF-1.11").to_netcdf(tmp_path / "cube.nc")
+    synthetic_cube().assign_attrs(Conventions="CF-1.11").to_netcdf(tmp_path / "cube.nc")
     assert pydantic_mistakes(tmp_path / "cube.nc") == [
         "applied_strain: a coordinate with _FillValue"
     ]
@@ -102,7 +102,7 @@ def test_the_same_designs_are_found_and_drawn(tmp_path):
 
 
 def test_swept_settings_keep_the_order_in_which_they_were_given(tmp_path):
-    made = made_up_cube().expand_dims(z_max=[6.0, 3.0], axis=2)
+    made = synthetic_cube().expand_dims(z_max=[6.0, 3.0], axis=2)
     made.transpose("z_max", ...).to_netcdf(tmp_path / "cube.nc")
     read = read_cube(tmp_path)
     assert read["status"].dims == ("n_stripe", "n_subunit", "z_max")

@@ -23,7 +23,7 @@ STRAINS = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
 
 
 def cube_of(force, **curves):
-    """A made-up cube of two designs, the second of which is twice as stiff."""
+    """A synthetic cube of two designs, the second of which is twice as stiff."""
     force = np.array(force, float)
     variables = {"reaction_force": (("n_stripe", "applied_strain"), np.stack([force, 2 * force]))}
     variables |= {name: ("applied_strain", np.array(curve)) for name, curve in curves.items()}

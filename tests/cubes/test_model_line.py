@@ -11,7 +11,7 @@ from knitlab.cli import main
 from knitlab.cubes.cube_file import write_cube
 from knitlab.cubes.model_line import model_line, model_lines
 from knitlab.runs.plan import make_plan
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 from tests.runs import fake_simulator
 
 BARRIER = {
@@ -33,12 +33,12 @@ def with_samples(cube, counts):
 
 
 def test_contact_has_its_thickness():
-    line = model_line(made_up_cube().assign_attrs(BARRIER))
+    line = model_line(synthetic_cube().assign_attrs(BARRIER))
     assert line == "flat lengths, contact at 0.25 mm, periodic fabric, equilibrium"
 
 
 def test_samples_have_their_sizes():
-    cube = made_up_cube().assign_attrs(SAMPLES)
+    cube = synthetic_cube().assign_attrs(SAMPLES)
     one = with_samples(cube, [(4, 3)] * 3)
     assert model_line(one) == "relaxed lengths, clamped samples of 4 × 3 unit cells, dynamics"
     assert "samples of 2 × 1 to 22 × 11 unit cells" in model_line(
@@ -50,17 +50,19 @@ def test_a_swept_setting_has_all_its_values():
     plan = make_plan("sensor_contact", ("n_stripe=4", "n_subunit=16"))
     assert plan.common["sheet"]["thickness"] == 0.4
     swept = {"contact": ["none", "barrier"], "thickness": [0.1, 0.2]}
-    cube = made_up_cube().assign_coords(swept)
+    cube = synthetic_cube().assign_coords(swept)
     assert model_line(cube) == "no contact and contact at 0.1, 0.2 mm"
 
 
 def test_what_was_measured_has_no_model():
-    assert "none, tester was measured" in model_line(made_up_cube().assign_coords(source="tester"))
-    assert model_line(made_up_cube()) == "not stated in the cube"
+    assert "none, tester was measured" in model_line(
+        synthetic_cube().assign_coords(source="tester")
+    )
+    assert model_line(synthetic_cube()) == "not stated in the cube"
 
 
 def test_cubes_of_one_model_have_one_line():
-    one, other = (made_up_cube().assign_attrs(workflow=name) for name in ("one", "other"))
+    one, other = (synthetic_cube().assign_attrs(workflow=name) for name in ("one", "other"))
     assert model_lines([one, other]) == ["model: not stated in the cube"]
     lines = model_lines([one, other.assign_attrs(SAMPLES)])
     assert [line.partition(":")[0] for line in lines] == ["model of one", "model of other"]
@@ -68,7 +70,7 @@ def test_cubes_of_one_model_have_one_line():
 
 @pytest.fixture
 def folder(tmp_path):
-    cube = made_up_cube().assign_attrs(BARRIER)
+    cube = synthetic_cube().assign_attrs(BARRIER)
     write_cube(cube, tmp_path / "cube.nc")
     return tmp_path
 

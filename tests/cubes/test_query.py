@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from knitlab.cubes.condition import holds
 from knitlab.cubes.query import designs_of_all, designs_table, formatted, queried, query_cubes
 from knitlab.io.errors import InputError
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 
-TABLE = designs_table(made_up_cube())
+TABLE = designs_table(synthetic_cube())
 
 
 def pairs(table):
@@ -119,7 +119,7 @@ def test_sorted_by_two_columns_the_second_decides_where_the_first_is_equal(first
 def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
     cubes = []
     for name, boundary, cells in (("one", "periodic", "flat"), ("two", "clamped", "relaxed")):
-        cube = made_up_cube().assign_attrs(
+        cube = synthetic_cube().assign_attrs(
             workflow=name, model_boundary=boundary, model_cell_size=cells, model_hinges="all"
         )
         cubes.append(cube)
@@ -131,7 +131,7 @@ def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
 
 def test_cubes_of_one_name_are_told_apart_by_their_folders(tmp_path):
     paths = [tmp_path / f"{place}/periodic/cube.nc" for place in ("a/x", "b/x", "b/x")]
-    cubes = [made_up_cube().assign_attrs(workflow="periodic") for _ in range(4)]
+    cubes = [synthetic_cube().assign_attrs(workflow="periodic") for _ in range(4)]
     for cube, path in zip(cubes, paths, strict=False):
         cube.encoding["source"] = str(path)
     cubes[3] = cubes[3].assign_attrs(workflow="other")
@@ -147,19 +147,19 @@ def test_any_text_filters_or_is_refused(expression):
 
 
 def test_a_selected_strain_brings_its_variables():
-    table = designs_table(made_up_cube(), {"applied_strain": [0.1, 0.2], "n_stripe": 4})
+    table = designs_table(synthetic_cube(), {"applied_strain": [0.1, 0.2], "n_stripe": 4})
     assert list(table["poisson_ratio"]) == [-0.8, -0.4, -0.4, -0.2]
     assert "poisson_ratio" not in TABLE
 
 
 def test_a_selected_word_may_hold_commas():
-    cube = made_up_cube().assign_coords(n_stripe=["a,b", "04", "4"])
+    cube = synthetic_cube().assign_coords(n_stripe=["a,b", "04", "4"])
     assert designs_table(cube, {"n_stripe": "a,b"})["n_stripe"].unique() == ["a,b"]
     assert designs_table(cube, {"n_stripe": [4]})["n_stripe"].unique() == ["4"]
 
 
 def test_a_selected_dimension_that_no_column_has_changes_nothing():
-    cube = made_up_cube().expand_dims(cell_x=[0, 1])
+    cube = synthetic_cube().expand_dims(cell_x=[0, 1])
     cube["status"] = cube["status"].isel(cell_x=0)
     table = designs_table(cube[["status"]].assign(wide=cube["poisson_ratio"]), {"cell_x": 0})
     assert pairs(table) == pairs(TABLE)
@@ -167,7 +167,7 @@ def test_a_selected_dimension_that_no_column_has_changes_nothing():
 
 def test_a_column_named_twice_appears_once():
     assert list(queried(TABLE, columns=["n_stripe", "n_stripe"]).columns) == ["n_stripe"]
-    table = designs_table(made_up_cube(), {"n_stripe": [4, 4]})
+    table = designs_table(synthetic_cube(), {"n_stripe": [4, 4]})
     assert pairs(table) == [(4, 16), (4, 32)]
 
 
@@ -191,7 +191,7 @@ def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
 )
 def test_a_bad_selection_is_named(selection, message):
     with pytest.raises(InputError, match=message):
-        designs_table(made_up_cube(), selection)
+        designs_table(synthetic_cube(), selection)
 
 
 SUMS = [
@@ -211,7 +211,7 @@ SUMS = [
 )
 def test_too_much_at_once_is_refused_by_its_number(asked, message):
     with pytest.raises(InputError, match=message):
-        made_up_cube().knitlab.query(**asked)
+        synthetic_cube().knitlab.query(**asked)
 
 
 def test_unknown_names_are_reported_with_the_nearest():
@@ -233,7 +233,7 @@ def test_formats_hold_the_same_rows():
 
 
 def test_headings_for_people_have_units_and_names_for_programs_do_not():
-    cube = made_up_cube()
+    cube = synthetic_cube()
     cube["period"] = ("n_stripe", [1.0, 2.0, 3.0], {"units": "mm"})
     cube["poisson_ratio"].attrs["units"] = "1"
     cube["pull"] = cube["poisson_ratio"].assign_attrs(units="N")
@@ -249,7 +249,7 @@ def test_headings_for_people_have_units_and_names_for_programs_do_not():
 
 @given(st.floats(0.0, 1.0), st.integers(0, 3))
 def test_strains_between_those_of_the_cube_are_interpolated_as_in_windows(share, number):
-    cube = made_up_cube()
+    cube = synthetic_cube()
     strains = cube["applied_strain"].values
     at = float(strains[1] + share * (strains[-1] - strains[1]))
     # A strain that is nearer to one of the cube is that one to a query.
@@ -262,7 +262,7 @@ def test_strains_between_those_of_the_cube_are_interpolated_as_in_windows(share,
 
 
 def test_counts_between_two_strains_are_known_only_if_both_agree():
-    cube = made_up_cube()
+    cube = synthetic_cube()
     strains = cube["applied_strain"].values
     counts = xr.zeros_like(cube["poisson_ratio"], dtype=np.int32)
     counts[..., 2] = 5
@@ -276,4 +276,4 @@ def test_counts_between_two_strains_are_known_only_if_both_agree():
 
 def test_strains_beyond_the_cube_are_refused():
     with pytest.raises(InputError, match="has no applied_strain"):
-        query_cubes([made_up_cube()], {"applied_strain": 9.0})
+        query_cubes([synthetic_cube()], {"applied_strain": 9.0})

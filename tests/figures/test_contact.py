@@ -7,12 +7,12 @@ import xarray as xr
 from knitlab.figures.kinds.contact import contact
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
-from tests.cubes.artificial_cubes import STRAINS, made_up_cube
+from tests.cubes.artificial_cubes import STRAINS, synthetic_cube
 
 
 def side_by_side() -> xr.Dataset:
     """Contact adds 0.2 to Poisson's ratio, 10 % to the force and 5 % to the width."""
-    without = made_up_cube()
+    without = synthetic_cube()
     designs, states = without["status"].dims, without["poisson_ratio"].dims
     size = np.ones(without["status"].shape)
     without["reaction_force"] = states, size[..., None] * np.array(STRAINS)
@@ -63,7 +63,7 @@ def test_designs_that_fail_in_one_of_both_are_named():
 @pytest.mark.parametrize(
     ("cube", "message"),
     [
-        (lambda: made_up_cube(), "contact = none,barrier"),
+        (lambda: synthetic_cube(), "contact = none,barrier"),
         (lambda: side_by_side().isel(contact=[0]), "contact = none,barrier"),
         (lambda: side_by_side().isel(n_stripe=[2]), "contact: "),
     ],

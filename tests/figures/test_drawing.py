@@ -19,12 +19,12 @@ from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
 from knitlab.runs.figure_names import FIGURE_NAMES
 from knitlab.runs.plan import make_plan
-from tests.cubes.artificial_cubes import STATUS, made_up_cube
+from tests.cubes.artificial_cubes import STATUS, synthetic_cube
 
 
 @pytest.fixture
 def cube_file(tmp_path):
-    made_up_cube().to_netcdf(tmp_path / "cube.nc")
+    synthetic_cube().to_netcdf(tmp_path / "cube.nc")
     return tmp_path / "cube.nc"
 
 
@@ -51,7 +51,7 @@ def cell_pixels(figure, column, row):
 
 @pytest.mark.slow
 def test_failed_and_missing_designs_are_not_drawn_as_values():
-    figure = auxetic([made_up_cube()])
+    figure = auxetic([synthetic_cube()])
     # P is 2, 4, 8 and 16 from the left: (8, 32), (2, 32), (2, 64), and (4, 64), which is excluded.
     without = ((0, 2), (2, 0), (3, 0), (2, 1))
     for column, row in without:
@@ -71,12 +71,12 @@ def values_written(axes):
 
 
 def test_the_map_writes_each_value_with_its_strain():
-    axes = auxetic([made_up_cube()]).axes[0]
+    axes = auxetic([synthetic_cube()]).axes[0]
     assert values_written(axes) == ["0.05\nat 10%", "−0.80\nat 10%", "−0.40\nat 10%"]
 
 
 def test_the_map_has_a_cell_for_every_design_and_none_for_what_cannot_be():
-    axes = auxetic([made_up_cube()]).axes[0]
+    axes = auxetic([synthetic_cube()]).axes[0]
     named = [text.get_text() for text in axes.texts if text.get_text().startswith("(")]
     planned = [design for design, status in STATUS.items() if status is not Status.excluded]
     assert sorted(named) == sorted(map(str, planned))
@@ -90,7 +90,7 @@ def test_the_map_has_a_cell_for_every_design_and_none_for_what_cannot_be():
 
 
 def test_the_colour_bar_spans_the_values_and_zero_is_white():
-    figure = auxetic([made_up_cube()])
+    figure = auxetic([synthetic_cube()])
     assert figure.axes[1].get_ylim() == pytest.approx((-0.8, 0.05))
     colours = value_colours(np.array([-0.8, 0.05]))
     assert colours.to_rgba(0.0)[:3] == pytest.approx(colours.to_rgba(-0.0)[:3], abs=0.02)
@@ -98,7 +98,7 @@ def test_the_colour_bar_spans_the_values_and_zero_is_white():
 
 
 def test_the_map_shows_the_ratio_at_a_selected_strain():
-    cube = made_up_cube()
+    cube = synthetic_cube()
     axes = draw("auxetic", [cube], {"applied_strain": 0.2}).axes[0]
     at = cube["poisson_ratio"].sel(applied_strain=0.2)
     wanted = [
@@ -110,7 +110,7 @@ def test_the_map_shows_the_ratio_at_a_selected_strain():
 
 def with_spread(half):
     """An artificial cube: siblings of (4, 16) differ by a value at 10 % strain, others by 0.02."""
-    cube = made_up_cube()
+    cube = synthetic_cube()
     width = xr.full_like(cube["poisson_ratio"], 0.01)
     width.loc[{"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}] = half
     for end, sign in (("low", -1), ("high", 1)):
@@ -137,7 +137,7 @@ def test_curves_have_a_band_from_the_lowest_to_the_highest_sibling():
 
 
 def test_the_sensitivity_map_frames_the_largest_of_each_design():
-    axes = sensitivity(made_up_cube(sensitivities=True)).axes[0]
+    axes = sensitivity(synthetic_cube(sensitivities=True)).axes[0]
     designs = [label.get_text().split("  ")[0] for label in axes.get_yticklabels()]
     assert designs == ["(2, 16)", "(2, 32)", "(2, 64)", "(4, 16)", "(4, 32)", "(8, 32)"]
     bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
@@ -153,7 +153,7 @@ def test_the_sensitivity_map_frames_the_largest_of_each_design():
 
 
 def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
-    grid = np.array(curves([made_up_cube()]).axes).reshape(3, 3)
+    grid = np.array(curves([synthetic_cube()]).axes).reshape(3, 3)
     ratio = grid[2]
     lines = [[line for line in axes.lines if "(P = " in line.get_label()] for axes in ratio]
     assert [len(column) for column in lines] == [1, 2, 1]
@@ -193,7 +193,7 @@ def test_a_figure_that_cannot_be_drawn_writes_nothing(
     assert list(tmp_path.iterdir()) == [cube_file]
 
 
-def made_up_case(periodic: bool) -> xr.Dataset:
+def synthetic_case(periodic: bool) -> xr.Dataset:
     """A flat case of 2 × 1 unit cells of (4, 16), stretched differently in its cells."""
     rows, columns = (16, 16) if periodic else (33, 17)
     y, x = np.mgrid[:rows, :columns]
@@ -220,7 +220,7 @@ def made_up_case(periodic: bool) -> xr.Dataset:
 
 
 def test_stretched_samples_have_the_colour_of_each_unit_cell():
-    relaxed, stretched, _ = samples([made_up_case(periodic=False)]).axes
+    relaxed, stretched, _ = samples([synthetic_case(periodic=False)]).axes
     assert relaxed.get_title().endswith("relaxed")
     assert stretched.get_title().endswith("pulled 20%")
     faces = stretched.collections[0]
@@ -233,12 +233,12 @@ def test_stretched_samples_have_the_colour_of_each_unit_cell():
 
 def test_stretched_samples_are_between_clamps():
     with pytest.raises(InputError, match="periodic"):
-        samples([made_up_case(periodic=True)])
+        samples([synthetic_case(periodic=True)])
 
 
 @pytest.mark.parametrize("strain", [0.0, 0.2])
 def test_a_shape_has_the_colour_of_its_height_at_the_selected_strain(strain):
-    case = made_up_case(periodic=False)
+    case = synthetic_case(periodic=False)
     axes = draw("shape", [case], {"applied_strain": strain}).axes[0]
     faces = axes.collections[0]
     nodes = case["position"].sel(applied_strain=strain).values
@@ -249,7 +249,7 @@ def test_a_shape_has_the_colour_of_its_height_at_the_selected_strain(strain):
 
 
 def test_a_strain_whose_shape_is_not_kept_is_refused():
-    case = made_up_case(periodic=False)
+    case = synthetic_case(periodic=False)
     case["position"][1] = np.nan
     with pytest.raises(InputError, match=r"applied_strain=0.2.* at 0"):
         draw("shape", [case], {"applied_strain": 0.2})

@@ -1,4 +1,4 @@
-"""The grid: any variable over any two dimensions, on made-up cubes."""
+"""The grid: any variable over any two dimensions, on synthetic cubes."""
 
 import numpy as np
 import pytest
@@ -11,17 +11,17 @@ from knitlab.figures.drawing import draw
 from knitlab.figures.kinds.grid import with_periods
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
-from tests.cubes.artificial_cubes import STATUS, made_up_cube
+from tests.cubes.artificial_cubes import STATUS, synthetic_cube
 
 FACTORS = [0.5, 1.0, 2.0]
 
 
 def swept_cube() -> xr.Dataset:
-    """A made-up cube along ``k_t_factor`` and ``pattern`` too, whose values differ along both."""
+    """A synthetic cube along ``k_t_factor`` and ``pattern`` too, whose values differ along both."""
     cubes = []
     for pattern in ("checkerboard", "framed"):
         for factor in FACTORS:
-            cube = made_up_cube()
+            cube = synthetic_cube()
             scale = factor * (1 if pattern == "checkerboard" else 10)
             cube["poisson_ratio"] = cube["poisson_ratio"] * scale
             cubes.append(cube.expand_dims(k_t_factor=[factor], pattern=[pattern]))
@@ -70,7 +70,7 @@ def test_cells_of_text_and_numbers_are_labelled():
 
 
 def test_no_cell_is_drawn_for_an_impossible_design_and_others_are_marked_by_status():
-    figure = kl.plot.grid(made_up_cube(), x="n_subunit", y="n_stripe")
+    figure = kl.plot.grid(synthetic_cube(), x="n_subunit", y="n_stripe")
     axes = figure.axes[0]
     planned = [status for status in STATUS.values() if status is not Status.excluded]
     assert len(axes.patches) == len(planned)
@@ -86,7 +86,7 @@ def test_no_cell_is_drawn_for_an_impossible_design_and_others_are_marked_by_stat
 
 
 def test_designs_lie_along_p_by_default():
-    figure = kl.plot.grid(made_up_cube())
+    figure = kl.plot.grid(synthetic_cube())
     axes = figure.axes[0]
     assert axes.get_xlabel().endswith("periods of a stripe across a patch")
     # (2, 16) and (4, 32) both have P = 4, (4, 16) has 2.
@@ -98,7 +98,7 @@ def test_designs_lie_along_p_by_default():
 
 
 def test_a_cube_by_p_has_the_same_designs():
-    cube = made_up_cube()
+    cube = synthetic_cube()
     moved = with_periods(cube)
     for (n_stripe, n_subunit), status in STATUS.items():
         if status is not Status.excluded:
@@ -132,11 +132,11 @@ def test_what_cannot_be_shown_is_explained(options, chosen, message):
 
 def test_only_a_grid_takes_a_variable():
     with pytest.raises(InputError, match=r"of: .*auxetic.*grid, swept"):
-        draw("auxetic", [made_up_cube()], options={"of": "poisson_ratio"})
+        draw("auxetic", [synthetic_cube()], options={"of": "poisson_ratio"})
 
 
 def test_the_command_draws_the_variable_that_it_is_given(tmp_path):
-    made_up_cube().to_netcdf(tmp_path / "cube.nc")
+    synthetic_cube().to_netcdf(tmp_path / "cube.nc")
     words = ["map", "grid", str(tmp_path / "cube.nc"), "-o", str(tmp_path / "grid.svg")]
     words += ["--x", "periods", "--of", "poisson_ratio", "--select", "applied_strain=0.2"]
     for more in ([], ["--y", "n_stripe"]):

@@ -12,19 +12,19 @@ from knitlab.figures.drawing import draw
 from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import draw_sheet, frame_sheet
 from knitlab.figures.style import print_style, value_colours
-from tests.cubes.artificial_cubes import made_up_cube
-from tests.figures.test_drawing import made_up_case
+from tests.cubes.artificial_cubes import synthetic_cube
+from tests.figures.test_drawing import synthetic_case
 from tests.figures.test_sensor import with_electrodes
 
 CUBES = {
-    "auxetic": made_up_cube,
-    "curves": made_up_cube,
-    "sensitivity": lambda: made_up_cube(sensitivities=True),
+    "auxetic": synthetic_cube,
+    "curves": synthetic_cube,
+    "sensitivity": lambda: synthetic_cube(sensitivities=True),
     "sensor": with_electrodes,
     "capacitors": with_electrodes,
     "stripes": lambda: stripes_cube(),
-    "samples": lambda: made_up_case(periodic=False),
-    "shape": lambda: made_up_case(periodic=True),
+    "samples": lambda: synthetic_case(periodic=False),
+    "shape": lambda: synthetic_case(periodic=True),
 }
 
 
@@ -108,7 +108,7 @@ def test_colours_follow_decades_where_values_span_several():
 
 def test_a_png_is_finer_than_300_dots_an_inch_and_true_to_its_colours(tmp_path):
     with print_style():
-        figure = draw("auxetic", [made_up_cube()])
+        figure = draw("auxetic", [synthetic_cube()])
         save(figure, tmp_path / "map.png")
         drawn(figure)
     image = Image.open(tmp_path / "map.png")

@@ -12,14 +12,14 @@ from knitlab.figures.kinds.capacitors import capacitors
 from knitlab.figures.kinds.sensor import PAPER, sensor, values_of_designs
 from knitlab.figures.nearest_designs import non_dominated
 from knitlab.io.errors import InputError
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 from tests.figures.test_drawing import values_written
 
 FIGURE = st.floats(0, 10, width=16)
 
 
 def with_electrodes() -> xr.Dataset:
-    cube = made_up_cube()
+    cube = synthetic_cube()
     designs, states = cube["status"].dims, cube["poisson_ratio"].dims
     steep = np.array([[0.5, np.nan, np.nan], [2.0, 1.0, np.nan], [np.nan, 3.0, np.nan]])
     wide = np.array([[0.3, np.nan, np.nan], [0.1, 0.05, np.nan], [np.nan, 0.2, np.nan]])
@@ -82,7 +82,7 @@ def test_the_papers_checkerboards_are_drawn_with_their_slopes():
 @pytest.mark.parametrize("draw", [sensor, lambda cube: capacitors([cube])])
 def test_a_cube_without_electrodes_is_refused(draw):
     with pytest.raises(InputError, match="electrodes"):
-        draw(made_up_cube())
+        draw(synthetic_cube())
 
 
 def test_a_map_of_one_cube_refuses_two(tmp_path):

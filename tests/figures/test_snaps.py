@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from knitlab.figures.curves import broken
 from knitlab.figures.kinds.curves import curves
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=30))
@@ -29,7 +29,7 @@ def test_a_curve_breaks_before_every_snap_and_loses_no_point(snaps):
 
 
 def test_the_curve_of_a_design_that_snaps_has_a_gap_and_a_legend():
-    cube = made_up_cube()
+    cube = synthetic_cube()
     assert not any("snaps" in note for note in notes(curves([cube])))
     cube["snapped"] = xr.zeros_like(cube["mean_strain_xx"])
     cube["snapped"].loc[{"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.2}] = 1

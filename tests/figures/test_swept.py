@@ -7,13 +7,13 @@ import xarray as xr
 from knitlab.figures.kinds.swept import swept
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import Status
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 
 LAYOUTS = ["checkerboard", "checkerboard_courses"]
 
 
 def two_layouts() -> xr.Dataset:
-    one, other = made_up_cube(), made_up_cube()
+    one, other = synthetic_cube(), synthetic_cube()
     other["poisson_ratio_min"] = one["poisson_ratio_min"] - 1
     other["status"][1, 0] = Status.not_converged
     return xr.concat([one, other], xr.IndexVariable("layout", LAYOUTS)).transpose(
@@ -51,7 +51,7 @@ def test_curves_are_reduced():
 @pytest.mark.parametrize(
     ("cube", "of", "message"),
     [
-        (made_up_cube, "periods", "several values"),
+        (synthetic_cube, "periods", "several values"),
         (lambda: two_layouts().expand_dims(width=[1, 2], axis=2), "periods", "width"),
         (two_layouts, "poisson_ratio", "poisson_ratio"),
         (two_layouts, "status", "status"),

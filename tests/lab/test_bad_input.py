@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from tests.cubes.artificial_cubes import made_up_cube
+from tests.cubes.artificial_cubes import synthetic_cube
 from tests.lab.recorded import Laboratory
 
 
@@ -274,7 +274,7 @@ def test_a_log_with_semicolons_and_decimal_commas_is_the_same(tmp_path, good):
 def test_a_cube_of_simulations_is_not_overwritten(tmp_path, good):
     (tmp_path / "results" / "sheet").mkdir(parents=True)
     path = tmp_path / "results" / "sheet" / "cube.nc"
-    made_up_cube().to_netcdf(path)
+    synthetic_cube().to_netcdf(path)
     before = path.read_bytes()
     result, _ = imported(tmp_path, good, "tensile")
     assert result.exit_code == 2
