@@ -25,8 +25,8 @@ from knitlab.runs.merge import merge_folders
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import PLAN
 from knitlab.runs.run import RunOptions, run_plan
-from knitlab.runs.simulate import Progress
 from knitlab.runs.workers import Batch
+from knitlab.solvers.method import Progress
 from tests.runs.fake_simulator import contents
 
 DESIGNS_OF_PREVIEW = 10

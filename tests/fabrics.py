@@ -35,11 +35,12 @@ from knitlab.runs.parameters import read_parameters
 from knitlab.solvers.dynamics.damped_test import MovingFabrics
 from knitlab.solvers.dynamics.grid import Shape
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.equilibrium.loading import WARP, Load
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import State, TensileTest
 from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.equilibrium.tensile_test import relax, stretch
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.load import Load
 
 PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
 

@@ -14,7 +14,8 @@ from knitlab.model.inertia import Inertia
 from knitlab.solvers.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
 from knitlab.solvers.dynamics.motion import Moving, advance
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.equilibrium.loading import WARP, all_free
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.loading import all_free
 
 PIECE = 1.0  # length of a piece of motion [ms]
 

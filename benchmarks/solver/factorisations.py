@@ -18,7 +18,7 @@ from knitlab.model.threads import Threads, allowed_threads
 from knitlab.runs.simulate import starts
 from knitlab.solvers.case import Case
 from knitlab.solvers.element_chunks import ChunkedFabric
-from knitlab.solvers.equilibrium.loading import loading_of
+from knitlab.solvers.loads.loading import (loading_of)
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.solvers.equilibrium.system import one_thread_of_blas
 from knitlab.solvers.factorisation.multifrontal import Multifrontal

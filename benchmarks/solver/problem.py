@@ -14,7 +14,7 @@ from knitlab.model.network import MeshShape, Network
 from knitlab.solvers.case import Case
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.alignment import rigidly_aligned
-from knitlab.solvers.equilibrium.loading import all_free, loading_of
+from knitlab.solvers.loads.loading import all_free, loading_of
 
 Unknowns = Float[np.ndarray, " unknown"]
 """A configuration, flattened [mm]."""

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 import knitlab as kl
 from knitlab.model.fabric import Configuration
 from knitlab.model.surfaces import self_intersections
-from knitlab.runs.simulate import tensile_tests
 from knitlab.solvers.case import Case
 from knitlab.solvers.dynamics.grid import GridFabric, Shape
+from knitlab.solvers.equilibrium.method import Equilibrium
 from knitlab.solvers.equilibrium.state import State
 
 DESIGNS = (8, 32), (6, 24)
@@ -41,7 +41,7 @@ def relaxed(design: tuple[int, int], start: str) -> tuple[Case, State]:
         strain_max=0.0,
     )
     (case,) = planned.cases.values()
-    (test,) = tensile_tests([case], lambda name, states: None)
+    (test,) = Equilibrium().stretch([case], lambda name, states: None)
     return case, test.states[0]
 
 

@@ -22,9 +22,11 @@ from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
-from knitlab.observables.schema import Status, described
+from knitlab.observables.schema import described
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS, adjoint_of
-from knitlab.runs.cases import cases, designs_of_section, electrode_problems
+from knitlab.runs.case_settings import CaseSettings
+from knitlab.runs.cases import cases, electrode_problems
+from knitlab.runs.checkerboards import checkerboard_designs
 from knitlab.runs.cube import cloth_sizes, gauge_attributes, input_values
 from knitlab.runs.material import Material, known_parameters
 from knitlab.runs.parameters import Parameters, StripeRow
@@ -233,8 +235,8 @@ def case_of_design(
         protocol=protocol,
         electrodes=ElectrodesSection() if electrodes else None,
     )
-    designs = designs_of_section(section, parameters, str)
-    (case,) = cases(workflow, {}, designs, parameters, str)
+    designs = checkerboard_designs(section, parameters, str)
+    (case,) = cases(CaseSettings(workflow, {}, parameters, str), designs)
     if messages := electrode_problems(case):
         raise invalid("layout", "; ".join(messages))
     return replace(case, applied_strain=strains)

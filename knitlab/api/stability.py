@@ -26,7 +26,6 @@ from knitlab.solvers.branches.continuation import (
 from knitlab.solvers.branches.equations import FabricEquations
 from knitlab.solvers.branches.shapes import barriers, relaxed_shapes
 from knitlab.solvers.case import Case
-from knitlab.solvers.equilibrium.loading import Y
 from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
 from knitlab.solvers.equilibrium.tensile_test import stretch
 
@@ -136,9 +135,7 @@ def _table(equations: FabricEquations, followed: list[list[PathPoint]]) -> xr.Da
     def force(point: PathPoint) -> float:
         gradient = equations.gradient(point.unknowns, point.parameter)
         loading = equations.loading
-        if loading.load.kind == "biaxial":
-            return loading.force_along(Y, gradient)
-        return loading.reaction_force(gradient)
+        return loading.load.reaction_force(loading, gradient)
 
     return xr.Dataset(
         {

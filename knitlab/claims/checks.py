@@ -29,7 +29,8 @@ from knitlab.claims.samples import (
     values_by_label,
 )
 from knitlab.lab.fit_statistics import LinearFit, common_slope_probability, linear_fit
-from knitlab.observables.schema import DESIGN_DIMS, Status
+from knitlab.observables.schema import DESIGN_DIMS
+from knitlab.observables.status import Status
 
 MAX_LISTED = 9  # largest number of samples, or steps between them, whose values are listed
 MIN_POINTS = 3  # fewest applied strains, or cells along a sample, for a curve

@@ -14,7 +14,8 @@ from knitlab.claims.judgement import Slice, judged_slices
 from knitlab.claims.margin import CheckResult, Grade
 from knitlab.claims.samples import stated_options, values_by_label
 from knitlab.cubes.cube_file import base_dims, cube_name, parameters_of, swept_dims
-from knitlab.observables.schema import DESIGN_DIMS, Status
+from knitlab.observables.schema import DESIGN_DIMS
+from knitlab.observables.status import Status
 
 Options = tuple[tuple[str, str | float], ...]  # names and values, in the order of NAMES
 

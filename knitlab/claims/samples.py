@@ -13,7 +13,8 @@ from pydantic import Field, PositiveInt
 from knitlab.claims.margin import CheckResult, Labels, NotMeasured
 from knitlab.cubes.cube_file import base_dims, is_measured, model_options, parameters_of, source_of
 from knitlab.io.toml import StrictModel
-from knitlab.observables.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
+from knitlab.observables.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES
+from knitlab.observables.status import Status
 
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
 STRIPE_BOUNDARY = "periodic"

@@ -19,7 +19,8 @@ from knitlab.cubes.selection import (
     selections_along,
 )
 from knitlab.io.errors import ErrorCollector, invalid, raise_if_any
-from knitlab.observables.schema import STRAIN, Status
+from knitlab.observables.schema import STRAIN
+from knitlab.observables.status import Status
 
 
 def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:

@@ -10,7 +10,8 @@ import xarray as xr
 from knitlab.cubes.cube_file import cells_across, is_measured, source_of, swept_dims
 from knitlab.cubes.selection import choices
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import CYCLE, DESIGN_DIMS, RUN, STRAIN, VARIABLES, Status
+from knitlab.observables.schema import CYCLE, DESIGN_DIMS, STRAIN, VARIABLES
+from knitlab.observables.status import RUN, Status
 
 COMPARED = (
     *("mean_strain_xx", "mean_strain_yy", "poisson_ratio", "reaction_force"),

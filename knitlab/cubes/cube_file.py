@@ -18,6 +18,7 @@ from knitlab.io.errors import InputError, Mistake, invalid
 from knitlab.io.json_file import json_table
 from knitlab.io.lock import is_locked
 from knitlab.observables import schema
+from knitlab.observables.of_cubes import DERIVED, LABORATORY
 from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
 
 CUBE = "cube.nc"
@@ -271,7 +272,7 @@ def of_schema(cube: xr.Dataset) -> xr.Dataset:
 
     def is_own(name: str) -> bool:
         known = VARIABLES.get(name)
-        stored = known is not None and known.of not in ("derived", "laboratory")
+        stored = known is not None and known.group not in (DERIVED, LABORATORY)
         return stored and {*cube[name].dims} == {*dims, *VARIABLES[name].dims}
 
     return cube[[name for name in map(str, cube.data_vars) if is_own(name)]]

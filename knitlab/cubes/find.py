@@ -25,7 +25,8 @@ from knitlab.cubes.strain_window import REDUCTIONS, StrainWindow, root_mean_squa
 from knitlab.cubes.target import MOST_TARGETS, Target, check_window
 from knitlab.cubes.uncertainty import Stripes
 from knitlab.io.errors import invalid, unknown
-from knitlab.observables.schema import STRAIN, Status
+from knitlab.observables.schema import STRAIN
+from knitlab.observables.status import Status
 
 Numbers = Float[np.ndarray, " design"]
 

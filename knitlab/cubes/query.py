@@ -18,15 +18,9 @@ from knitlab.cubes.selection import refuse_others, select, selectable, selection
 from knitlab.cubes.strain_window import with_columns
 from knitlab.cubes.trust import COLUMN, legend, marks_of, with_marks_only
 from knitlab.io.errors import Mistake, raise_if_any
-from knitlab.observables.schema import (
-    FLAGS,
-    INTEGERS,
-    SIMULATION,
-    SOURCE,
-    STRAIN,
-    VARIABLES,
-    Status,
-)
+from knitlab.observables.of_cubes import STRIPES
+from knitlab.observables.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, STRAIN, VARIABLES
+from knitlab.observables.status import Status
 
 MAIN_COLUMNS = (
     *("applied_strain", "jumped", "poisson_ratio", "force_per_width", "poisson_ratio_min"),
@@ -35,7 +29,7 @@ MAIN_COLUMNS = (
 )  # that the command line shows unless asked for others, after what tells rows apart
 MAX_MAIN_COLUMNS = 8
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a text begins that a spreadsheet computes
-ON_REQUEST = [name for name, variable in VARIABLES.items() if variable.of == "stripes"] + [COLUMN]
+ON_REQUEST = [name for name, each in VARIABLES.items() if each.group is STRIPES] + [COLUMN]
 """Columns that a table has only if they are asked for."""
 
 

@@ -12,7 +12,8 @@ from knitlab.cubes.uncertainty import (
     QUANTITIES,
     with_label,
 )
-from knitlab.observables.schema import SAMPLE, STRAIN, Status
+from knitlab.observables.schema import SAMPLE, STRAIN
+from knitlab.observables.status import Status
 
 LEAST_SAMPLES = 40
 """Samples from which on the ends of a 95 % interval lie within them."""

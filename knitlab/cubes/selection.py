@@ -18,7 +18,8 @@ from knitlab.cubes.force_control import (
     under_force_ratio,
 )
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any, unknown
-from knitlab.observables.schema import LOAD_RATIO, STRAIN, Status
+from knitlab.observables.schema import LOAD_RATIO, STRAIN
+from knitlab.observables.status import Status
 
 MAX_CHOICES = 30  # values of a coordinate that a message lists
 MAX_VALUES = 10_000  # selected along a coordinate

@@ -19,6 +19,7 @@ from knitlab.cubes.force_control import FORCES
 from knitlab.cubes.strain_window import reduced_columns, reduced_windows
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
+from knitlab.observables.capacitors import CAPACITORS, CAPACITORS_UNLOADING
 from knitlab.observables.schema import STRAIN, VARIABLES
 
 
@@ -215,4 +216,6 @@ def _states(cube: xr.Dataset, names: Iterable[str]) -> xr.DataArray:
 def _of_sensing(name: str) -> bool:
     """Whether a variable is one number for the range of sensing of a capacitor."""
     known = VARIABLES.get(name)
-    return known is not None and not known.dims and known.of in ("capacitor", "unloading")
+    return (
+        known is not None and not known.dims and known.group in (CAPACITORS, CAPACITORS_UNLOADING)
+    )

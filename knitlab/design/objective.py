@@ -14,10 +14,11 @@ from knitlab.design.request import DesignRequest
 from knitlab.design.trial import ALONG_STRAIN, OF_DESIGN, OVER_WIDTH, ShapeFunctions, Slopes, Trial
 from knitlab.io.errors import ErrorCollector, Mistake, raise_if_any, unknown
 from knitlab.observables.measurement import variables_of
+from knitlab.observables.of_cubes import CLOTH, DESIGN, STRIPES
 from knitlab.observables.schema import STRAIN, VARIABLES
 from knitlab.solvers.case import Case
 
-OF_PLANS = ("design", "stripes", "cloth")  # kinds of variables known without a simulation
+PLANNED = (DESIGN, STRIPES, CLOTH)  # variables known without a simulation
 INSET = 0.9  # fraction of an allowance that a search uses
 INSIDE = 0.1  # fraction of the tolerance by which a search aims inside a range
 
@@ -146,7 +147,7 @@ def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) ->
     known = {
         name: STRAIN in variable.dims
         for name, variable in VARIABLES.items()
-        if set(variable.dims) <= {STRAIN} and (name in stored or variable.of in OF_PLANS)
+        if set(variable.dims) <= {STRAIN} and (name in stored or variable.group in PLANNED)
     } | dict.fromkeys(dict(own), True)
     if {"reaction_force", "knit_cell_x"} <= known.keys():
         known |= dict.fromkeys(OVER_WIDTH, True)

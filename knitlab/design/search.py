@@ -17,10 +17,10 @@ from knitlab.design.search_space import DesignLabels, Point, SearchSpace
 from knitlab.design.trial import Trial, run_trial
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import InputError, Mistake
-from knitlab.runs.simulate import Progress
 from knitlab.runs.workers import Task, worker_pool
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import NoDerivative
+from knitlab.solvers.method import Progress
 
 TRIALS, SEARCHES = "trials", "searches"  # folders of case files and of results
 TOLERANCE = 1e-3  # relative change of squared distance or variables that ends a search

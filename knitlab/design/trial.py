@@ -20,7 +20,8 @@ from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.network import MeshShape
 from knitlab.model.stitches import Gauge
 from knitlab.observables import sensitivity
-from knitlab.observables.schema import STRAIN, Status
+from knitlab.observables.schema import STRAIN
+from knitlab.observables.status import Status
 from knitlab.runs.cube import cloth_sizes, input_values
 from knitlab.runs.simulate import simulated
 from knitlab.solvers.case import Case

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.style import Look, ink_on, name_rows, number, value_colours
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},

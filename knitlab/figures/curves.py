@@ -16,7 +16,8 @@ from knitlab.cubes.cube_file import is_measured, source_of
 from knitlab.figures.cells import planned_designs
 from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import RUN, STRAIN, Status
+from knitlab.observables.schema import STRAIN
+from knitlab.observables.status import RUN, Status
 
 BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"

@@ -14,7 +14,7 @@ from knitlab.cubes.trust import MARKS, marked
 from knitlab.figures import cells, style
 from knitlab.figures.style import Look
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 LAST = "‡ lowest at the last strain of the test: ν may fall further"
 ENDS = "‡ the test ends within the working range: it may be wider"

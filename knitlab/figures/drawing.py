@@ -27,6 +27,7 @@ from knitlab.figures.registry import FigureKind, figure_kind, figure_kinds
 from knitlab.figures.style import print_style
 from knitlab.io.errors import Mistake, invalid
 from knitlab.io.provenance import file_digest
+from knitlab.observables.motion_history import DYNAMICS
 from knitlab.observables.schema import STRAIN, VARIABLES
 from knitlab.runs.figure_names import check_figure_suffix
 
@@ -184,5 +185,5 @@ def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]
         if kind.needs in (case := case_of(design)):
             return [case]
     needs = VARIABLES[str(kind.needs)]
-    how = "run them with method=dynamics" if needs.of == "dynamics" else NO_CASE_FILES
+    how = "run them with method=dynamics" if needs.group is DYNAMICS else NO_CASE_FILES
     raise invalid(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from knitlab.figures.cells import number_table
 from knitlab.figures.design_map import draw_map
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, name_rows, number, subplots
-from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
+from knitlab.observables.schema import DESIGN_DIMS, STRAIN
+from knitlab.observables.status import Status
 
 MAX_BARS = 6  # designs up to which bars are drawn in place of maps
 

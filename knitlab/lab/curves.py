@@ -15,18 +15,19 @@ from knitlab.io.errors import invalid
 from knitlab.model.energy import Point
 from knitlab.model.fabric import Configuration
 from knitlab.model.stripe import STRIPE_QUANTITIES, Stripe
-from knitlab.observables.schema import CYCLE, DESIGN_DIMS, Status
+from knitlab.observables.schema import CYCLE, DESIGN_DIMS
 from knitlab.observables.sensitivity import Quantity, adjoint_of, logarithmic, measured_by
+from knitlab.observables.status import Status
 from knitlab.runs.plan import Plan
-from knitlab.runs.simulate import tensile_tests
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium, run_each
-from knitlab.solvers.equilibrium.loading import loading_of
+from knitlab.solvers.equilibrium.method import Equilibrium
 from knitlab.solvers.equilibrium.search import SearchRules
 from knitlab.solvers.equilibrium.state import State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.equilibrium.tensile_test import relax
+from knitlab.solvers.loads.loading import loading_of
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")  # of a test, in this order
 MIN_STRAINS = 3
@@ -158,7 +159,7 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
     """A test from the states of ``near``, or from the flat sheet; None if it does not converge."""
     if near is None:
-        (test,) = tensile_tests([case], lambda name, states: None)
+        (test,) = Equilibrium().stretch([case], lambda name, states: None)
         states = test.states
     else:
         _, fabric = case.assemble()

@@ -27,7 +27,8 @@ from knitlab.lab.description import Description, RecordKind, read_description
 from knitlab.lab.machine import Values, read_capacitance, read_tensile
 from knitlab.lab.markers import read_markers
 from knitlab.model.stripe import periods_per_patch
-from knitlab.observables.schema import CYCLE, SOURCE, VARIABLES, Status, described
+from knitlab.observables.schema import CYCLE, SOURCE, VARIABLES, described
+from knitlab.observables.status import Status
 
 READERS = {"markers": read_markers, "tensile": read_tensile, "capacitance": read_capacitance}
 IMPORTS = "imports"

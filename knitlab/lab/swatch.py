@@ -15,9 +15,11 @@ from knitlab.lab.calibration import Calibration
 from knitlab.model.settings import ModelOptions, Sheet
 from knitlab.model.stripe import Stripe
 from knitlab.runs.parameters import defaults
-from knitlab.runs.simulate import tensile_tests
 from knitlab.solvers.case import Case
-from knitlab.solvers.equilibrium.loading import WARP, Load
+from knitlab.solvers.equilibrium.method import Equilibrium
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.load import Load
+from knitlab.solvers.loads.weft import Weft
 
 Direction = Literal["across", "along"]
 Points = Float[np.ndarray, " point"]
@@ -25,7 +27,7 @@ Points = Float[np.ndarray, " point"]
 FAR = 0.05  # largest difference over the largest force, above which there is a warning
 STATES = 12  # strains of a simulated swatch, at most
 # Ridges lie along x: a swatch is pulled across them along the warp.
-LOADS: dict[Direction, Load] = {"across": WARP, "along": Load("weft")}
+LOADS: dict[Direction, Load] = {"across": WARP, "along": Weft()}
 ENDLESS = ModelOptions(cell_size="relaxed", boundary="periodic", fold_phase="stripe_centre")
 OUT_OF_REACH = 100.0  # distance of the walls, in periods: a testing machine has none
 
@@ -134,7 +136,7 @@ def _forces(stripe: Stripe, strain: Points, direction: Direction) -> Points:
         solver=known.solver,
         load=LOADS[direction],
     )
-    (test,) = tensile_tests([case], lambda *_: None)
+    (test,) = Equilibrium().stretch([case], lambda *_: None)
     forces = np.full(len(case.applied_strain), np.nan)
     if test.loading is not None:
         for number, state in enumerate(test.states):

@@ -23,8 +23,9 @@ from knitlab.observables.unit_cells import (
 from knitlab.solvers.case import Case
 from knitlab.solvers.contact import contact_of
 from knitlab.solvers.equilibrium.adjoint import Adjoint, NoDerivative
-from knitlab.solvers.equilibrium.loading import drive_along, reaction_force
 from knitlab.solvers.equilibrium.state import State
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.loading import reaction_force
 
 QUANTITIES = ("poisson_ratio", "reaction_force")  # quantities whose sensitivities a cube has
 STRIPE_PARAMETERS = {
@@ -58,7 +59,7 @@ def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
         relaxed: Configuration, strained: Configuration, fabric: Fabric, pushed: Pushed
     ) -> Array:
         gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
-        drive, length = drive_along(shape, relaxed)
+        drive, length = WARP.drive(shape, relaxed)
         return reaction_force(shape, drive, length, gradient.flattened() + pushed)
 
     return {

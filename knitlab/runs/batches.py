@@ -17,19 +17,12 @@ import psutil
 
 from knitlab.io.errors import invalid
 from knitlab.io.limits import MAX_CASES
-from knitlab.solvers.case import Case, Method, by_test
-from knitlab.solvers.dynamics.settings import Dynamics
+from knitlab.solvers.case import Case, by_test
+from knitlab.solvers.methods import METHODS
 
 BATCH_UNKNOWNS = 8_000  # unknowns that one vmapped batch may hold: about 1 GiB of element Hessians
-RELAXATION_STEPS = 10  # about the number of steps of a tensile test that its relaxation costs
-COST_POWER = 1.3  # about the power of the number of unknowns with which the cost of a step grows
 SECONDS_OF_STATE = 0.012  # at least, however small the fabric, to find and to measure it
-SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.018, "dynamics": 1.2e-7}  # on one core
-TIME_TO_REST = 60.0  # usual duration of a motion until a fabric is at rest [ms]
-STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over the largest k_s
-CONTACT = 4.0  # how much longer a fabric with contact takes
 PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
-BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}  # to 30 %
 BATCHES_OF_SHARD = 8  # batches of each shard, at least, if their cases are small enough
 DIGITS = 6  # of the estimated times that balance shards, whatever the machine
 
@@ -93,48 +86,18 @@ def _batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
     first = cases[members[0]]
     unknowns = first.mesh_shape.unknowns * len(sharing)
     time = seconds(cases[those[0]] for those in sharing)
-    memory = PROCESS_BYTES + BYTES_OF_UNKNOWN[first.method] * unknowns
+    memory = PROCESS_BYTES + METHODS[first.method].bytes_of_unknown * unknowns
     return Batch(tuple(members), unknowns, time, memory)
 
 
 def seconds(cases: Iterable[Case]) -> float:
     """Time of cases on one core, to a factor of about two [s]."""
-    return sum(
-        SECONDS_OF_WORK[case.method] * work(case, case.states) + SECONDS_OF_STATE * case.states
-        for case in cases
-    )
-
-
-def work(case: Case, states: float) -> float:
-    """Work in the first states of a case and its siblings: steps of 1000 unknowns, or of a node."""
-    longer = CONTACT if case.options.contact == "barrier" else 1.0
-    if case.method == "dynamics":
-        return longer * _time_steps(case, case.motion, states) * case.mesh_shape.nodes
-    tests, states = divmod(states, len(case.applied_strain))
-    steps_of_test = len(case.applied_strain) + RELAXATION_STEPS - 1
-    begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
-    steps = tests * steps_of_test + begun + states
-    if case.unloading:
-        steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
-    steps += 2 * (case.cycle - 1) * len(case.applied_strain) * (1 if tests else min(states, 1.0))
-    steps *= longer
-    return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
-
-
-def _time_steps(case: Case, motion: Dynamics, states: float) -> float:
-    """About the number of time steps of the leapfrog in the first states of a test."""
-    stiffest = max(case.weft.k_s, case.warp.k_s)
-    mass = motion.surface_density * case.weft.period * case.warp.period
-    mass *= (case.options.length_scale / case.options.cells_per_period) ** 2
-    stable = 2 * math.sqrt(mass / (STIFFNESS_OF_NODE * stiffest))  # the longest time step [ms]
-    at_rest, rate = motion.ending == "rest", motion.strain_rate
-    relaxation = TIME_TO_REST if at_rest else motion.relax_time
-    if motion.ending == "steps":
-        relaxation, rate = motion.relax_steps * stable, motion.step_strain / stable
-    strain = float(np.interp(states - 1, range(len(case.applied_strain)), case.applied_strain))
-    waiting = TIME_TO_REST * max(states - 1, 0.0) if at_rest else 0.0
-    time = relaxation * min(states, 1.0) + strain / rate + waiting
-    return time / (motion.step_safety * stable)
+    total = 0.0
+    for case in cases:
+        method = METHODS[case.method]
+        total += method.seconds_of_work * method.work(case, case.states)
+        total += SECONDS_OF_STATE * case.states
+    return total
 
 
 def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:

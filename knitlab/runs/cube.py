@@ -30,7 +30,9 @@ from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y, at_gauge, knit_sizes
 from knitlab.observables.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
-from knitlab.observables.schema import VARIABLES, Status, described
+from knitlab.observables.of_cubes import CLOTH, DESIGN, STRIPES
+from knitlab.observables.schema import VARIABLES, described
+from knitlab.observables.status import Status
 from knitlab.runs.plan import Plan
 from knitlab.runs.results_folder import CaseState, CubeDesign, Labels, cube_designs
 from knitlab.solvers.case import Case
@@ -125,8 +127,8 @@ def build_cube(
         entries[design] = Entry(values, case.applied_strain)
 
     pure = any(case.pure for case in plan.cases.values())
-    kinds = ("design", "stripes") if pure else ("design", "stripes", "cloth")
-    names |= {name for name, each in VARIABLES.items() if each.of in kinds}
+    groups = (DESIGN, STRIPES) if pure else (DESIGN, STRIPES, CLOTH)
+    names |= {name for name, each in VARIABLES.items() if each.group in groups}
     designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
     labels = dict(zip(plan.dims, zip(*designs, strict=True), strict=True))
     # A stripe number that is swept is a coordinate.

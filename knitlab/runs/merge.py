@@ -16,7 +16,7 @@ from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CASES_NAMED
 from knitlab.io.lock import locked
 from knitlab.io.names import named_folder
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs import results_folder
 from knitlab.runs.cube import (
     GAUGE_ATTRIBUTES,

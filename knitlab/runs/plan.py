@@ -18,22 +18,17 @@ from knitlab.io.limits import MAX_CASES
 from knitlab.io.provenance import MODEL, file_digests, package_digest, text_digest
 from knitlab.io.shipped import shipped
 from knitlab.model.stitches import Gauge
-from knitlab.observables.schema import SAMPLE, Variable
+from knitlab.observables.observable import Variable
+from knitlab.observables.schema import SAMPLE
 from knitlab.runs import workflow_text
 from knitlab.runs.batches import Batch, Shard, batched, split
-from knitlab.runs.cases import (
-    Designs,
-    cases,
-    designs_of_section,
-    designs_of_stripes,
-    electrode_problems,
-    overridden,
-    unusual_values,
-    with_pattern_files,
-)
+from knitlab.runs.case_settings import CaseSettings, Designs, overridden
+from knitlab.runs.cases import KINDS, cases, electrode_problems
+from knitlab.runs.checkerboards import with_pattern_files
 from knitlab.runs.declared_fields import FACTOR
 from knitlab.runs.material import MATERIAL, with_material_file
 from knitlab.runs.parameters import Parameters, read_parameters
+from knitlab.runs.remarks import unusual_values
 from knitlab.runs.results_folder import Labels
 from knitlab.runs.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.runs.workflow_file import Overrides, workflow_file
@@ -143,9 +138,9 @@ def make_plan(
         if parameters and (design := text.section("design")):
             parameters, files = with_pattern_files(design, parameters, text)
             inputs += files
-            designs = designs_of_section(design, parameters, text.source)
-        elif parameters and (pure := text.section("stripes")):
-            designs = designs_of_stripes(pure, parameters, text.source)
+        for name, kind in KINDS.items():
+            if parameters and (section := text.section(name)):
+                designs = kind.designs(section, parameters, text.source)
     with mistakes:
         if parameters and checked and not mistakes.all:
             sets = math.prod(len(axes[name]) for name in {*axes} - {*text.paired[1:]})
@@ -155,7 +150,7 @@ def make_plan(
             planned = {
                 case.case_id: case
                 for labels, chosen in workflow_text.combinations(checked, axes, text.paired)
-                for case in cases(chosen, labels, designs, parameters, text.source)
+                for case in cases(CaseSettings(chosen, labels, parameters, text.source), designs)
             }
             mistakes.all += _misplaced_electrodes(planned, text)
     if parameters is None or checked is None or mistakes.all:
@@ -176,7 +171,9 @@ def make_plan(
         gauge=overridden(parameters.gauge, checked.gauge),
         material=parameters.material,
         yarn=parameters.yarn,
-        warnings=unusual_values(checked, planned.values(), parameters),
+        warnings=unusual_values(
+            CaseSettings(checked, {}, parameters, text.source), planned.values()
+        ),
     )
 
 

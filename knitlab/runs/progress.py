@@ -8,8 +8,8 @@ from typing import TextIO
 
 from tqdm import tqdm
 
-from knitlab.runs.batches import work
 from knitlab.solvers.case import Case
+from knitlab.solvers.methods import METHODS
 
 BAR = "{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left"
 LINE = "{desc}, {percentage:.1f} %, {elapsed} elapsed, {remaining} left"
@@ -25,7 +25,7 @@ class ProgressBar:
         self._cases = cases
         self._states = dict.fromkeys(cases, 0.0)
         self._ended = 0
-        self._total = sum(work(case, case.states) for case in cases.values())
+        self._total = sum(METHODS[case.method].work(case, case.states) for case in cases.values())
         on_terminal = file.isatty()
         self._interval = SECONDS_BETWEEN_CLOCKS if on_terminal else SECONDS_BETWEEN_LINES
         self._closed = Event()
@@ -55,7 +55,9 @@ class ProgressBar:
     def reached(self, case_id: str, states: float) -> None:
         """Record how many states of a case are done; a fraction is part of a state."""
         case = self._cases[case_id]
-        advance = work(case, states) - work(case, self._states[case_id])
+        advance = METHODS[case.method].work(case, states) - METHODS[case.method].work(
+            case, self._states[case_id]
+        )
         if advance > 0:
             self._states[case_id] = states
             # Round-off must not move the bar past its end.

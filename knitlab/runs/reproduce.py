@@ -17,10 +17,11 @@ from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.errors import InputError, invalid
 from knitlab.io.limits import MAX_CASES_NAMED
 from knitlab.io.provenance import MODEL
+from knitlab.observables.finished_test import FinishedTest
 from knitlab.observables.measurement import measured
 from knitlab.runs.results_folder import FAILURES, PLAN, earlier_failures, read_plan
-from knitlab.runs.simulate import failure_reason, tensile_tests
 from knitlab.solvers.case import Case
+from knitlab.solvers.methods import METHODS
 
 HEADER = (
     f"{'strain':>8} {'outcome':>15} {'residual [N]':>13} {'iterations':>10} {'energy [N mm]':>14}"
@@ -98,11 +99,12 @@ def reproduce(
             report(f"state {states:.0f} of {len(case.applied_strain)}, {seconds:.1f} s")
 
     try:
-        (test,) = tensile_tests([case], report_state)
+        method = METHODS[case.method]
+        (test,) = method.stretch([case], report_state)
     except Exception:  # the report shows whatever it raises
         report(traceback.format_exc().rstrip())
         return False
-    recomputed = measured(case, test)
+    recomputed = measured(FinishedTest(case, test))
     report(HEADER)
     curves = recomputed["poisson_ratio"].values, recomputed["reaction_force"].values
     for strain, state, ratio, force in zip(case.applied_strain, test.states, *curves, strict=False):
@@ -110,7 +112,7 @@ def reproduce(
             f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
             f" {float(state.energy.total):14.7g} {ratio:9.5f} {force:10.5g}"
         )
-    reason = failure_reason(case, test)
+    reason = METHODS[case.method].failure(case, test)
     report(reason or f"all {len(test.states)} states converged")
     path = case_path(recorded.folder, recorded.case_id)
     if not path.is_file():

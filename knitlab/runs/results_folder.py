@@ -22,7 +22,7 @@ from knitlab.io.json_file import json_table
 from knitlab.io.names import Name
 from knitlab.io.provenance import MODEL, file_digests, stored_model
 from knitlab.io.text_file import plain_file
-from knitlab.observables.schema import RUN, Status
+from knitlab.observables.status import RUN, Status
 
 PLAN = "plan.json"
 FAILURES = "failures.jsonl"

@@ -15,7 +15,7 @@ from knitlab.cubes.cube_file import CUBE, read_cube
 from knitlab.io.errors import InputError
 from knitlab.io.names import named_folder
 from knitlab.io.provenance import package_digest
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs.results_folder import (
     CaseState,
     Labels,

@@ -20,8 +20,8 @@ import dask
 
 from knitlab.io.errors import CannotWrite, invalid
 from knitlab.model.threads import ONE_THREAD
-from knitlab.runs.simulate import Progress
 from knitlab.solvers.case import Case
+from knitlab.solvers.method import Progress
 
 if TYPE_CHECKING:
     from distributed import Client

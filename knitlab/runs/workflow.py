@@ -5,7 +5,7 @@ A setting is declared once, as a field of a table such as
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -38,15 +38,15 @@ from knitlab.runs.declared_fields import (
 from knitlab.runs.figure_names import FIGURE_NAMES
 from knitlab.runs.parameters import KNITS, QUANTITIES
 from knitlab.runs.patterns import is_pattern_name
-from knitlab.solvers.case import Method
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.equilibrium.loading import Load, LoadKind
 from knitlab.solvers.equilibrium.settings import Solver
+from knitlab.solvers.loads import LOADS
+from knitlab.solvers.loads.load import MAX_STRAIN, Load
+from knitlab.solvers.methods import METHODS
 
 Sizes = Annotated[tuple[Count, ...], Field(min_length=1, max_length=300, strict=False)]
 """Numbers of stitches."""
 
-LARGEST_STRAIN = 10.0  # of a test; pure stripes unfold to about 2
 MOST_STEPS = 1000  # largest number of strain steps of a test
 MOST_CYCLES = 1000  # of a test
 MOST_SIBLINGS = 100  # largest number of siblings of a design
@@ -110,6 +110,14 @@ class DesignSection(StrictModel):
         return self
 
 
+if TYPE_CHECKING:  # which needs the names of types in the text
+    LoadName = str
+    MethodName = str
+else:
+    LoadName = Literal[tuple(LOADS)]
+    MethodName = Literal[tuple(METHODS)]
+
+
 class StripesSection(StrictModel):
     """``[stripes]``: pure stripes, stretched across their ridges, instead of ``[design]``.
 
@@ -134,13 +142,13 @@ class ProtocolSection(StrictModel):
     slightly perturbed copies of each design, which are tested in equilibrium only.
     """
 
-    method: Method = "equilibrium"
+    method: MethodName = "equilibrium"
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
     further_strains: Annotated[
         tuple[PositiveFloat, ...], Field(strict=False, max_length=MOST_STEPS)
     ] = ()
-    load: LoadKind = "warp"
+    load: LoadName = "warp"
     load_ratio: Annotated[FiniteFloat, Field(gt=-1)] | None = None
     load_angle: Annotated[float, Field(ge=0, lt=180), Unit("degree")] | None = None
     cycle: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
@@ -151,11 +159,12 @@ class ProtocolSection(StrictModel):
     @model_validator(mode="after")
     def _is_a_possible_test(self) -> "ProtocolSection":
         largest, step = self.strain_max, self.strain_step
-        for name in ("sensitivities", "unloading"):
-            if getattr(self, name) and self.method != "equilibrium":
-                message = f"method = {self.method} gives no {name}; take method = equilibrium"
+        for name in METHODS[self.method].refused:
+            if getattr(self, name):
+                able = " or ".join(each for each in METHODS if name not in METHODS[each].refused)
+                message = f"method = {self.method} gives no {name}; take method = {able}"
                 raise ValueError(message)
-        if largest > LARGEST_STRAIN:
+        if largest > MAX_STRAIN:
             fraction = f"strains are fractions, so that {largest:g} % is {largest / 100:g}"
             raise ValueError(f"strain_max = {largest:g} is {largest:.0%}; {fraction}")
         steps = largest / step
@@ -169,12 +178,10 @@ class ProtocolSection(StrictModel):
 
     @property
     def as_load(self) -> Load:
-        """The load, with a ratio or angle if it has one."""
-        if self.load == "biaxial" and self.load_ratio is not None:
-            return Load("biaxial", ratio=self.load_ratio)
-        if self.load == "off_axis" and self.load_angle is not None:
-            return Load("off_axis", angle=self.load_angle)
-        return Load(self.load)
+        """The load, with the settings that it needs, as far as they are given."""
+        kind = LOADS[self.load]
+        given = {each.attribute: getattr(self, each.name) for each in kind.settings}
+        return kind(**{name: value for name, value in given.items() if value is not None})
 
     @property
     def applied_strain(self) -> tuple[float, ...]:

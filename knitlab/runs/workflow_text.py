@@ -12,7 +12,8 @@ from knitlab.io.errors import InputError, Mistake, pydantic_mistakes, unknown
 from knitlab.io.limits import MAX_CHOICES
 from knitlab.io.toml import read_toml
 from knitlab.model.electrodes import ElectrodeLayout
-from knitlab.observables.schema import SAMPLE, Variable
+from knitlab.observables.observable import Variable
+from knitlab.observables.schema import SAMPLE
 from knitlab.runs.declared_fields import declared
 from knitlab.runs.workflow import (
     OF_ALL_CASES,
@@ -40,7 +41,7 @@ Axes = dict[str, tuple[Any, ...]]  # values of settings given as lists: dimensio
 def coordinate(name: str) -> Variable:
     """The cube's coordinate along the values of a setting, or of paired ones."""
     if name == SAMPLE:
-        return Variable((SAMPLE,), "1", "number of a set of paired settings")
+        return Variable((SAMPLE,), "number of a set of paired settings")
     setting = SETTINGS[name]
     long_name = {
         SAMPLE_SIZE: "unit cells of the sample, along y and x",
@@ -49,7 +50,7 @@ def coordinate(name: str) -> Variable:
     }.get(name, name)
     if quantity := setting.factor_on:
         long_name = f"factor on {quantity}"
-    return Variable((name,), setting.unit, long_name)
+    return Variable((name,), long_name, setting.unit)
 
 
 def combinations(

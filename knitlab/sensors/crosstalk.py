@@ -19,7 +19,7 @@ from knitlab.sensors.readings import Others, capacitance_matrices, readings
 from knitlab.solvers.case import Case
 from knitlab.solvers.contact import contact_of
 from knitlab.solvers.equilibrium.adjoint import LinearResponse
-from knitlab.solvers.equilibrium.loading import all_free
+from knitlab.solvers.loads.loading import all_free
 
 STEP = 1e-3  # mean strain of the part that is pulled
 

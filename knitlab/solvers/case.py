@@ -5,10 +5,10 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import BeforeValidator, TypeAdapter
 
 from knitlab.model.cell_grid import CellGrid, central
 from knitlab.model.contact_layers import ContactLayers, contact_layers
@@ -23,10 +23,10 @@ from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.model.stitches import Stitches
 from knitlab.model.stripe import SpringKinds, Stripe, StripePair
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.equilibrium.loading import WARP, Load
 from knitlab.solvers.equilibrium.settings import Solver
+from knitlab.solvers.loads import WARP, load_of
+from knitlab.solvers.loads.load import Load
 
-Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
 Name = TypeVar("Name")
 Given = TypeVar("Given")
@@ -54,7 +54,7 @@ class Case:
     periods: int  # of a stripe, that fill a patch: P
     unit_cells: tuple[int, int]  # of the sample, along (y, x)
     applied_strain: tuple[float, ...]  # ascending from 0
-    method: Method
+    method: str  # of METHODS
     solver: Solver | None  # None if the test does not use it
     dynamics: Dynamics | None = None  # the same
     sensitivities: bool = False
@@ -65,13 +65,17 @@ class Case:
     folds: tuple[SingleFold, ...] = ()
     cell_patches: tuple[int, int] | None = None  # of a unit cell (y, x), if not the whole pattern
     plain: PlainKnit | None = None
-    load: Load = WARP
+    load: Annotated[Load, BeforeValidator(load_of)] = WARP
     friction: Friction = NO_FRICTION
     lengths_ratio: float = 1.0  # lengths of its network over those of walls and thickness
     cycle: int = 1  # between zero and the largest strain, that is measured
 
     def __repr__(self) -> str:
         return f"<Case {self.label}: {len(self.applied_strain)} strains by {self.method}>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Its fields alone, as what follows from them is cached beside them."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def record(self) -> dict[str, Any]:
@@ -132,7 +136,7 @@ class Case:
         """The design in words."""
         return "  ".join(f"{name} {value}" for name, value in self.design.items())
 
-    @property
+    @cached_property
     def sample(self) -> PatchGrid:
         """The whole sample: the patch map repeated."""
         return graded_pattern(
@@ -144,12 +148,12 @@ class Case:
             self.options.cells_per_period,
         )
 
-    @property
+    @cached_property
     def mesh_shape(self) -> MeshShape:
         """Its mesh shape; cases of one plan that share it can be one batch."""
         return mesh_shape(self.sample, self.options.boundary)
 
-    @property
+    @cached_property
     def cell_grid(self) -> CellGrid:
         """Its unit cells on the grid: whole patterns, or blocks of ``cell_patches``."""
         sample = self.sample
@@ -214,8 +218,8 @@ class Case:
     @property
     def all_corners_held(self) -> bool:
         """Whether every corner of a unit cell lies on a clamp: then none can move across."""
-        along, clamped = 1 - self.load.axis, self.options.boundary == "clamped"
-        return clamped and self.load.kind != "biaxial" and self.cell_grid.count[along] == 1
+        clamped = self.options.boundary == "clamped"
+        return clamped and self.load.holds_every_corner(self.cell_grid)
 
     @property
     def periodic_cell(self) -> "Case":
@@ -226,8 +230,14 @@ class Case:
     @property
     def electrodes(self) -> Electrodes:
         """What is plated on it; BadLayout if the fabric cannot carry it."""
-        layout = self._given(self.capacitor, "capacitor").layout
-        return place_electrodes(layout, self.sample, self.options, self.stitches_per_cell)
+        return place_electrodes(
+            self.given_capacitor.layout, self.sample, self.options, self.stitches_per_cell
+        )
+
+    @property
+    def given_capacitor(self) -> Capacitor:
+        """The capacitor plated on it; a TypeError if it has none."""
+        return self._given(self.capacitor, "capacitor")
 
     def _given(self, value: Given | None, name: str) -> Given:
         if value is None:

@@ -10,7 +10,8 @@ from knitlab.claims.margin import Grade
 from knitlab.cubes.cube_file import write_cube
 from knitlab.io.errors import InputError
 from knitlab.lab.fit_statistics import common_slope_probability, linear_fit
-from knitlab.observables.schema import Status, described
+from knitlab.observables.schema import described
+from knitlab.observables.status import Status
 
 FAMILIES = {
     2: (0.05, 0.05, 0.05, 0.05, 0.05),

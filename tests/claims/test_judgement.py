@@ -17,7 +17,7 @@ from knitlab.claims.samples import Checkerboards, preference
 from knitlab.cubes.cube_file import write_cube
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import PACKAGE
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from tests.claims.test_claims import LOWEST, SLOPES, good_checkerboards, good_stripes
 
 CLAIMS = {claim.name: claim for claim in read_claims()}

@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from knitlab.observables.schema import Status, described
+from knitlab.observables.schema import described
+from knitlab.observables.status import Status
 
 STRAINS = [0.0, 0.1, 0.2]
 LOWEST = {(2, 16): 0.05, (4, 16): -0.8, (4, 32): -0.4}

@@ -10,7 +10,7 @@ from knitlab.cubes.find import find_designs
 from knitlab.cubes.query import query_cubes
 from knitlab.cubes.target import read_target
 from knitlab.io.shipped import shipped
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 STRAIN = np.array([0.0, 0.1, 0.2, 0.3])
 LEVELS = {(4, 16): -0.1, (4, 24): -0.25, (8, 32): -0.32, (8, 48): -0.6}

@@ -10,7 +10,7 @@ from knitlab.design.objective import Objective, aimed, all_met, check_targets
 from knitlab.design.request import DesignRequest, checked_request, with_tolerance
 from knitlab.design.search_space import search_space
 from knitlab.design.trial import Trial, run_trial
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from tests.refusals import refused
 
 STRAINS = np.array([0.0, 0.1, 0.2, 0.3])

@@ -9,7 +9,7 @@ import pytest
 import knitlab as kl
 from knitlab.lab.calibration import calibrate
 from knitlab.lab.tension_record import read_tension_record
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs.material import Material
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 
 @pytest.fixture(autouse=True)

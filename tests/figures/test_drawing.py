@@ -16,7 +16,7 @@ from knitlab.figures.kinds.sensitivity import sensitivity
 from knitlab.figures.registry import figure_kind
 from knitlab.figures.style import value_colours
 from knitlab.io.errors import InputError
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs.figure_names import FIGURE_NAMES
 from knitlab.runs.plan import make_plan
 from tests.cubes.artificial_cubes import STATUS, synthetic_cube

@@ -15,7 +15,7 @@ from knitlab.lab import calibration
 from knitlab.lab.calibration import FITTED
 from knitlab.lab.fit_statistics import errors_by_residuals
 from knitlab.model.pure_stripe import PureStripe
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs.stripe_covariance import uncertain_stripes
 from tests.fabrics import compiled_tension_across
 

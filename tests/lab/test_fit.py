@@ -16,8 +16,9 @@ from knitlab.lab.curves import (
     with_factors,
 )
 from knitlab.lab.fit import FITTED, fit_stripes
-from knitlab.observables.schema import Status
+from knitlab.observables.status import (Status)
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.observables.status import Status
 from knitlab.runs.parameters import read_parameters
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.equilibrium.tensile_test import stretch

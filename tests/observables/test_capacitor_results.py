@@ -13,7 +13,7 @@ from knitlab.runs.run import RunOptions, run_plan
 from knitlab.solvers.case import case_of
 
 SMALL = ("strain_max=0.2", "strain_step=0.05", "knit=rib")
-NAMES = {name for name, each in VARIABLES.items() if each.of in ("capacitor", "unloading")}
+NAMES = {name for name, each in VARIABLES.items() if each.group.name in ("capacitor", "unloading")}
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ import xarray as xr
 
 from knitlab.io.errors import InputError
 from knitlab.model.fabric import Configuration
-from knitlab.observables.schema import VARIABLES, Status
+from knitlab.observables.schema import VARIABLES
+from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
 from knitlab.solvers.case import case_of
@@ -16,7 +17,7 @@ from tests.runs import fake_simulator
 
 SMALL = ("n_stripe=4", "n_subunit=8", "strain_max=0.06")
 ASKED = ("sensitivities=true",)
-NAMES = {name for name, each in VARIABLES.items() if each.of == "sensitivities"}
+NAMES = {name for name, each in VARIABLES.items() if each.group.name == "sensitivities"}
 
 
 @pytest.fixture(scope="module")

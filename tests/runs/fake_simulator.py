@@ -18,8 +18,9 @@ from knitlab.cubes.case_file import is_undamaged, write_case_file
 from knitlab.io.provenance import MODEL
 from knitlab.model.threads import allowed_threads
 from knitlab.observables.measurement import variables_of
-from knitlab.observables.schema import Status, described
+from knitlab.observables.schema import described
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.observables.status import Status
 from knitlab.observables.wavelength import POINTS
 from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan

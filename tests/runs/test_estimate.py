@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from knitlab.runs.batches import seconds, work
+from knitlab.runs.batches import seconds
 from knitlab.runs.plan import make_plan
+from knitlab.solvers.equilibrium.method import Equilibrium
 
 MEASURED = {(2, 32): 3.9, (4, 32): 0.74, (4, 48): 2.1, (6, 72): 3.7, (8, 48): 0.32, (8, 96): 3.6}
 """Processor time of relaxation and five strain steps of periodic fabric without contact, on a core
@@ -29,6 +30,6 @@ def test_contact_takes_longer():
 
 def test_work_grows_with_every_state_up_to_that_of_the_whole_case():
     case = only(4, 16, "robustness=2")
-    done = [work(case, states) for states in np.linspace(0, case.states, 40)]
+    done = [Equilibrium().work(case, states) for states in np.linspace(0, case.states, 40)]
     assert done[0] == 0
     assert (np.diff(done) > 0).all()

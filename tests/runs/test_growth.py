@@ -14,7 +14,7 @@ from knitlab.cubes.cube_file import read_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs import results_folder
 from knitlab.runs.cube import build_cube
 from knitlab.runs.plan import make_plan

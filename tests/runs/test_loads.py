@@ -6,7 +6,9 @@ import pytest
 import knitlab as kl
 from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
-from knitlab.solvers.equilibrium.loading import Load
+from knitlab.solvers.loads.biaxial import Biaxial
+from knitlab.solvers.loads.warp import Warp
+from knitlab.solvers.loads.weft import Weft
 
 PERIODIC = ("n_stripe=4", "n_subunit=16", "robustness=0")
 
@@ -15,9 +17,9 @@ def test_lists_of_loads_are_dimensions():
     plan = make_plan("periodic", (*PERIODIC, "load=warp,weft,biaxial", "load_ratio=1"))
     loads = {case.design["load"]: case.load for case in plan.cases.values()}
     assert loads == {
-        "warp": Load(),
-        "weft": Load("weft"),
-        "biaxial": Load("biaxial", ratio=1.0),
+        "warp": Warp(),
+        "weft": Weft(),
+        "biaxial": Biaxial(ratio=1.0),
     }
     angles = make_plan("periodic", (*PERIODIC, "load=off_axis", "load_angle=0,45"))
     assert [case.load.angle for case in angles.cases.values()] == [0, 45]

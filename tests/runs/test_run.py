@@ -9,7 +9,8 @@ import xarray as xr
 
 from knitlab.cubes.case_file import case_path
 from knitlab.io.errors import InputError
-from knitlab.observables.schema import COORDINATES, VARIABLES, Status
+from knitlab.observables.schema import COORDINATES, VARIABLES
+from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
 
@@ -59,7 +60,9 @@ def test_every_variable_carries_units_and_a_long_name(sweep):
             assert dataset[name].attrs["units"] == (COORDINATES | VARIABLES)[name].units
             assert dataset[name].attrs["long_name"]
     kinds = ("all", "patches", "design", "stripes", "cloth", "robustness", "contact")
-    expected = {name for name, each in VARIABLES.items() if each.in_cube and each.of in kinds}
+    expected = {
+        name for name, each in VARIABLES.items() if each.in_cube and each.group.name in kinds
+    }
     assert expected == set(run.cube.data_vars)
 
 

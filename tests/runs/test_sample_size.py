@@ -12,7 +12,7 @@ import knitlab
 from knitlab.cubes.cube_file import open_cube, write_cube
 from knitlab.io.errors import InputError
 from knitlab.io.provenance import provenance
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState
 from knitlab.runs.run import RunOptions, run_plan

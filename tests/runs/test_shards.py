@@ -12,7 +12,7 @@ import xarray as xr
 
 from knitlab.io.errors import InputError
 from knitlab.io.lock import locked, running_shards
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs.batches import Shard
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import PLAN, planned_designs, read_plan

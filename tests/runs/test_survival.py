@@ -22,7 +22,7 @@ from knitlab.cubes.case_file import case_path, is_undamaged
 from knitlab.io.checksum import LENGTH, append_checksum
 from knitlab.io.errors import CannotWrite, InputError
 from knitlab.io.lock import locked
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from knitlab.runs import results_folder
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState, read_plan

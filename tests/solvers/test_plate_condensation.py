@@ -8,8 +8,8 @@ import pytest
 from knitlab.export.plates.plate_stiffness import in_plane
 from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
-from knitlab.solvers.equilibrium.loading import Load
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads.off_axis import OffAxis
 from knitlab.solvers.plate_condensation import PlateSolver, PlateStatus
 from tests.export.plates.bent_cell import BentCell
 from tests.fabrics import (
@@ -32,7 +32,7 @@ from tests.solvers.equilibrium.test_pure_stripes import across_the_ridges, along
 
 FLAT = ModelOptions(boundary="periodic")
 ANGLE = np.deg2rad(35)
-OBLIQUE = Load("off_axis", angle=35.0)
+OBLIQUE = OffAxis(angle=35.0)
 PLAIN = PlainKnit(1.0, 0.6, 0.02, 0.05)
 SWAPPED = [1, 0, 2, 4, 3, 5]
 """The order of strain and curvature with x and y exchanged."""

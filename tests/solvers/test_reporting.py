@@ -6,18 +6,17 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.runs import simulate
-from knitlab.runs.batches import RELAXATION_STEPS, work
 from knitlab.runs.plan import make_plan
 from knitlab.runs.progress import ProgressBar
-from knitlab.runs.simulate import Reporter
+from knitlab.solvers.equilibrium import method
+from knitlab.solvers.equilibrium.method import RELAXATION_STEPS, Equilibrium, Reporter
 
 CASES = make_plan("periodic", ("n_stripe=4", "n_subunit=16,32", "robustness=2")).cases
 
 
 def test_progress_moves_while_the_fabric_relaxes(monkeypatch):
     clock = itertools.count()
-    monkeypatch.setattr(simulate.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(method.time, "monotonic", lambda: float(next(clock)))
     reports = []
     reporter = Reporter(reports.append)
 
@@ -36,6 +35,7 @@ def test_progress_moves_while_the_fabric_relaxes(monkeypatch):
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=9))
 def test_work_grows_from_zero_to_that_of_all_tests(parts):
     case = next(iter(CASES.values()))
+    work = Equilibrium().work
     works = [work(case, case.states * part) for part in sorted(parts)]
     assert works == sorted(works)
     assert work(case, 0) == 0

@@ -1,35 +1,16 @@
 """The reference of variables, from the registry of the cube."""
 
 from generated_reference.markdown import code, table
-from knitlab.observables.schema import COORDINATES, FLAGS, VARIABLES, Variable
-
-GROUPS = {
-    "all": "Every case",
-    "design": "The sample",
-    "stripes": "Stripe parameters",
-    "cloth": "Sizes in cloth",
-    "patches": "Shape of the relaxed fabric",
-    "sensitivities": "Sensitivities",
-    "robustness": "Spread over siblings",
-    "capacitor": "Capacitors",
-    "unloading": "Capacitors while unloading",
-    "stripe": "Pure stripes",
-    "dynamics": "Dynamics",
-    "laboratory": "Experiments",
-}
-"""Headings of the kinds of variables, in the order of the page."""
+from knitlab.observables.observable import Variable
+from knitlab.observables.schema import COORDINATES, FLAGS, VARIABLES
 
 
 def page() -> str:
     """Every coordinate and variable, kind by kind."""
-    kinds = [
-        *GROUPS,
-        *dict.fromkeys(each.of for each in VARIABLES.values() if each.of not in GROUPS),
-    ]
     parts = ["## Coordinates", _table(COORDINATES)]
-    for kind in kinds:
-        members = {name: each for name, each in VARIABLES.items() if each.of == kind}
-        parts += [f"## {GROUPS.get(kind, kind)}", _table(members)]
+    for group in dict.fromkeys(each.group for each in VARIABLES.values()):
+        members = {name: each for name, each in VARIABLES.items() if each.group == group}
+        parts += [f"## {group.title}", _table(members)]
     parts.append("## Flags")
     for name, flags in FLAGS.items():
         rows = [(code(flag.value), code(flag.name)) for flag in flags]

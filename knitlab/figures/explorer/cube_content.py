@@ -22,7 +22,8 @@ from knitlab.cubes.model_line import model_line
 from knitlab.figures.explorer.shapes import shape_content
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
-from knitlab.observables.schema import FLAGS, INTEGERS, STRAIN, Status
+from knitlab.observables.schema import FLAGS, INTEGERS, STRAIN
+from knitlab.observables.status import Status
 from knitlab.runs.results_folder import earlier_failures, read_plan
 
 EXPANDED = "stripe_parameter"  # a variable along it becomes one for each label

@@ -14,7 +14,7 @@ from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, STRAIN_LABEL, Look, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.capacitance.sensor import CENTRAL_PART, CapacitorStatus
-from knitlab.observables.schema import RUN
+from knitlab.observables.status import RUN
 
 SLOPE: Look = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
 END: Look = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}

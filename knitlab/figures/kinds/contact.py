@@ -17,7 +17,8 @@ from knitlab.figures.style import (
     name_rows,
 )
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import DESIGN_DIMS, Status
+from knitlab.observables.schema import DESIGN_DIMS
+from knitlab.observables.status import Status
 
 CONTACT = ("none", "barrier")
 NAMED = 3  # number of curves, those of the largest changes, that have the names of their designs

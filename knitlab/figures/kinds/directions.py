@@ -9,7 +9,8 @@ from knitlab.cubes.cube_file import parameters_of
 from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, frame_polar, subplots
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import DESIGN_DIMS, STRAIN, Status
+from knitlab.observables.schema import DESIGN_DIMS, STRAIN
+from knitlab.observables.status import Status
 
 ANGLE = "load_angle"
 MIN_ANGLES = 3  # angles

@@ -18,7 +18,8 @@ from knitlab.figures import cells, style
 from knitlab.figures.registry import figure
 from knitlab.figures.style import Look, number, subplots
 from knitlab.io.errors import invalid, unknown
-from knitlab.observables.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, STRAIN, Status
+from knitlab.observables.schema import COORDINATES, DESIGN_DIMS, FLAGS, STRAIN
+from knitlab.observables.status import RUN, Status
 
 PERIODS = "periods"
 MAX_COLUMNS, MAX_ROWS = 16, 24  # of cells that still have room for a number

@@ -8,7 +8,7 @@ from knitlab.figures import cells
 from knitlab.figures.registry import figure
 from knitlab.figures.style import Look, colour_bar, number, subplots, value_colours
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}

@@ -19,7 +19,7 @@ from knitlab.figures.nearest_designs import non_dominated
 from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"

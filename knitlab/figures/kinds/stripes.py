@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 
 from knitlab.figures.registry import figure
 from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
-from knitlab.observables.schema import RUN, STRAIN, STRIPE_DIMS
+from knitlab.observables.schema import STRAIN, STRIPE_DIMS
+from knitlab.observables.status import RUN
 
 SHEETS: dict[str, Look] = {
     "periodic": {"marker": "o", "ms": 2.5, "fillstyle": "full", "ls": ""},

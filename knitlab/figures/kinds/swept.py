@@ -10,7 +10,7 @@ from knitlab.figures.kinds.grid import with_number
 from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 
 @figure(dims=None, options=("of",), compares=True)

@@ -14,7 +14,8 @@ from knitlab.figures.cells import design_name, planned_designs
 from knitlab.figures.registry import figure
 from knitlab.figures.style import Look, colour_bar, subplots, value_colours
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import STRAIN, Status
+from knitlab.observables.schema import STRAIN
+from knitlab.observables.status import Status
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))

@@ -11,7 +11,8 @@ from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import invalid
 from knitlab.lab.fit_statistics import linear_fit
-from knitlab.observables.schema import DESIGN_DIMS, Status
+from knitlab.observables.schema import DESIGN_DIMS
+from knitlab.observables.status import Status
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
 OTHER = {"x": "y", "y": "x"}

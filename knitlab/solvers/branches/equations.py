@@ -9,9 +9,9 @@ from jaxtyping import Float
 from knitlab.model.energy import COMPLETE, Point
 from knitlab.model.fabric import Configuration, Unknowns
 from knitlab.solvers.element_chunks import ChunkedFabric
-from knitlab.solvers.equilibrium.loading import Loading
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.solvers.equilibrium.system import System
+from knitlab.solvers.loads.loading import Loading
 
 Vector = Float[np.ndarray, " free"]
 DIFFERENCE = 1e-6  # of the parameter, for the derivative of the force by it

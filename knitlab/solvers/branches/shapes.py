@@ -23,12 +23,12 @@ from knitlab.model.network import Network
 from knitlab.solvers.branches.equations import symmetric_stiffness
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.equilibrium import run_each
-from knitlab.solvers.equilibrium.loading import all_free
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.equilibrium.tensile_test import relax, relax_near
+from knitlab.solvers.loads.loading import all_free
 
 SAME_ENERGY = 1e-6  # difference of two energies of one shape, over the energy
 SAME_ANGLE = 1e-3  # root mean square difference of the sorted fold angles of one shape [rad]

@@ -17,8 +17,9 @@ from knitlab.solvers.dynamics.grid import GridFabric, Shape
 from knitlab.solvers.dynamics.motion import Body, Moving, advance, developing, largest_step
 from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.alignment import between_walls, rigidly_aligned
-from knitlab.solvers.equilibrium.loading import Load, Loading, all_free, free_under, loading_of
 from knitlab.solvers.equilibrium.state import History, Outcome, State, TensileTest
+from knitlab.solvers.loads.load import Load
+from knitlab.solvers.loads.loading import Loading, all_free, free_under, loading_of
 
 Progress = Callable[[int, float], None]  # of the index in a batch, and of finished states
 Record = tuple[float, float, float, float, Configuration]

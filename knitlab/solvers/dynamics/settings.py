@@ -1,11 +1,15 @@
 """Settings of the dynamics, apart from it because diffrax takes long to import."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from knitlab.model.settings import Fraction, Position, Unit
+
+if TYPE_CHECKING:
+    from knitlab.solvers.combination import Combination
 
 Integrator = Literal["leapfrog", "tsit5"]
 Ending = Literal["rest", "time", "steps"]
@@ -56,3 +60,10 @@ class Dynamics:
     relative_tolerance: Fraction = 1e-6
     absolute_tolerance: PositiveFloat = 1e-10
     snapshots: Annotated[int, Field(ge=0, le=1000)] = 0
+
+
+def contact_conflicts(combination: "Combination") -> Iterator[str]:
+    """Integrators that cannot follow contact."""
+    moves = combination.method == "dynamics" and combination.dynamics.integrator == "tsit5"
+    if moves and combination.options.contact != "none":
+        yield ("is integrated by leapfrog only; take integrator = leapfrog, or contact = none")

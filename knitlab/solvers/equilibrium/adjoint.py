@@ -34,11 +34,12 @@ from knitlab.model.network import MeshShape, network
 from knitlab.model.stripe import StripePair
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.alignment import rigidly_aligned
-from knitlab.solvers.equilibrium.loading import all_free, drive_along, free_under
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.system import one_thread_of_blas
 from knitlab.solvers.factorisation.multifrontal import Multifrontal
 from knitlab.solvers.factorisation.symbolic_factorisation import planned
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.loading import all_free, free_under
 
 if TYPE_CHECKING:
     from knitlab.solvers.equilibrium.contact_barrier import Barrier
@@ -298,7 +299,7 @@ def _through_loading(
     """From the derivative by the held unknowns to that by the relaxed shape."""
 
     def loaded(unknowns: Unknowns) -> Unknowns:
-        drive, _ = drive_along(shape, Configuration.of(unknowns, shape))
+        drive, _ = WARP.drive(shape, Configuration.of(unknowns, shape))
         return unknowns + applied_strain * drive
 
     return jax.vmap(jax.vjp(loaded, relaxed)[1])(by_held)[0]

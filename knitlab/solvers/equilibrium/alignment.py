@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from knitlab.model.array_library import array_library
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
-from knitlab.solvers.equilibrium.loading import WARP, Load, clamped_nodes
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.load import Load
 
 
 def rigidly_aligned(
@@ -22,7 +23,7 @@ def rigidly_aligned(
     """
     if shape.periodic:
         return relaxed
-    clamped = clamped_nodes(shape, load)
+    clamped = load.clamped_nodes(shape)
     held, flat_held = (sheet.positions[clamped] for sheet in (relaxed, flat))
     middle = held.mean(axis=0)
     turn = aligning_rotation(flat_held - flat_held.mean(axis=0), held - middle)

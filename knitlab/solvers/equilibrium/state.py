@@ -9,7 +9,7 @@ from jaxtyping import Float
 from knitlab.model.energy import Energy
 from knitlab.model.fabric import Configuration, Unknowns
 from knitlab.model.network import MeshShape
-from knitlab.solvers.equilibrium.loading import Loading, along_courses
+from knitlab.solvers.loads.loading import Loading, along_courses
 
 
 class Outcome(IntEnum):

@@ -12,13 +12,13 @@ from knitlab.model.fold_friction import Friction
 from knitlab.model.network import network
 from knitlab.solvers.equilibrium.drag import Drag
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
-from knitlab.solvers.equilibrium.loading import Loading
 from knitlab.solvers.equilibrium.search import SearchRules
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System
+from knitlab.solvers.loads.loading import Loading
 
 EASY = 4
 SMOOTH = 10

@@ -13,7 +13,6 @@ from knitlab.model.fold_friction import NO_FRICTION, Friction
 from knitlab.model.network import UPRIGHT, Network, network
 from knitlab.solvers.equilibrium.alignment import between_walls, rigidly_aligned
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
-from knitlab.solvers.equilibrium.loading import WARP, Load, all_free, loading_of
 from knitlab.solvers.equilibrium.search import SearchRules
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import State, TensileTest
@@ -21,6 +20,9 @@ from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.strain_path import StrainPath, intermediate_settings
 from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.load import Load
+from knitlab.solvers.loads.loading import all_free, loading_of
 
 if TYPE_CHECKING:
     from knitlab.solvers.equilibrium.contact_barrier import Barrier

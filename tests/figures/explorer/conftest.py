@@ -11,7 +11,7 @@ import pytest
 from knitlab.cubes.cube_file import open_cube, write_cube
 from knitlab.figures.explorer.explorer import write_explorer
 from knitlab.io.shipped import PACKAGE
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 
 REFERENCE = PACKAGE.parent / "results" / "reference"
 PREVIEW = REFERENCE / "periodic"

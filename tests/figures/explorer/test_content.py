@@ -23,7 +23,7 @@ from knitlab.figures.explorer.cube_content import (
 )
 from knitlab.figures.explorer.shapes import shape_content
 from knitlab.io.errors import InputError
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from tests.figures.explorer.conftest import HOSTILE, PREVIEW, REFERENCE
 from tests.figures.explorer.test_positions import unpacked
 

@@ -12,9 +12,9 @@ from knitlab.io.errors import InputError
 from knitlab.solvers.branches import shapes as atlas
 from knitlab.solvers.branches.continuation import Kind, equilibrium, follow, switched
 from knitlab.solvers.branches.equations import FabricEquations
-from knitlab.solvers.equilibrium.loading import loading_of
 from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads.loading import loading_of
 from tests.fabrics import FINE, PERIODIC, checkered, equations, relaxed, stretched
 
 FOLDED = {

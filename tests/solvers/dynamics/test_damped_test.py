@@ -17,9 +17,12 @@ from knitlab.solvers.dynamics.damped_test import (
     stretch_by_dynamics,
 )
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.equilibrium.loading import WARP, Load
 from knitlab.solvers.equilibrium.state import Outcome
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.biaxial import Biaxial
+from knitlab.solvers.loads.shear import Shear
+from knitlab.solvers.loads.weft import Weft
 from tests.fabrics import (
     CLAMPED,
     DISTINCT_STRIPES,
@@ -73,11 +76,11 @@ def test_both_methods_reach_the_same_states(integrator):
 @pytest.mark.parametrize(
     ("options", "load"),
     [
-        (ENDLESS, Load("weft")),
-        (ENDLESS, Load("biaxial", ratio=0.5)),
-        (CLAMPED, Load("weft")),
-        (CLAMPED, Load("biaxial", ratio=0.5)),
-        (CLAMPED, Load("shear")),
+        (ENDLESS, Weft()),
+        (ENDLESS, Biaxial(ratio=0.5)),
+        (CLAMPED, Weft()),
+        (CLAMPED, Biaxial(ratio=0.5)),
+        (CLAMPED, Shear()),
     ],
 )
 def test_other_loads_lead_to_the_equilibria_too(options, load):

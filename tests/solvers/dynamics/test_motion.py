@@ -17,7 +17,11 @@ from knitlab.solvers.dynamics.damped_test import configuration_of, driven, moved
 from knitlab.solvers.dynamics.grid import GridFabric, Shape
 from knitlab.solvers.dynamics.motion import Body, Motion, Moving, advance
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.equilibrium.loading import WARP, Load, loading_of
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.biaxial import Biaxial
+from knitlab.solvers.loads.loading import loading_of
+from knitlab.solvers.loads.shear import Shear
+from knitlab.solvers.loads.weft import Weft
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
 SETTINGS = Dynamics(damping_ratio=0.015, release=0.0)
@@ -164,7 +168,7 @@ def test_the_highest_frequency_is_that_of_the_dense_matrix(options, clamped):
     np.testing.assert_allclose(motion.largest_step(batch), 2 / highest, rtol=1e-5)
 
 
-WEFT, BIAXIAL, SHEAR = Load("weft"), Load("biaxial", ratio=0.5), Load("shear")
+WEFT, BIAXIAL, SHEAR = Weft(), Biaxial(ratio=0.5), Shear()
 PULLS = [
     *((options, load) for options in (CLAMPED, PERIODIC) for load in (WARP, WEFT, BIAXIAL)),
     (CLAMPED, SHEAR),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from knitlab.solvers.equilibrium.loading import loading_of
+from knitlab.solvers.loads.loading import loading_of
 from tests.fabrics import CLAMPED, checkered, relaxed
 
 

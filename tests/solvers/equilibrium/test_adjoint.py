@@ -24,11 +24,11 @@ from knitlab.solvers.equilibrium.adjoint import Adjoint, NoDerivative, rigid_mot
 from knitlab.solvers.equilibrium.alignment import aligning_rotation, rigidly_aligned
 from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
-from knitlab.solvers.equilibrium.loading import all_free, loading_of
 from knitlab.solvers.equilibrium.search import SearchRules
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads.loading import all_free, loading_of
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, even_cells, stripe
 
 NAMES = (

@@ -14,8 +14,9 @@ from knitlab.model.fold_friction import Friction
 from knitlab.model.network import network
 from knitlab.solvers.equilibrium.adjoint import LinearResponse
 from knitlab.solvers.equilibrium.contact_barrier import Barrier
-from knitlab.solvers.equilibrium.loading import Load, all_free
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads.loading import all_free
+from knitlab.solvers.loads.shear import Shear
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, equations
 
 SETTINGS = replace(FINE, tolerance=1e-10)
@@ -75,7 +76,7 @@ def test_the_energy_with_contact_grows_by_the_work_of_shear():
     net, fabric = checkered(4, 2, PERIODIC)
     points, weights = np.polynomial.legendre.leggauss(3)
     inner = 0.005 + (points + 1) / 2 * 0.005
-    test = pulled(net, fabric, [0.0, 0.005, *inner, 0.01], load=Load("shear"))
+    test = pulled(net, fabric, [0.0, 0.005, *inner, 0.01], load=Shear())
     assert not any(state.snapped for state in test.states)
     assert all(float(state.energy.contact) > 0 for state in test.states)
     for state in test.states:

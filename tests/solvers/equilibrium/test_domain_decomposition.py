@@ -17,7 +17,6 @@ from knitlab.solvers.equilibrium.equilibrium import (
     SubdomainRounds,
     find_equilibrium,
 )
-from knitlab.solvers.equilibrium.loading import all_free, free_under
 from knitlab.solvers.equilibrium.search import Search, SearchRules, minimise
 from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
@@ -28,6 +27,7 @@ from knitlab.solvers.equilibrium.subdomains import (
     worth_dividing,
 )
 from knitlab.solvers.equilibrium.system import System
+from knitlab.solvers.loads.loading import all_free, free_under
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations
 
 

@@ -14,9 +14,9 @@ from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.fold_friction import Friction
 from knitlab.solvers.branches.equations import symmetric_stiffness
 from knitlab.solvers.element_chunks import ChunkedFabric
-from knitlab.solvers.equilibrium.loading import all_free
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads.loading import all_free
 from tests.fabrics import (
     DISTINCT_STRIPES,
     FINE,

@@ -12,7 +12,7 @@ from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.network import MeshShape
 from knitlab.solvers.equilibrium.alignment import between_walls, rigidly_aligned
-from knitlab.solvers.equilibrium.loading import loading_of
+from knitlab.solvers.loads.loading import loading_of
 from tests.fabrics import CLAMPED, checkered, shaken
 
 GAP = 0.5

@@ -16,9 +16,14 @@ from knitlab.model.network import network
 from knitlab.model.settings import PlainKnit
 from knitlab.model.stripe import StripePair
 from knitlab.observables.unit_cells import strains_in_direction
-from knitlab.solvers.equilibrium.loading import WARP, Load, free_under, held_under, loading_of
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads import WARP
+from knitlab.solvers.loads.biaxial import Biaxial
+from knitlab.solvers.loads.loading import free_under, held_under, loading_of
+from knitlab.solvers.loads.off_axis import OffAxis
+from knitlab.solvers.loads.shear import Shear
+from knitlab.solvers.loads.weft import Weft
 from tests.fabrics import (
     CLAMPED,
     FINE,
@@ -35,8 +40,8 @@ from tests.fabrics import (
 )
 
 STRAINS = [0.0, 0.02, 0.04]
-WEFT, SHEAR = Load("weft"), Load("shear")
-OBLIQUE = Load("off_axis", angle=35.0)
+WEFT, SHEAR = Weft(), Shear()
+OBLIQUE = OffAxis(angle=35.0)
 
 
 def pulled(net, fabric, load, strains=STRAINS):
@@ -57,7 +62,7 @@ def lengths(test):
 @pytest.mark.parametrize(("angle", "along"), [(90.0, WARP), (0.0, WEFT)])
 def test_pulls_off_axis_along_an_axis_are_those_along_it(angle, along):
     net, fabric = checkered(4, 1, PERIODIC)
-    oblique, straight = (pulled(net, fabric, load) for load in (Load("off_axis", 0, angle), along))
+    oblique, straight = (pulled(net, fabric, load) for load in (OffAxis(angle=angle), along))
     np.testing.assert_allclose(lengths(oblique)[:, :2], lengths(straight), rtol=1e-8)
     # The fabric is symmetric: it does not shear, although it may.
     np.testing.assert_allclose(lengths(oblique)[:, 2], 0, atol=1e-7)
@@ -89,10 +94,10 @@ STRIPES = (("rib", 4), ("garter", 8))
     [
         (PERIODIC, SHEAR),
         (PERIODIC, OBLIQUE),
-        (PERIODIC, Load("biaxial", 0.5)),
+        (PERIODIC, Biaxial(ratio=0.5)),
         (CLAMPED, WEFT),
         (CLAMPED, SHEAR),
-        (CLAMPED, Load("biaxial", 0.5)),
+        (CLAMPED, Biaxial(ratio=0.5)),
     ],
 )
 def test_the_energy_grows_by_the_work_of_the_force(options, load):
@@ -113,20 +118,20 @@ def test_a_biaxial_load_holds_what_a_pull_leaves_free(options):
     """At the ratio to which a pull contracts or widens fabric, it takes no force across."""
     net, fabric = checkered(4, 1, options)
     if options is CLAMPED:
-        test = pulled(net, fabric, Load("biaxial", 0.0))
+        test = pulled(net, fabric, Biaxial(ratio=0.0))
         across = [test.loading.force_along(0, state.gradient) for state in test.states]
         # A widening fabric pushes against clamps that keep its width.
         assert across[-1] < across[0] - 1e-4
         return
     warp = pulled(net, fabric, WARP, STRAINS[:2])
     width, length = lengths(warp)[-1] / lengths(warp)[0] - 1
-    test = pulled(net, fabric, Load("biaxial", width / length), STRAINS[:2])
+    test = pulled(net, fabric, Biaxial(ratio=width / length), STRAINS[:2])
     np.testing.assert_allclose(test.loading.force_along(0, test.states[-1].gradient), 0, atol=1e-8)
     along = test.loading.force_along(1, test.states[-1].gradient)
     assert along == pytest.approx(forces(warp)[-1], rel=1e-8)
 
 
-@pytest.mark.parametrize("load", [OBLIQUE, SHEAR, Load("off_axis", angle=120.0)])
+@pytest.mark.parametrize("load", [OBLIQUE, SHEAR, OffAxis(angle=120.0)])
 def test_plain_knit_strains_as_the_homogeneous_sheet_of_its_springs(load):
     """It stays flat, so that its energy is a function of the deformation gradient of one cell."""
     plain = PlainKnit(0.4, 0.7, 0.02, 0.03)
@@ -178,7 +183,7 @@ def test_the_stiffness_of_a_lattice_that_shears_is_that_of_automatic_differentia
     np.testing.assert_allclose(of_chunks.gradient, slopes, atol=1e-9)
 
 
-@pytest.mark.parametrize("load", [WARP, WEFT, SHEAR, Load("biaxial", 1.0)])
+@pytest.mark.parametrize("load", [WARP, WEFT, SHEAR, Biaxial(ratio=1.0)])
 @pytest.mark.parametrize("options", [PERIODIC, CLAMPED])
 def test_every_unknown_is_either_free_or_held(options, load):
     shape = checkered(4, 1, options)[0].shape
@@ -209,7 +214,7 @@ def test_strains_in_a_direction_do_not_depend_on_a_rotation(angle, turned, x, y,
 def test_fabric_that_is_not_its_mirror_image_relaxes_with_a_sheared_lattice():
     """At rest neither the shear nor any other freedom of the lattice has a force left."""
     net, fabric = checkered(8, 4, PERIODIC)
-    test = pulled(net, fabric, Load("off_axis", angle=45.0), [0.0, 1e-4])
+    test = pulled(net, fabric, OffAxis(angle=45.0), [0.0, 1e-4])
     assert np.abs(test.states[0].gradient).max() < 1e-7
     assert not test.states[1].snapped
     slope = forces(test)[1] / 1e-4

@@ -7,11 +7,11 @@ import pytest
 
 from knitlab.model.energy import Point
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
-from knitlab.solvers.equilibrium.loading import loading_of
 from knitlab.solvers.equilibrium.search import NEARLY, SearchRules
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
 from knitlab.solvers.equilibrium.tensile_test import relax, stretch
+from knitlab.solvers.loads.loading import loading_of
 from tests.fabrics import DEFAULT, FINE, PERIODIC, checkered, equations
 
 

@@ -18,10 +18,10 @@ from knitlab.model.stripe import StripePair
 from knitlab.model.zigzag import tension, zigzag
 from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
 from knitlab.solvers.dynamics.settings import Dynamics
-from knitlab.solvers.equilibrium.loading import all_free
 from knitlab.solvers.equilibrium.state import Outcome
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import stretch
+from knitlab.solvers.loads.loading import all_free
 from tests.fabrics import (
     CLAMPED,
     FINE,

@@ -19,8 +19,8 @@ from knitlab.model.energy import (
 from knitlab.model.fabric import Configuration, Fabric, flat_sheet
 from knitlab.model.network import HINGE_VECTORS, Network
 from knitlab.model.settings import ModelOptions
-from knitlab.solvers.equilibrium.loading import all_free, loading_of
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.solvers.loads.loading import all_free, loading_of
 from tests.fabrics import checkered, padded_hinge_stiffness, shaken, staged, whole_element_hessians
 
 

@@ -9,7 +9,6 @@ from knitlab.model.energy import COMPLETE, Point
 from knitlab.model.settings import Sheet
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
-from knitlab.solvers.equilibrium.loading import all_free, loading_of
 from knitlab.solvers.equilibrium.search import (
     Search,
     SearchRules,
@@ -19,6 +18,7 @@ from knitlab.solvers.equilibrium.search import (
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import relax
+from knitlab.solvers.loads.loading import all_free, loading_of
 from tests.fabrics import CLAMPED, DEFAULT, checkerboard, equations, patterned
 
 Z_MAX = 1.5

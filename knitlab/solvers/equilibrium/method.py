@@ -1,0 +1,155 @@
+"""Tests by equilibria: states at rest, one after the other along the applied strain."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from knitlab.model.fabric import Configuration
+from knitlab.solvers.contact import contact_of
+from knitlab.solvers.equilibrium.equilibrium import run_each
+from knitlab.solvers.equilibrium.state import TensileTest
+from knitlab.solvers.equilibrium.tensile_test import imperfect_sheet, relax, stretch, tiled
+from knitlab.solvers.method import CONTACT_FACTOR, Method, Progress
+
+if TYPE_CHECKING:
+    from knitlab.solvers.case import Case
+    from knitlab.solvers.dynamics.damped_test import Relaxed
+
+SECONDS_BETWEEN_REPORTS = 1.0
+USUAL_FACTORISATIONS = 20  # of a state
+RELAXATION_STEPS = 10  # about the number of steps of a test that its relaxation costs
+COST_POWER = 1.3  # about the power of the number of unknowns with which the cost of a step grows
+Starts = Sequence[Configuration | None]
+
+
+class Equilibrium(Method):
+    """Quasi-static tests: a fabric relaxes, and its equilibrium is followed with the strain."""
+
+    name: ClassVar[str] = "equilibrium"
+    uses_solver: ClassVar[bool] = True
+    state: ClassVar[str] = "equilibrium"
+    steps: ClassVar[str] = "steps"
+    seconds_of_work: ClassVar[float] = 0.018
+    bytes_of_unknown: ClassVar[float] = 19e3
+
+    def stretch(
+        self, cases: "Sequence[Case]", progress: Progress, imperfection: int | None = None
+    ) -> list[TensileTest]:
+        """Tests of the cases; from flat sheets, or from imperfect ones, by this seed.
+
+        A clamped sample relaxes first in time if ``start`` is ``"dynamics"``, and from a tiling of
+        relaxed periodic fabric if it is ``"periodic"``.
+        """
+        starts = tilings(cases, _sheets(cases, imperfection), imperfection)
+        moved: Sequence[Relaxed | None] = [None] * len(cases)
+        if cases[0].relaxes_by_dynamics:
+            from knitlab.solvers.dynamics.method import moved_sheets  # diffrax is slow to import
+
+            moved = moved_sheets(cases, progress, starts)
+        reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
+        searches = [
+            partial(
+                stretch,
+                applied_strain=case.applied_strain,
+                settings=case.equilibrium_solver,
+                progress=reporter.done,
+                start=start,
+                folded=None if relaxed is None else relaxed.configuration,
+                unload=case.unloading,
+                contact=contact_of(case),
+                factorised=reporter.factorised,
+                load=case.load,
+                friction=case.friction,
+                cycle=case.cycle,
+            )
+            for case, start, relaxed, reporter in zip(cases, starts, moved, reporters, strict=True)
+        ]
+        fabrics = [case.assemble()[1] for case in cases]
+        tests = run_each(cases[0].mesh_shape, fabrics, searches)
+        return [
+            test if relaxed is None else _after_motion(test, relaxed)
+            for test, relaxed in zip(tests, moved, strict=True)
+        ]
+
+    def work(self, case: "Case", states: float) -> float:
+        """Work of the first states, in steps of 1000 unknowns."""
+        tests, states = divmod(states, len(case.applied_strain))
+        steps_of_test = len(case.applied_strain) + RELAXATION_STEPS - 1
+        begun = min(states, 1.0)
+        steps = tests * steps_of_test + begun * (RELAXATION_STEPS - 1) + states
+        if case.unloading:
+            steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
+        steps += 2 * (case.cycle - 1) * len(case.applied_strain) * (1 if tests else begun)
+        if case.options.contact != "none":
+            steps *= CONTACT_FACTOR
+        return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
+
+
+def _sheets(cases: "Sequence[Case]", imperfection: int | None) -> Starts:
+    """Imperfect sheets of cases, by a seed, or None for flat ones."""
+    if imperfection is None:
+        return [None] * len(cases)
+    return [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
+
+
+def tilings(cases: "Sequence[Case]", sheets: Starts, imperfection: int | None = None) -> Starts:
+    """Sheets; of samples that start as a tiling of relaxed periodic fabric, that tiling [mm]."""
+    starts = [*sheets]
+    numbers = [
+        number
+        for number, case in enumerate(cases)
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
+    ]
+    if not numbers:
+        return starts
+    cells = [cases[number].periodic_cell for number in numbers]
+    fabrics = [cell.assemble() for cell in cells]
+    searches = [
+        partial(relax, settings=cell.equilibrium_solver, start=sheet, contact=contact_of(cell))
+        for cell, sheet in zip(cells, _sheets(cells, imperfection), strict=True)
+    ]
+    relaxed = run_each(fabrics[0][0].shape, [fabric for _, fabric in fabrics], searches)
+    for number, (net, _), state in zip(numbers, fabrics, relaxed, strict=True):
+        if not state.converged:
+            continue
+        tiling = tiled(*cases[number].assemble(), net, state.configuration)
+        contact = contact_of(cases[number])
+        if contact is None or contact.holds(np.asarray(tiling.flattened())):
+            starts[number] = tiling
+    return starts
+
+
+def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
+    """A test by equilibria of a fabric that relaxed by dynamics, with the history of that."""
+    first, *others = test.states
+    peak = float(relaxed.history.kinetic.max())
+    first = replace(first, iterations=first.iterations + relaxed.steps, kinetic_peak=peak)
+    return replace(test, states=[first, *others], history=relaxed.history)
+
+
+class Reporter:
+    """Reports finished states, plus n / (n + 20) of the next one after n factorisations."""
+
+    def __init__(self, report: Callable[[float], None]) -> None:
+        self._report = report
+        self._states = 0
+        self._factorisations = 0
+        self._last = time.monotonic()
+
+    def done(self, states: int) -> None:
+        """Report a number of finished states."""
+        self._states = states
+        self._factorisations = 0
+        self._report(states)
+
+    def factorised(self) -> None:
+        """Count a factorisation, and report the fraction at most once a second."""
+        self._factorisations += 1
+        if time.monotonic() - self._last >= SECONDS_BETWEEN_REPORTS:
+            self._last = time.monotonic()
+            fraction = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
+            self._report(self._states + fraction)

@@ -1,0 +1,81 @@
+"""A pull along wales and courses at once."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from knitlab.model.cell_grid import CellGrid
+from knitlab.model.fabric import Configuration
+from knitlab.model.network import MeshShape
+from knitlab.solvers.loads.load import (
+    MAX_STRAIN,
+    Drive,
+    Load,
+    LoadSetting,
+    X,
+    Y,
+    in_direction,
+    stretch_along,
+)
+
+if TYPE_CHECKING:
+    from knitlab.solvers.combination import Combination
+    from knitlab.solvers.loads.loading import Loading
+
+
+@dataclass(frozen=True)
+class Biaxial(Load):
+    """A pull along both axes: ε along the warp, ``ratio`` times ε along the weft.
+
+    Clamps on all four edges of a sample let them slide along themselves; both lengths of periodic
+    fabric are prescribed.
+    """
+
+    kind: str = "biaxial"
+    prescribed: ClassVar[tuple[int, ...]] = (X, Y)
+    pulls_across: ClassVar[bool] = True
+    has_poisson_ratio: ClassVar[bool] = False
+    settings: ClassVar[tuple[LoadSetting, ...]] = (
+        LoadSetting("ratio", "load_ratio", "strain along the weft over that along the warp"),
+    )
+
+    def clamped_nodes(self, shape: MeshShape) -> Bool[np.ndarray, "node_y node_x"]:
+        """Nodes of a sample that clamps hold: all edges."""
+        clamped = super().clamped_nodes(shape)
+        clamped[:, [0, -1]] = True
+        return clamped
+
+    def free_coordinates(self, shape: MeshShape) -> Bool[np.ndarray, "node_y node_x 3"]:
+        """Coordinates that are free: edges slide along themselves, but for the corners."""
+        free = super().free_coordinates(shape)
+        free[[0, -1], 1:-1, X] = True
+        free[1:-1, [0, -1], Y] = True
+        return free
+
+    def holds_every_corner(self, cells: CellGrid) -> bool:
+        """Never: edges slide."""
+        return False
+
+    def drive(self, shape: MeshShape, relaxed: Configuration) -> Drive:
+        """The pull along the warp, and ``ratio`` times that along the weft [mm]."""
+        drive, length = super().drive(shape, relaxed)
+        across, wider, _ = stretch_along(shape, relaxed, X)
+        added = in_direction(X, across, np.eye(2)[X] * wider).flattened()
+        return drive + self.ratio * added, length
+
+    def reaction_force(self, loading: "Loading", gradient: Float[np.ndarray, " unknown"]) -> float:
+        """The force along the warp [N]."""
+        return loading.force_along(Y, gradient)
+
+    def conflicts(self, combination: "Combination") -> Iterator[str]:
+        """Strains along the weft that are none, besides what other loads refuse."""
+        across = self.ratio * combination.strain_max
+        if not -1 < across <= MAX_STRAIN:
+            yield (
+                f"is biaxial, and strain_max × load_ratio = {across:g} is the strain along the"
+                f" weft; keep it above -1 and at most {MAX_STRAIN:g}"
+            )
+        yield from super().conflicts(combination)

@@ -1,0 +1,20 @@
+"""A pull along the courses."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from knitlab.solvers.loads.load import Load, X
+
+
+@dataclass(frozen=True)
+class Weft(Load):
+    """A pull along the courses; the sides are free."""
+
+    kind: str = "weft"
+    axis: ClassVar[int] = X
+    prescribed: ClassVar[tuple[int, ...]] = (X,)
+
+    @property
+    def angle_of_pull(self) -> float:
+        """Angle from the courses to the direction that is pulled [degree]."""
+        return 0.0
