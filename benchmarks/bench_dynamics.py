@@ -12,10 +12,11 @@ import pytest
 
 from knitlab.model.fabric import flat_sheet
 from knitlab.runs.plan import make_plan
-from knitlab.runs.simulate import moving_fabrics, tensile_tests
 from knitlab.solvers.case import Case
 from knitlab.solvers.dynamics.damped_test import on_grid
+from knitlab.solvers.dynamics.method import moving_fabrics
 from knitlab.solvers.dynamics.motion import Motion, leapfrog
+from knitlab.solvers.methods import METHODS
 
 STEPS, STEP = 50, 1e-4  # number and size [ms] of the time steps that are timed together
 SETTINGS = (
@@ -58,7 +59,10 @@ def test_whole_test(benchmark: Any, workflow: str, design: tuple[int, int]) -> N
     of_design = cases(workflow, f"n_stripe={design[0]}", f"n_subunit={design[1]}")
     warmup = int(workflow == "preview")
     benchmark.pedantic(
-        tensile_tests, args=(of_design, lambda *_: None), rounds=1, warmup_rounds=warmup
+        METHODS["dynamics"].stretch,
+        args=(of_design, lambda *_: None),
+        rounds=1,
+        warmup_rounds=warmup,
     )
 
 
@@ -70,6 +74,6 @@ def test_eight_fabrics(benchmark: Any, together: bool) -> None:
 
     def tests() -> None:
         for batch in batches:
-            tensile_tests(batch, lambda *_: None)
+            METHODS[batch[0].method].stretch(batch, lambda *_: None)
 
     benchmark.pedantic(tests, rounds=1, warmup_rounds=1)

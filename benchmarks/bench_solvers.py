@@ -17,9 +17,9 @@ from benchmarks.solver.fire import fire
 from benchmarks.solver.lbfgs import lbfgs
 from benchmarks.solver.problem import Problem, Search, pulled_by
 from knitlab.runs.plan import make_plan
-from knitlab.runs.simulate import tensile_tests
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.state import TensileTest
+from knitlab.solvers.methods import METHODS
 
 TOLERANCE = 1e-6  # largest force that every method may leave on a free unknown [N]
 PAPER = kl.defaults().designs.root["paper"].pairs
@@ -41,7 +41,7 @@ def sample(*settings: str) -> Case:
 
 def simulated(case: Case) -> TensileTest:
     """The tensile test of a case by knitlab's own solver."""
-    (test,) = tensile_tests([case], lambda *_: None)
+    (test,) = METHODS[case.method].stretch([case], lambda *_: None)
     assert test.states[-1].converged
     return test
 

@@ -15,13 +15,13 @@ from scipy.sparse.linalg import splu
 
 from knitlab.model.energy import COMPLETE
 from knitlab.model.threads import Threads, allowed_threads
-from knitlab.runs.simulate import starts
 from knitlab.solvers.case import Case
 from knitlab.solvers.element_chunks import ChunkedFabric
-from knitlab.solvers.loads.loading import (loading_of)
+from knitlab.solvers.equilibrium.method import tilings
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.solvers.equilibrium.system import one_thread_of_blas
 from knitlab.solvers.factorisation.multifrontal import Multifrontal
+from knitlab.solvers.loads.loading import loading_of
 
 SHIFT = 0.1  # added to the diagonal [N/mm], so that the matrix is positive definite
 SYMMETRIC_DEFINITE, SYMBOLIC, NUMERIC = 2, 11, 22  # numbers of Pardiso
@@ -39,7 +39,7 @@ class Stiffness:
     def of_case(cls, case: Case) -> "Stiffness":
         """The stiffness of a sample that starts as relaxed periodic fabric."""
         net, fabric = case.assemble()
-        (start,) = starts([case])
+        (start,) = tilings([case], [None])
         if start is None:
             raise RuntimeError("periodic fabric did not relax")
         sample = ChunkedFabric(net.shape, fabric, Threads(allowed_threads()))

@@ -24,6 +24,7 @@ from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
 from knitlab.observables.schema import described
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS, adjoint_of
+from knitlab.observables.status import Status
 from knitlab.runs.case_settings import CaseSettings
 from knitlab.runs.cases import cases, electrode_problems
 from knitlab.runs.checkerboards import checkerboard_designs

@@ -17,7 +17,7 @@ from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CASE_TIMEOUT
 from knitlab.io.lock import brief_lock, locked, running_shards
 from knitlab.io.provenance import MODEL, stored_model
-from knitlab.observables.status import (Status)
+from knitlab.observables.status import Status
 from knitlab.runs import results_folder, workers
 from knitlab.runs.batches import Shard, workers_that_fit
 from knitlab.runs.cube import DAMAGED_CUBE, build_cube, previous_cube

@@ -13,8 +13,8 @@ from knitlab.cubes.sampled import saltelli_design, sampled_uncertainty
 from knitlab.cubes.uncertainty import NUMBERS, Stripes, UncertainStripe, first_order
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
-from knitlab.observables.schema import (described)
-from knitlab.observables.status import (Status)
+from knitlab.observables.schema import described
+from knitlab.observables.status import Status
 from knitlab.runs.stripe_samples import saltelli, student_hypercube
 
 DIMS = ("n_stripe", "n_subunit")

@@ -16,7 +16,6 @@ from knitlab.lab.curves import (
     with_factors,
 )
 from knitlab.lab.fit import FITTED, fit_stripes
-from knitlab.observables.status import (Status)
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
 from knitlab.observables.status import Status
 from knitlab.runs.parameters import read_parameters
