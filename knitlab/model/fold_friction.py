@@ -6,9 +6,8 @@ is a Huber function of its angle; then the slip is updated (return mapping: Simo
 Computational Inelasticity, Ch. 1). The paper has no friction.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,9 +16,6 @@ from jaxtyping import Array, Float
 from pydantic import Field, PositiveFloat
 
 from knitlab.model.settings import Unit
-
-if TYPE_CHECKING:
-    from knitlab.solvers.combination import Combination
 
 NotNegative = Annotated[float, Field(ge=0)]
 Each = Float[Array | np.ndarray, "*element"]  # of every hinge
@@ -62,16 +58,6 @@ class Friction:
 
 
 NO_FRICTION = Friction()
-
-
-def friction_conflicts(combination: "Combination") -> Iterator[str]:
-    """What friction, and cycles in which it acts, cannot be combined with."""
-    if combination.method == "dynamics":
-        yield "is found by equilibria; take method = equilibrium"
-    if combination.sensitivities:
-        yield "has no sensitivities, which are those of a fabric without; leave them out"
-    if combination.solver.drag > 0:
-        yield "is not combined with drag; take drag = 0"
 
 
 class FoldFriction(eqx.Module):

@@ -7,9 +7,10 @@ them by the setting that a message names.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from knitlab.model.fold_friction import Friction, friction_conflicts
+from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions
 from knitlab.solvers.dynamics.settings import Dynamics, contact_conflicts
+from knitlab.solvers.equilibrium.friction import friction_conflicts
 from knitlab.solvers.equilibrium.settings import Solver, drag_conflicts
 from knitlab.solvers.loads.load import Load
 
