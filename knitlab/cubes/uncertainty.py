@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from knitlab.cubes.cube_file import parameters_of
 from knitlab.io.errors import invalid
-from knitlab.observables.schema import (STRAIN)
-from knitlab.observables.status import (Status)
+from knitlab.observables.schema import STRAIN
+from knitlab.observables.status import Status
 
 if TYPE_CHECKING:  # which imports JAX
     from knitlab.model.stripe import Stripe

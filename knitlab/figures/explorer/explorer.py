@@ -25,7 +25,7 @@ from knitlab.figures.style import SEQUENCE_COLOURS
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
 from knitlab.io.names import check_suffix
-from knitlab.observables.status import (Status)
+from knitlab.observables.status import Status
 
 PAGE = files("knitlab.figures.explorer").joinpath("page")
 PREFIX = "explorer/"  # what the names of modules begin with in their imports
