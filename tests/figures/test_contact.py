@@ -6,7 +6,7 @@ import xarray as xr
 
 from knitlab.figures.kinds.contact import contact
 from knitlab.io.errors import InputError
-from knitlab.observables.status import (Status)
+from knitlab.observables.status import Status
 from tests.cubes.artificial_cubes import STRAINS, synthetic_cube
 
 

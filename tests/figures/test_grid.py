@@ -10,7 +10,7 @@ from knitlab.cli import main
 from knitlab.figures.drawing import draw
 from knitlab.figures.kinds.grid import with_periods
 from knitlab.io.errors import InputError
-from knitlab.observables.status import (Status)
+from knitlab.observables.status import Status
 from tests.cubes.artificial_cubes import STATUS, synthetic_cube
 
 FACTORS = [0.5, 1.0, 2.0]

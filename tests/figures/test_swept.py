@@ -6,7 +6,7 @@ import xarray as xr
 
 from knitlab.figures.kinds.swept import swept
 from knitlab.io.errors import InputError
-from knitlab.observables.status import (Status)
+from knitlab.observables.status import Status
 from tests.cubes.artificial_cubes import synthetic_cube
 
 LAYOUTS = ["checkerboard", "checkerboard_courses"]
