@@ -392,7 +392,7 @@ def _fit_across(
         converged=bool(best.success),
         iterations=int(best.njev),
         undetermined=undetermined,
-        warnings=(*warnings, *_correlation_warnings(best, errors)),
+        warnings=warnings,
         repeats=len(record.force),
         degrees_of_freedom=errors.degrees_of_freedom,
         autocorrelation=errors.autocorrelation,
@@ -437,19 +437,6 @@ def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "
     return np.array(starts)
 
 
-def _correlation_warnings(fit: OptimizeResult, errors: FitErrors) -> list[str]:
-    """A warning if residuals of one curve are correlated, so that its points count as fewer."""
-    rho, misfit = errors.autocorrelation, math.sqrt(2 * fit.cost / len(fit.fun))
-    if rho < CORRELATED or misfit < ROUND_OFF:
-        return []
-    independent = len(fit.fun) * (1 - rho) / (1 + rho)
-    return [
-        f"neighbouring residuals are correlated by {rho:.2f}: {len(fit.fun)} points count as about"
-        f" {independent:.0f}, and errors are enlarged; measure three repeats, whose scatter gives"
-        " the errors"
-    ]
-
-
 def _undetermined(
     fit: OptimizeResult, errors: FitErrors
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -490,4 +477,12 @@ def _undetermined(
                 f" {separable[one, other]:+.4f}); their standard errors are not reliable"
             )
             unknown |= {fitted[one]: None, fitted[other]: None}
+    rho, misfit = errors.autocorrelation, math.sqrt(2 * fit.cost / len(fit.fun))
+    if rho >= CORRELATED and misfit >= ROUND_OFF:
+        independent = len(fit.fun) * (1 - rho) / (1 + rho)
+        warnings.append(
+            f"neighbouring residuals are correlated by {rho:.2f}: {len(fit.fun)} points count as"
+            f" about {independent:.0f}, and errors are enlarged; measure three repeats, whose"
+            " scatter gives the errors"
+        )
     return tuple(unknown), tuple(warnings)

@@ -161,7 +161,12 @@ def start_correction(
 
 def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> None:
     """InputError if the force at zero strain of a repeat, or its mean, is above the noise."""
-    for name, start in {**starts, **_mean_start(starts)}.items():
+    checked = dict(starts)
+    if len(starts) > 1:  # an offset is common to all repeats
+        forces, noises, slopes = np.array([*starts.values()]).T
+        noise = float(np.sqrt(np.sum(noises**2))) / len(starts)
+        checked["mean"] = Start(float(forces.mean()), noise, float(slopes.mean()))
+    for name, start in checked.items():
         if abs(start.force) <= start.noise:
             continue
         begins = f"is {start.force:.3g} {unit} at zero strain, above its noise of {start.noise:.2g}"
@@ -173,15 +178,6 @@ def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> Non
             hint += f"; if it is a preload, which {stretch}, give preload = {start.force:.3g}"
         hint += "; to keep it, give zero = none"
         raise invalid(_named(where, name, starts), f"{begins} {unit}; {hint}")
-
-
-def _mean_start(starts: Mapping[str, Start]) -> dict[str, Start]:
-    """The mean start of several repeats, under the name mean: an offset is common to them."""
-    if len(starts) < 2:
-        return {}
-    forces, noises, slopes = np.array([*starts.values()]).T
-    noise = float(np.sqrt(np.sum(noises**2))) / len(starts)
-    return {"mean": Start(float(forces.mean()), noise, float(slopes.mean()))}
 
 
 def _named(where: str, name: str, starts: Mapping[str, object]) -> str:

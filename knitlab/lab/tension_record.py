@@ -167,7 +167,10 @@ def read_tension_record(
     start = max(float(strain.min()) for strain, _ in branches)
     end = min(float(strain.max()) for strain, _ in branches)
     at = _middles(start, end, CURVE_POINTS)
-    curves = np.array([_filled(at, resampled(at, *branch).values) for branch in branches])
+    curves = np.array([resampled(at, *branch).values for branch in branches])
+    for curve in curves:  # where a repeat has no readings, between those that it has
+        read = np.isfinite(curve)
+        curve[:] = np.interp(at, at[read], curve[read], left=np.nan, right=np.nan)
     known = np.isfinite(curves).all(axis=0)
     lines.append(f"{known.sum()} points, up to strain {at[known].max():.3g}, of every repeat")
     return TensionRecord(at[known], curves[:, known], records.per_width, tuple(lines), str(path))
@@ -341,12 +344,6 @@ def _middles(start: float, end: float, count: int) -> Points:
     """The middles of equal intervals of strain."""
     edges = np.linspace(start, end, count + 1)
     return (edges[1:] + edges[:-1]) / 2
-
-
-def _filled(at: Points, force: Points) -> Points:
-    """Forces, interpolated between known ones where a repeat has no readings."""
-    known = np.isfinite(force)
-    return np.interp(at, at[known], force[known], left=np.nan, right=np.nan)
 
 
 def relaxed_period(
