@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions
 from knitlab.solvers.dynamics.settings import Dynamics, contact_conflicts
+from knitlab.solvers.equilibrium.drag import drag_conflicts
 from knitlab.solvers.equilibrium.friction import friction_conflicts
-from knitlab.solvers.equilibrium.settings import Solver, drag_conflicts
+from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.loads.load import Load
 
 

@@ -1,13 +1,17 @@
 """Drag during one strain step: the paper's damping without inertia, c u̇ + ∇V = 0."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Int
 
 from knitlab.model.energy import Evaluation
 from knitlab.model.fabric import Unknowns
+
+if TYPE_CHECKING:
+    from knitlab.solvers.combination import Combination
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,3 +33,16 @@ class Drag:
         gradient[self.free] += self.stiffness * moved
         potential = 0.5 * self.stiffness * float(moved @ moved)
         return Evaluation(replace(evaluation.energy, drag=potential), gradient)
+
+
+def drag_conflicts(combination: "Combination") -> Iterator[str]:
+    """What drag between equilibria cannot be combined with."""
+    if combination.method == "dynamics" or not combination.solver.drag:
+        return
+    if "periodic" in combination.boundaries:
+        yield (
+            "holds back a sample that moves between clamps; periodic fabric has no place to move"
+            " from: take boundary = clamped, or drag = 0"
+        )
+    if combination.sensitivities:
+        yield "has no sensitivities, which are those of equilibria; take drag = 0"

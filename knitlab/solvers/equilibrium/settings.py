@@ -1,15 +1,11 @@
 """Settings of the search for equilibria."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
 from knitlab.model.settings import Fraction, Unit
-
-if TYPE_CHECKING:
-    from knitlab.solvers.combination import Combination
 
 Start = Literal["dynamics", "flat", "periodic"]
 
@@ -57,16 +53,3 @@ class Solver:
     smallest_step: Fraction = 1 / 8
     branch_limit: PositiveFloat = 0.05
     drag: Annotated[NonNegativeFloat, Unit("N/mm")] = 0.0
-
-
-def drag_conflicts(combination: "Combination") -> Iterator[str]:
-    """What drag between equilibria cannot be combined with."""
-    if combination.method == "dynamics" or not combination.solver.drag:
-        return
-    if "periodic" in combination.boundaries:
-        yield (
-            "holds back a sample that moves between clamps; periodic fabric has no place to move"
-            " from: take boundary = clamped, or drag = 0"
-        )
-    if combination.sensitivities:
-        yield "has no sensitivities, which are those of equilibria; take drag = 0"
