@@ -213,9 +213,7 @@ def test_a_worker_killed_at_its_start_is_a_sentence_and_no_case_is_lost(tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("workers", "timeout"), [(0, 0.5), pytest.param(WORKERS, 3.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("workers", "timeout"), [(0, 2.0), (WORKERS, 6.0)])
 def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     unending = fake_simulator.simulate_endlessly
     run = ran(few_cases(), tmp_path, unending, workers=workers, case_timeout=timeout)
