@@ -26,7 +26,6 @@ def case_and_kept(plan, cube):
     batches = sorted(plan.batches, key=lambda batch: batch.estimated_seconds / len(batch.cases))
     for case_id in (case_id for batch in batches for case_id in batch.cases):
         kept = cube.sel(plan.cases[case_id].design)
-        kept = kept.isel(dict.fromkeys(kept["status"].dims, 0))  # a label of candidates
         if int(kept["status"]) == Status.ok:
             return plan.cases[case_id], kept
     raise LookupError("the cube has results of no planned design")
@@ -36,7 +35,9 @@ def disagreement(again, kept):
     """Difference of each variable over its largest value, or over its unit if that is larger."""
     found = {}
     for name, old in kept.data_vars.items():
-        if old.dtype.kind in "fi" and not OF_THE_SEARCH.search(str(name)):
+        if old.dtype.kind not in "fi" or OF_THE_SEARCH.search(str(name)):
+            continue
+        if name in again or old.notnull().any():  # else of other cases of the cube
             old, new = xr.align(old, again[name], join="left")
             old, new = old.values, new.transpose(*old.dims).values
             scale = np.abs(old).max(initial=1.0, where=np.isfinite(old))
