@@ -5,6 +5,7 @@ An end at an edge of the fabric leaves there. An end inside must be led to an ed
 the model does not contain this piece of yarn.
 """
 
+from bisect import bisect
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
@@ -61,7 +62,7 @@ def _formed(program: str) -> Iterator[tuple[int, tuple[int, ...], int]]:
     starts = [k for k, line in enumerate(program.split("\n"), 1) if line.startswith(COURSE)]
     for operation in operations(program):
         if operation.opcode in DIRECTED and operation.line > starts[0]:
-            course = int(np.searchsorted(starts, operation.line)) - 1
+            course = bisect(starts, operation.line) - 1
             carriers = tuple(map(int, operation.carriers))
             yield course, carriers, operation.needles[0].number - 1
 
