@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
+from typing import get_args
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +17,7 @@ from knitlab.cubes.case_file import configurations
 from knitlab.cubes.cube_file import with_derived
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.design.trial import ShapeFunction, shape_measure, state_slopes
-from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any, shown
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions, PlainKnit, Sheet
@@ -67,8 +68,8 @@ class Design:
             stripes of its own may have.
 
     Raises:
-        InputError: if a stripe has the wrong knit or number of stitches, or a parameter out of
-            range. :func:`knitlab.simulate` reports all other errors.
+        InputError: with every value that is out of range, and stripes of the wrong knit or number
+            of stitches.
 
     Example:
         >>> kl.Design(4, 16, boundary="periodic").rib is None
@@ -103,7 +104,25 @@ class Design:
                 mistakes.all.append(Mistake(name, f"{is_given}, and {wanted}"))
             with mistakes, naming(name):
                 StripeRow.of(stripe)
+        if self.boundary not in get_args(Boundary):
+            known = " or ".join(get_args(Boundary))
+            mistakes.all.append(Mistake("boundary", f"is {shown(self.boundary)}; give {known}"))
+        with mistakes:
+            assert self.section
         raise_if_any(mistakes.all)
+
+    @property
+    def section(self) -> DesignSection:
+        """The design as a workflow states it; InputError if a value is invalid."""
+        pattern = OWN_PATTERN if isinstance(self.pattern, Pattern) else self.pattern
+        with naming("Design"):
+            return DesignSection(
+                n_stripe=(self.n_stripe,),
+                n_subunit=(self.n_subunit,),
+                pattern=(pattern,) if isinstance(pattern, str) else pattern,
+                unit_cells=self.unit_cells,
+                needles=self.needles,
+            )
 
     @property
     def stripes(self) -> tuple[Stripe, ...]:
@@ -210,18 +229,10 @@ def case_of_design(
     elif list(strains) != sorted(set(strains)):
         message = f"ascends, but is {list(strains)}; sort it and keep each once"
         mistakes.all.append(Mistake("applied_strain", message))
-    pattern = design.pattern
-    if isinstance(pattern, Pattern):
-        named = parameters.patterns | {OWN_PATTERN: (pattern, Path())}
-        parameters, pattern = replace(parameters, patterns=named), OWN_PATTERN
-    with mistakes, naming("Design"):
-        section = DesignSection(
-            n_stripe=(design.n_stripe,),
-            n_subunit=(design.n_subunit,),
-            pattern=(pattern,) if isinstance(pattern, str) else pattern,
-            unit_cells=design.unit_cells,
-            needles=design.needles,
-        )
+    section = design.section
+    if isinstance(design.pattern, Pattern):
+        named = parameters.patterns | {OWN_PATTERN: (design.pattern, Path())}
+        parameters = replace(parameters, patterns=named)
     if parameters.model.boundary == "periodic" and design.boundary == "clamped":
         message = "is periodic, and the design is clamped; give the boundary to knitlab.Design"
         mistakes.all.append(Mistake("model.boundary", message))

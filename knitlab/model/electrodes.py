@@ -24,6 +24,7 @@ from scipy.ndimage import label
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from knitlab.model.checked import Checked
 from knitlab.model.fold_lines import Ridge, fold_senses
 from knitlab.model.network import MeshShape, mesh_shape
 from knitlab.model.pattern import Along, PatchGrid
@@ -157,7 +158,7 @@ def _mask(rows: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class ElectrodeLayout:
+class ElectrodeLayout(Checked):
     """Where the two electrodes of a fabric lie: along two of its ridges, or as drawn in a mask.
 
     Attributes:
@@ -290,7 +291,7 @@ def _broken(
 
 
 @dataclass(frozen=True)
-class Capacitor:
+class Capacitor(Checked):
     """Parameters of electrodes on a fabric.
 
     Attributes:

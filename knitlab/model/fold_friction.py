@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from pydantic import Field, PositiveFloat
 
+from knitlab.model.checked import Checked
 from knitlab.model.settings import Unit
 
 NotNegative = Annotated[float, Field(ge=0)]
@@ -22,7 +23,7 @@ Each = Float[Array | np.ndarray, "*element"]  # of every hinge
 
 
 @dataclass(frozen=True)
-class Friction:
+class Friction(Checked):
     """Friction at the folds, relative to the stiffness k_t of each, and drift of their rest angles.
 
     Attributes:

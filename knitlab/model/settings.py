@@ -11,6 +11,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from knitlab.model.checked import Checked
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -32,7 +34,7 @@ Contact = Literal["none", "barrier"]
 
 
 @dataclass(frozen=True)
-class ModelOptions:
+class ModelOptions(Checked):
     """One combination of model options: what the paper leaves open, recorded with every result.
 
     Attributes:
@@ -78,7 +80,7 @@ class ModelOptions:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class Sheet(Checked):
     """The walls between which every fabric lies, and its thickness.
 
     ``z_max`` and ``thickness`` are lengths of the cloth if the size of its stitch is given. The
@@ -109,7 +111,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class PlainKnit:
+class PlainKnit(Checked):
     """Stiffness of plain knit (stockinette) as a continuous sheet, which is flat at rest.
 
     It does not depend on the grid: a spring along the weft of a cell a × b has

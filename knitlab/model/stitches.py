@@ -5,11 +5,12 @@ from typing import Annotated
 
 from pydantic import PositiveFloat
 
+from knitlab.model.checked import Checked
 from knitlab.model.settings import Unit
 
 
 @dataclass(frozen=True)
-class Gauge:
+class Gauge(Checked):
     """Size of a stitch before the fabric folds.
 
     Attributes:

@@ -12,6 +12,7 @@ from pydantic import PositiveFloat
 
 from knitlab.io.errors import invalid
 from knitlab.model.array_library import array_library
+from knitlab.model.checked import Checked
 from knitlab.model.settings import CellSize, ModelOptions, PlainKnit, RestAngle, Sheet, Unit
 from knitlab.model.spring_law import SpringCurve
 
@@ -34,7 +35,7 @@ GARTER_STITCHES_PER_RIB_STITCH = 2
 
 
 @dataclass(frozen=True)
-class Stripe:
+class Stripe(Checked):
     """Parameters of an ``n`` × ``n`` stripe fabric (paper, Tables 1 and 2).
 
     Attributes:
@@ -70,12 +71,12 @@ class Stripe:
     curve_along: SpringCurve | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        name = f"{self.knit} {self.n}"
         if self.stiffening_strain is not None and self.spring_curve is not None:
-            raise ValueError(
-                f"{self.knit} {self.n} has both stiffening_strain and spring_curve; give one"
-            )
+            raise invalid(name, "has both stiffening_strain and spring_curve; give one")
         if self.curve_along is not None and self.stretch_along is None:
-            raise ValueError(f"{self.knit} {self.n} has curve_along alone; give stretch_along too")
+            raise invalid(name, "has curve_along alone; give stretch_along too")
 
     @property
     def spring_kind(self) -> SpringKinds:

@@ -38,7 +38,7 @@ from knitlab.runs.declared_fields import (
     with_defaults,
     with_fields,
 )
-from knitlab.runs.patterns import Pattern, PatternFile
+from knitlab.runs.patterns import PatternFile, PatternTable
 from knitlab.runs.yarn import YarnOnMachine
 from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.settings import Solver
@@ -286,7 +286,7 @@ class Parameters:
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
     designs: DesignSets
-    patterns: dict[str, tuple[Pattern, Path]]  # with the folder that its paths are relative to
+    patterns: dict[str, tuple[PatternTable, Path]]  # with the folder that its paths are relative to
     sources: dict[str, str]
     material: str | None = None
     scaled: Mapping[str, float] = field(default_factory=dict)

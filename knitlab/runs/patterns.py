@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, RootModel, model_validator
 
-from knitlab.io.errors import invalid
+from knitlab.io.errors import invalid, naming
 from knitlab.io.image_file import read_image
 from knitlab.io.names import Name
 from knitlab.io.text_file import read_text
@@ -28,41 +28,8 @@ class FoldEntry(StrictModel):
     """A :class:`~knitlab.model.pattern.SingleFold`."""
 
 
-class Pattern(StrictModel):
-    """Repeated patches, with sizes and stripes that do not follow from n_stripe and n_subunit.
-
-    Patches are given as ``rows`` of letters, top course first, as a text file ``map`` of such rows,
-    or as an ``image`` with a pixel for each patch and the letter of each of its ``colours``. Lists
-    of rows begin at the top, lists of columns at the left. Unless the pattern gives
-    other values, a patch is n_subunit stitches wide and 2 n_subunit courses high, with ribs of
-    n_stripe stitches and garter stripes of 2 n_stripe courses.
-
-    Attributes:
-        source: what it is and where it comes from.
-        rows: letters of the patches: R for rib, G for garter, P for plain knit.
-        map: path of a text file of such rows, relative to the pattern's file.
-        image: path of an image, relative to the pattern's file.
-        colours: letter of each colour of the image, by its name such as ``#ff0000``.
-        column_stitches: width of each column of patches [stitches].
-        row_courses: height of each row of patches [courses].
-        column_periods: the same width in periods of the column's rib.
-        row_periods: the same height in periods of the row's garter stripe.
-        column_n_stripe: n_stripe of the rib of each column.
-        row_n_stripe: n_stripe of the garter stripe of each row, which has 2 n_stripe courses.
-        cell: patches of a unit cell along (y, x), between whose corners strains are measured; the
-            whole pattern by default.
-        folds: single folds, each a table with the keys of
-            :class:`~knitlab.model.pattern.SingleFold`.
-
-    Raises:
-        ValidationError: if keys are wrong; it lists them all.
-
-    Example:
-        >>> import knitlab as kl
-        >>> border = kl.Pattern(rows=("PPP", "PRP", "PPP"), column_stitches=(8, 16, 8))
-        >>> border.stitches(border.rows, n_stripe=4, n_subunit=16)
-        (96, 32)
-    """
+class PatternTable(StrictModel):
+    """A pattern in a file; see :class:`Pattern`."""
 
     source: str = Field(default="own pattern", min_length=1)
     rows: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
@@ -79,7 +46,7 @@ class Pattern(StrictModel):
     folds: Annotated[tuple[FoldEntry, ...], Field(strict=False)] = ()
 
     @model_validator(mode="after")
-    def _says_each_once(self) -> "Pattern":
+    def _says_each_once(self) -> "PatternTable":
         given = [name for name in ("rows", "map", "image") if getattr(self, name) is not None]
         if len(given) != 1:
             patches = f"has {' and '.join(given)}" if given else "has no patches"
@@ -175,6 +142,49 @@ class Pattern(StrictModel):
         return courses, wales
 
 
+class Pattern(PatternTable):
+    """Repeated patches, with sizes and stripes that do not follow from n_stripe and n_subunit.
+
+    Patches are given as ``rows`` of letters, top course first, as a text file ``map`` of such rows,
+    or as an ``image`` with a pixel for each patch and the letter of each of its ``colours``. Lists
+    of rows begin at the top, lists of columns at the left. Unless the pattern gives
+    other values, a patch is n_subunit stitches wide and 2 n_subunit courses high, with ribs of
+    n_stripe stitches and garter stripes of 2 n_stripe courses.
+
+    Attributes:
+        source: what it is and where it comes from.
+        rows: letters of the patches: R for rib, G for garter, P for plain knit.
+        map: path of a text file of such rows, relative to the pattern's file.
+        image: path of an image, relative to the pattern's file.
+        colours: letter of each colour of the image, by its name such as ``#ff0000``.
+        column_stitches: width of each column of patches [stitches].
+        row_courses: height of each row of patches [courses].
+        column_periods: the same width in periods of the column's rib.
+        row_periods: the same height in periods of the row's garter stripe.
+        column_n_stripe: n_stripe of the rib of each column.
+        row_n_stripe: n_stripe of the garter stripe of each row, which has 2 n_stripe courses.
+        cell: patches of a unit cell along (y, x), between whose corners strains are measured; the
+            whole pattern by default.
+        folds: single folds, each a table with the keys of
+            :class:`~knitlab.model.pattern.SingleFold`.
+
+    Raises:
+        InputError: with every field that is wrong.
+
+    Example:
+        >>> import knitlab as kl
+        >>> border = kl.Pattern(rows=("PPP", "PRP", "PPP"), column_stitches=(8, 16, 8))
+        >>> border.stitches(border.rows, n_stripe=4, n_subunit=16)
+        (96, 32)
+    """
+
+    if not TYPE_CHECKING:  # which knows the arguments from the fields
+
+        def __init__(self, **values: Any) -> None:
+            with naming("Pattern"):
+                super().__init__(**values)
+
+
 class _Lines(NamedTuple):
     """The rows or the columns of a pattern; a rib stitch counts as ``stitches`` of theirs."""
 
@@ -217,7 +227,7 @@ def is_pattern_name(text: str) -> bool:
     return bool(set(text.upper()) - set(KNIT_OF_LETTER))
 
 
-class PatternFile(RootModel[dict[Name, Pattern]]):
+class PatternFile(RootModel[dict[Name, PatternTable]]):
     """``patterns.toml``: patterns by name."""
 
     @model_validator(mode="after")

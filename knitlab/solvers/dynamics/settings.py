@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
+from knitlab.model.checked import Checked
 from knitlab.model.settings import Fraction, Position, Unit
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ Ending = Literal["rest", "time", "steps"]
 
 
 @dataclass(frozen=True)
-class Dynamics:
+class Dynamics(Checked):
     """Settings of damped motion in time (paper, Secs. "3D model" and "Relaxation of a pattern").
 
     Attributes:

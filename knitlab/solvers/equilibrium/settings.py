@@ -5,13 +5,14 @@ from typing import Annotated, Literal
 
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
+from knitlab.model.checked import Checked
 from knitlab.model.settings import Fraction, Unit
 
 Start = Literal["dynamics", "flat", "periodic"]
 
 
 @dataclass(frozen=True)
-class Solver:
+class Solver(Checked):
     """Settings of the search for equilibria.
 
     Attributes:
