@@ -47,6 +47,8 @@ CAPACITOR = {
         (kl.Protocol, {"strain_max": -0.1}, "strain_max", "-0.1"),
         (kl.Protocol, {"strain_most": 0.1}, "strain_most", "spelling"),
         (kl.Solver, {"tolerance": -1.0}, "tolerance", "-1"),
+        (kl.Solver, {"max_iterations": [1, 2]}, "max_iterations", "list"),
+        (kl.ElectrodeLayout, {"width": "wide"}, "width", "wide"),
         (kl.Dynamics, {"ending": "never"}, "ending", "never"),
         (kl.Friction, {"fold_friction": -1.0}, "fold_friction", "-1"),
         (kl.Gauge, {"stitch_width": 0.0, "stitch_height": 1.0}, "stitch_width", "0"),
