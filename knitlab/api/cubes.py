@@ -127,7 +127,8 @@ def find(
         [4, 16]
     """
     check_figure_suffix(output)
-    wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
+    wanted = _targets(targets, "target")
+    required = _targets(subject_to, "subject_to")
     stripes = None
     if uncertainty_of is not None and material is None:
         message = "is that of a material, but none is given; give the file with its covariances"
@@ -147,7 +148,8 @@ def find(
 
 
 def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
-    mistakes, targets = ErrorCollector(), list[Target]()
+    mistakes = ErrorCollector()
+    targets = list[Target]()
     for one in [given] if isinstance(given, str | Mapping | Target) else given:
         with mistakes:
             targets.append(read_target(one, source))
@@ -229,7 +231,8 @@ def judge_claims(
     if output is not None:
         check_suffix(Path(output), (".md",), "a page of Markdown")
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
-    files, mistakes = list[Path](), list[Mistake]()
+    files = list[Path]()
+    mistakes = list[Mistake]()
     if output is not None:
         from knitlab.figures.claims_page import write_page
 

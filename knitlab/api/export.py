@@ -99,7 +99,8 @@ def export(
         >>> len(exported.meshes[0].faces)
         256
     """
-    output, selections = Path(output), {**selections, **named}
+    output = Path(output)
+    selections = {**selections, **named}
     check_suffix(output, formats.FORMATS, "a mesh")
     chosen = formats.FORMATS[output.suffix.lower()]
     case_file = selected_case(cube_with_shapes(cube), selections)
@@ -109,7 +110,8 @@ def export(
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
     if triangles or not chosen.has_quads:
         meshes = [mesh.triangulated() for mesh in meshes]
-    strains, unit = tuple(case_file[STRAIN].values[rows].tolist()), length_unit(case_file)
+    strains = tuple(case_file[STRAIN].values[rows].tolist())
+    unit = length_unit(case_file)
     files = formats.write_meshes(formats.Shapes(meshes, strains, unit), output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)

@@ -39,7 +39,9 @@ from knitlab.runs.workflow_file import Overrides, read_overrides
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KNITOUT, TABLE, WORDS = ".k", ".csv", ".txt"
+KNITOUT = ".k"
+TABLE = ".csv"
+WORDS = ".txt"
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +197,8 @@ def knit(
             material = Material.read(material)
         else:
             # It is the setting of a workflow.
-            settings["material"], material = material, None
+            settings["material"] = material
+            material = None
     given = tables | {"material": material}
     if isinstance(design, Design):
         if settings or overrides or selections:
@@ -273,9 +276,12 @@ def _assumptions(
     design: SingleDesign, machine: Machine
 ) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
     """Yarn, stripes and gauge that a sample counts on, and what yarn and machine do not have."""
-    case, tables = design.case, defaults().stripes
-    width, height = design.gauge.stitch_width, design.gauge.stitch_height
-    yarn, rows = design.yarn or paper_yarn(), [("yarn", "that of the paper, params/stripes.toml")]
+    case = design.case
+    tables = defaults().stripes
+    width = design.gauge.stitch_width
+    height = design.gauge.stitch_height
+    yarn = design.yarn or paper_yarn()
+    rows = [("yarn", "that of the paper, params/stripes.toml")]
     if design.material is not None:
         rows = [("material", design.material), ("yarn", yarn.yarn or NOT_GIVEN)]
     differences = []

@@ -87,7 +87,8 @@ def capacitance_matrix(
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     used = electrode_set(case, capacitor, electrodes)
     matrices = capacitance_matrices(used, states, capacitor, polarised)
-    names, scaled = list(used.names), matrices * _lengthened(used, relaxed, capacitor)
+    names = list(used.names)
+    scaled = matrices * _lengthened(used, relaxed, capacitor)
     coordinates = {STRAIN: strains, "electrode": names, "to": names}
     table = described(xr.Dataset(coords=coordinates, attrs={"design": case.label}))
     about = {"units": "pF", "long_name": "capacitance matrix"}

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from tqdm.auto import tqdm
 
 from knitlab.cubes.case_file import configurations
-from knitlab.cubes.cube_file import with_derived
+from knitlab.cubes.derived import with_derived
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.design.trial import ShapeFunction, shape_measure, state_slopes
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any, shown
@@ -222,7 +222,8 @@ def case_of_design(
     electrodes: bool,
 ) -> Case:
     """The case of a design, with tabulated stripes where it has none; or InputError."""
-    strains, mistakes = tuple(map(float, applied_strain)), ErrorCollector()
+    strains = tuple(map(float, applied_strain))
+    mistakes = ErrorCollector()
     if not strains or strains[0] != 0:
         message = f"begins at 0, the relaxed fabric, but is {list(strains)}"
         mistakes.all.append(Mistake("applied_strain", message))
@@ -285,7 +286,8 @@ def evaluate(
     """
     if "position" not in test or "parameters" not in test.attrs:
         raise invalid("test", "has no node positions; give a dataset of knitlab.simulate")
-    shapes, strains = configurations(test), test["applied_strain"]
+    shapes = configurations(test)
+    strains = test["applied_strain"]
     arrays = {name: given for name, f in measures.items() if (given := jnp.shape(f(shapes[0])))}
     message = "returns an array of shape {}; return one number"
     raise_if_any([Mistake(name, message.format(given)) for name, given in arrays.items()])

@@ -47,7 +47,8 @@ def single_design(
     if not is_cube(source):
         return _of_workflow(str(source), settings, selections)
     cube = source if isinstance(source, xr.Dataset) else open_cube(source)
-    single, (given, mistakes) = _of_cube(cube, selections), read_overrides(settings)
+    single = _of_cube(cube, selections)
+    (given, mistakes) = read_overrides(settings)
     values = {override.name: override.value for override in given}
     known = declared(Gauge)
     message = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"

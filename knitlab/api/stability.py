@@ -29,12 +29,12 @@ from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
 from knitlab.solvers.equilibrium.tensile_test import stretch
 
-MOST_BRANCHES = 6
-MOST_STARTS = 10_000  # sheets to relax for shapes
+MAX_BRANCHES = 6
+MAX_STARTS = 10_000  # sheets to relax for shapes
 ONTO_BRANCH = 0.01  # distance from a branch point at which the other branch begins
 SAME_ENERGY = 1e-8  # relative difference of the energies of copies of a state
 BELOW_REST = 0.02  # compression to which branches are followed
-MOST_SHAPES = 6  # shapes between which energies are computed
+MAX_SHAPES = 6  # shapes between which energies are computed
 
 
 def branches(
@@ -88,9 +88,9 @@ def branches(
             crossings.extend(point for point in followed[-1] if point.kind is Kind.branch)
 
         follow_from(equilibrium(equations, equations.start, 0.0))
-        while crossings and len(followed) < MOST_BRANCHES:
+        while crossings and len(followed) < MAX_BRANCHES:
             for side in switched(equations, crossings.popleft(), ONTO_BRANCH):
-                if len(followed) < MOST_BRANCHES and not _is_known(equations, side, followed):
+                if len(followed) < MAX_BRANCHES and not _is_known(equations, side, followed):
                     follow_from(side)
     table = _table(equations, followed)
     table.attrs["design"] = case.label
@@ -100,7 +100,8 @@ def branches(
 def _single(workflow: str | Path, overrides: Overrides, output: str | Path | None) -> Case:
     """The one case of a workflow."""
     check_figure_suffix(output)
-    case, where = single_design(workflow, overrides, {}).case, f"workflow {workflow}"
+    case = single_design(workflow, overrides, {}).case
+    where = f"workflow {workflow}"
     if case.solver is None or case.solver.drag:
         hint = "take method = equilibrium and drag = 0"
         raise invalid(where, f"has states that are no equilibria; {hint}")
@@ -186,8 +187,8 @@ def shapes(
         >>> int(atlas["starts"].sum()) + atlas.attrs["not_converged"]
         3
     """
-    if not 1 <= starts <= MOST_STARTS:
-        raise invalid("starts", f"is {shown(starts)}; give 1 to {MOST_STARTS:,}")
+    if not 1 <= starts <= MAX_STARTS:
+        raise invalid("starts", f"is {shown(starts)}; give 1 to {MAX_STARTS:,}")
     case = _single(workflow, one_of(overrides, settings), output)
     net, fabric = case.assemble()
     known, failed = relaxed_shapes(net, fabric, case.equilibrium_solver, starts)
@@ -196,12 +197,13 @@ def shapes(
     count = len(known)
     barrier = np.full((count, count), np.nan)
     with one_thread_of_blas():
-        few = known[:MOST_SHAPES]
+        few = known[:MAX_SHAPES]
         barrier[: len(few), : len(few)] = barriers(System(net.shape, fabric), few)
     states = [each.state.configuration for each in known]
     heights = [np.asarray(state.positions)[..., 2] for state in states]
     centred = np.stack([height - height.mean() for height in heights])
-    numbers, about = np.arange(1, count + 1), {"design": case.label, "not_converged": failed}
+    numbers = np.arange(1, count + 1)
+    about = {"design": case.label, "not_converged": failed}
     table = xr.Dataset(coords={"shape": numbers, "to": numbers}, attrs=about)
     table["energy"] = "shape", [each.energy for each in known], {"units": "N mm"}
     table["starts"] = "shape", [each.starts for each in known], {"units": "1"}

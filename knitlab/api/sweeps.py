@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from knitlab.cubes.cube_file import CUBE, with_derived
+from knitlab.cubes.cube_file import CUBE
+from knitlab.cubes.derived import with_derived
 from knitlab.io.errors import Mistake, invalid
 from knitlab.runs.workflow_file import Overrides
 
@@ -146,7 +147,8 @@ def run_and_draw(
         warn(warning)
     folder = results / plan.workflow
     done = run_plan(plan, folder, run_options)
-    drawn, mistakes = list[Path](), list[Mistake]()
+    drawn = list[Path]()
+    mistakes = list[Mistake]()
     if figures and own is None:
         from knitlab.figures.drawing import draw_figures  # imports matplotlib
 

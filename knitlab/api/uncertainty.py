@@ -117,7 +117,8 @@ def sample_stripes(
         >>> len(kl.plan(path, n_subunit=16).cases)
         8
     """
-    material, output = Path(material), Path(output)
+    material = Path(material)
+    output = Path(output)
     check_suffix(output, TOML, "a workflow")
     write_samples(material, output, n_stripe, samples, str(workflow), seed, sobol, uncertainty_of)
     return output

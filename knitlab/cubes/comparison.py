@@ -37,7 +37,8 @@ def difference(
     count = int(both.sum())
     if not count:
         return None
-    deviation, error = (simulated - measured)[both], errors[both]
+    deviation = (simulated - measured)[both]
+    error = errors[both]
     rms = float(np.sqrt((deviation**2).mean()))
     if np.isnan(error).all():
         return CurveDifference(count, rms, np.nan, np.nan)
@@ -106,7 +107,8 @@ def _at_measured_strains(
     name: str, curve: xr.DataArray, measured: xr.Dataset
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Simulated and measured values of a curve, and standard errors; NaN where unknown."""
-    values, unknown = measured[name].values, np.nan * measured[name]
+    values = measured[name].values
+    unknown = np.nan * measured[name]
     at: np.ndarray = unknown.values
     if curve.size:
         at = np.interp(measured[STRAIN].values, curve[STRAIN], curve, left=np.nan, right=np.nan)

@@ -149,7 +149,8 @@ class _Evaluation:
         return truth
 
     def _compared(self, op: type[ast.cmpop], left: ast.expr, right: ast.expr) -> Any:
-        one, other = self.value(left), self.value(right)
+        one = self.value(left)
+        other = self.value(right)
         if _is_word(one) != _is_word(other):
             raise invalid(self.where, "compares a word with a number; compare like with like")
         for sides in ((left, right), (right, left)):

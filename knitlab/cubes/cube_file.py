@@ -12,6 +12,7 @@ import xarray as xr
 from pydantic import BaseModel
 
 from knitlab.cubes.case_file import UNREADABLE
+from knitlab.cubes.derived import with_derived
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import append_checksum, has_checksum
 from knitlab.io.errors import InputError, Mistake, invalid
@@ -23,19 +24,11 @@ from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, 
 
 CUBE = "cube.nc"
 ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
-TEXTS = ("case_id", "code")  # variables that are no numbers
-OF_DESIGNS = (
-    "design",
-    "weft",
-    "warp",
-    "periods",
-    "lengths_ratio",
-)  # entries of a record that follow from these
-ROUND_OFF = 1e-6  # force over the largest that counts as none
+TEXTS = ("case_id", "code")  # variables that are strings
+OF_DESIGNS = ("design", "weft", "warp", "periods", "lengths_ratio")
+"""Entries of a record that depend on the design."""
 GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
-TRACED_PERIODS = 8  # PERIODIC_CELLS of knitlab.observables.wavelength, whose import loads JAX
-RELIABLE_WAVES = 3  # waves from which the error of a wavelength is below 4 %
 
 
 class CommonSettings(BaseModel):
@@ -84,74 +77,6 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     return with_derived(read_cube(path, lazily=lazily))
 
 
-def with_derived(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with force, stiffness and energy over a side of the cloth, recovery and validity.
-
-    The numbers of waves say how far wavelengths can be trusted.
-
-    They are in no file, but for ``force_per_width`` of an experiment, which is that of its records.
-    """
-    derived: dict[str, xr.DataArray] = {}
-    force, across = cube.get("force_per_width"), cube.get("reaction_force_across")
-
-    def pulled_once(energy: xr.DataArray) -> xr.DataArray:
-        """The energy where only one force does work, missing under biaxial loads."""
-        return energy if across is None else energy.where(across.isnull().all(STRAIN))
-
-    if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
-        width = cube["knit_cell_x"] * cube["unit_cells_x"]
-        if "load_direction" in cube:
-            length = cube["knit_cell_y"] * cube["unit_cells_y"]
-            angle = np.deg2rad(cube["load_direction"].fillna(90))
-            if across is not None:
-                per_length = derived["force_per_width_across"] = across / length
-                ratio = per_length * width / cube["reaction_force"]
-                derived["force_ratio"] = ratio.where(cube[STRAIN] > 0).transpose(*across.dims)
-            width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
-        force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)
-        derived["force_per_width"] = force
-    if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:
-        derived["tangent_stiffness"] = force.differentiate(STRAIN)
-        derived["stretch_energy"] = pulled_once(force.cumulative_integrate(STRAIN))
-    back = cube.get("reaction_force_unloading")
-    if back is not None and cube.sizes.get(STRAIN, 0) > 1:
-        stored, returned = (each.integrate(STRAIN) for each in (cube["reaction_force"], back))
-        derived["energy_recovery"] = pulled_once(returned / stored)
-        derived["residual_strain"] = _strain_without_force(back)
-        if "stretch_energy" in derived:
-            lost = derived["stretch_energy"].isel({STRAIN: -1}, drop=True)
-            derived["energy_lost"] = lost * (1 - derived["energy_recovery"])
-    needed = {"self_intersections", "applied_strain_at_min"}
-    if "intersections_at_min" not in cube and needed <= set(cube):
-        at_min = abs(cube[STRAIN] - cube["applied_strain_at_min"]) < 1e-9
-        derived["intersections_at_min"] = cube["self_intersections"].where(at_min).max(STRAIN)
-    if (boundary := cube.coords.get("boundary", model_options(cube).get("boundary"))) is not None:
-        periods = xr.where(xr.DataArray(boundary) == "periodic", TRACED_PERIODS, 1)
-        for side in "xy":
-            if {f"wavelength_{side}", f"unit_cells_{side}"} <= set(cube):
-                waves = periods * cube[f"unit_cells_{side}"]
-                measured = cube[f"wavelength_{side}"].notnull()
-                derived[f"waves_{side}"] = waves.where(measured).transpose(*measured.dims)
-    return cube.assign(
-        {name: values.assign_attrs(VARIABLES[name].attributes) for name, values in derived.items()}
-    )
-
-
-def _strain_without_force(force: xr.DataArray) -> xr.DataArray:
-    """The largest strain at which a force changes its sign, by linear interpolation [1]."""
-    strain = force[STRAIN].values
-
-    def last_zero(force: np.ndarray) -> float:
-        force = np.where(abs(force) < ROUND_OFF * np.nanmax(abs(force), initial=0.0), 0.0, force)
-        crossed = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
-        if not len(crossed):
-            return np.nan
-        one = slice(crossed[-1], crossed[-1] + 2)
-        return float(np.interp(0.0, force[one], strain[one]))
-
-    return xr.apply_ufunc(last_zero, force, input_core_dims=[[STRAIN]], vectorize=True)
-
-
 def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """The variables in the file of a cube; otherwise as :func:`open_cube`.
 
@@ -173,8 +98,8 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         message = "does not exist; run a workflow or import an experiment first"
         raise invalid(str(path), message) from error
     except UNREADABLE as error:
-        of_system = isinstance(error, OSError) and (error.errno or 0) > 0  # others are of netCDF
-        if of_system or isinstance(error, UnicodeError):
+        from_system = isinstance(error, OSError) and (error.errno or 0) > 0  # not from netCDF
+        if from_system or isinstance(error, UnicodeError):
             why = getattr(error, "strerror", error)
             raise invalid(str(path), f"cannot be read ({why}); check the path") from error
         message = f"is not a netCDF file, or a damaged one ({error}); run its workflow again, or"
@@ -184,38 +109,38 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
         message = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
         raise invalid(str(path), f"{message}; give a cube.nc or a results folder")
-    if message := _problem_of_form(cube):
+    if message := _mismatch(cube):
         raise Damaged([Mistake(str(path), f"{message}; run its workflow again")])
-    if strangers := set(np.unique(cube["status"]).tolist()) - set(map(int, schema.Status)):
-        message = f"has designs of the unknown status {', '.join(map(str, sorted(strangers)))}"
+    if unknown := set(np.unique(cube["status"]).tolist()) - set(map(int, schema.Status)):
+        message = f"has designs of the unknown status {', '.join(map(str, sorted(unknown)))}"
         raise Damaged([Mistake(str(path), f"{message}; run its workflow again")])
     parameters_of(cube)
     return cube
 
 
-def _problem_of_form(cube: xr.Dataset) -> str:
-    """What another program has made of a cube that no cube of knitlab is; empty if nothing."""
+def _mismatch(cube: xr.Dataset) -> str:
+    """How a cube departs from the schema, as another program may write it; empty if nowhere."""
     dims = (*design_dims(cube), STRAIN)
     for dim in dims:
         index = cube.indexes.get(dim)
         if index is None or index.hasnans or not index.is_unique:
-            return f"has no {dim} that tells its values apart"
+            return f"has no coordinate {dim}, or one whose values are missing or not unique"
         if dim == STRAIN and index.dtype.kind not in "fiu":
-            return f"has a {dim} that is no number"
+            return f"has a coordinate {dim} that is not a number"
     own = {name for name in cube.variables if name in VARIABLES or name in cube.dims}
     for name in own:
         variable = cube.variables[name]
         if name in VARIABLES and (variable.dtype.kind in "fiub") == (name in TEXTS):
-            return f"has a {name} of the type {variable.dtype}"
+            return f"has a variable {name} of the wrong type {variable.dtype}"
         if name in VARIABLES and not {*variable.dims} <= {*dims, *VARIABLES[name].dims}:
-            return f"has a {name} along {', '.join(map(str, variable.dims))}"
+            return f"has a variable {name} along {', '.join(map(str, variable.dims))}"
         if any(not isinstance(variable.attrs.get(key, ""), str) for key in ("units", "long_name")):
-            return f"has a {name} whose unit or long name is no text"
+            return f"has a variable {name} whose unit or long name is not a string"
     for name, value in cube.attrs.items():
         if str(name).startswith(GAUGE) and not (
             isinstance(value, float | np.integer) and 0 < value < np.inf
         ):
-            return f"has a {name} that is no length"
+            return f"has an attribute {name} that is not a length"
     return ""
 
 
@@ -266,7 +191,7 @@ def _check_unlocked(path: Path) -> None:
         raise invalid(str(path), hint)
 
 
-def of_schema(cube: xr.Dataset) -> xr.Dataset:
+def known_variables(cube: xr.Dataset) -> xr.Dataset:
     """The variables of a simulated cube that a run stores, without those of other programs."""
     dims = design_dims(cube)
 
@@ -317,7 +242,7 @@ def is_case(dataset: xr.Dataset) -> bool:
     return not dataset["status"].dims
 
 
-def as_cube(case: xr.Dataset) -> xr.Dataset:
+def case_as_cube(case: xr.Dataset) -> xr.Dataset:
     """A single case as a cube of one design, without the variables that only case files have."""
     dims = [str(name) for name, each in case.coords.items() if not each.dims]
     known = [name for name in case.data_vars if name in VARIABLES]
@@ -397,7 +322,8 @@ def differences(
     """Where records, within tables of some keys, differ under the same key, sorted as sentences."""
     changed: list[SettingDifference] = []
     for key in one.keys() & other.keys():
-        before, after = one[key], other[key]
+        before = one[key]
+        after = other[key]
         if isinstance(before, dict) and isinstance(after, dict):
             changed += differences(before, after, (*within, key))
         elif before != after:

@@ -22,7 +22,7 @@ from knitlab.cubes.probability import (
 )
 from knitlab.cubes.query import designs_of_all, marks_of_all, with_marks
 from knitlab.cubes.strain_window import REDUCTIONS, StrainWindow, root_mean_square, with_columns
-from knitlab.cubes.target import MOST_TARGETS, Target, check_window
+from knitlab.cubes.target import MAX_TARGETS, Target, check_window
 from knitlab.cubes.uncertainty import Stripes
 from knitlab.io.errors import invalid, unknown
 from knitlab.observables.schema import STRAIN
@@ -109,8 +109,8 @@ def find_designs(
     """
     if not targets:
         raise invalid("targets", "none is given; give a target")
-    if (number := len(targets) + len(subject_to)) > MOST_TARGETS:
-        raise invalid("targets", f"are {number:,} with subject_to; give at most {MOST_TARGETS}")
+    if (number := len(targets) + len(subject_to)) > MAX_TARGETS:
+        raise invalid("targets", f"are {number:,} with subject_to; give at most {MAX_TARGETS}")
     if not cubes:
         raise invalid("cubes", "none is given; name a cube or its results folder")
     if stripes is not None:
@@ -187,7 +187,8 @@ def _reached(
     check_window(target, _lies_along_strain(cubes, designs, target.name, source), source)
     if target.window is None:
         # NaN where a cube does not have it.
-        values, none = designs[target.name].to_numpy(float, na_value=np.nan), np.zeros(0)
+        values = designs[target.name].to_numpy(float, na_value=np.nan)
+        none = np.zeros(0)
         off_by = abs(target.departure(values, none))
         in_spread = np.full(len(values), "unknown")
         changes = numbers_of(designs, target.name)
@@ -215,7 +216,8 @@ def _reached(
     )
     in_spread = np.full(len(curves), "unknown")
     if band:
-        lowest, highest = np.minimum(*read[1:]), np.maximum(*read[1:])
+        lowest = np.minimum(*read[1:])
+        highest = np.maximum(*read[1:])
         low, high = target.bounds(at)
         overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
         known = np.isfinite(lowest).all(axis=1)

@@ -44,12 +44,14 @@ def between(
     ``upper`` is the index of the second value, ``fraction`` how far from the first to it; both
     along ``dims``. Integers are missing unless both agree.
     """
-    above, below = xr.Variable(dims, upper), xr.Variable(dims, np.maximum(upper - 1, 0))
+    above = xr.Variable(dims, upper)
+    below = xr.Variable(dims, np.maximum(upper - 1, 0))
     along = xr.Variable(dims, fraction)
     moved = {}
     for name in (name for name, each in cube.variables.items() if axis in each.dims):
         variable = cube.variables[name].to_base_variable().astype(float).transpose(..., axis)
-        low, high = variable.isel({axis: below}), variable.isel({axis: above})
+        low = variable.isel({axis: below})
+        high = variable.isel({axis: above})
         if name in INTEGERS:
             values = low.where((low == high) & np.isfinite(along))
         else:  # a neighbour of which nothing is used may be missing
@@ -95,7 +97,8 @@ def under_force_ratio(cube: xr.Dataset, ratios: Sequence[Any]) -> xr.Dataset:
     curve = cube[FORCE_RATIO].astype(float).transpose(..., STRAIN, LOAD_RATIO)
     upper, fraction = _first_to_carry(curve.values, wanted)
     # What rests is at rest under every ratio of forces.
-    resting, lowest = (cube[STRAIN] == 0).values[:, None], curve.values[..., :1]
+    resting = (cube[STRAIN] == 0).values[:, None]
+    lowest = curve.values[..., :1]
     fraction = np.where(resting, 0.0, np.where(lowest <= wanted, fraction, np.nan))
     upper = np.where(resting, 0, upper)
     along = [name for name, each in cube.variables.items() if LOAD_RATIO in each.dims]

@@ -12,7 +12,8 @@ import xarray as xr
 from pandas.api.types import is_numeric_dtype
 
 from knitlab.cubes.condition import computed, holds, no_column
-from knitlab.cubes.cube_file import cube_name, design_dims, model_options, source_path, with_derived
+from knitlab.cubes.cube_file import cube_name, design_dims, model_options, source_path
+from knitlab.cubes.derived import with_derived
 from knitlab.cubes.model_line import model_line, model_lines
 from knitlab.cubes.selection import refuse_others, select, selectable, selections_along
 from knitlab.cubes.strain_window import with_columns

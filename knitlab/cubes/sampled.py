@@ -15,7 +15,7 @@ from knitlab.cubes.uncertainty import (
 from knitlab.observables.schema import SAMPLE, STRAIN
 from knitlab.observables.status import Status
 
-LEAST_SAMPLES = 40
+MIN_SAMPLES = 40
 """Samples from which on the ends of a 95 % interval lie within them."""
 TAILS = [0.025, 0.975]
 STRIPE_NUMBERS = [f"{knit}_{name}" for knit in ("rib", "garter") for name in NUMBERS]
@@ -39,7 +39,7 @@ def sampled_uncertainty(cube: xr.Dataset) -> xr.Dataset:
         if known and each.dtype.kind == "f":
             variables[f"{name}_mean"] = each.mean(SAMPLE).assign_attrs(cube[name].attrs)
             variables[f"{name}_sd"] = with_label(each.std(SAMPLE, ddof=1), cube[name])
-            if count >= LEAST_SAMPLES:
+            if count >= MIN_SAMPLES:
                 ends = each.quantile(TAILS, SAMPLE).diff("quantile").isel(quantile=0, drop=True)
                 variables[f"{name}_halfwidth"] = with_label(ends / 2, cube[name], HALFWIDTH)
     if design is not None:
@@ -61,7 +61,9 @@ def saltelli_design(cube: xr.Dataset) -> tuple[list[str], int] | None:
     if left or not varied:
         return None
     parts = np.array([*varied.values()]).reshape(len(varied), -1, rows)
-    first, second, exchanged = parts[:, 0], parts[:, 1], parts[:, 2:]
+    first = parts[:, 0]
+    second = parts[:, 1]
+    exchanged = parts[:, 2:]
     is_own = np.eye(len(varied), dtype=bool)[..., None]
     wanted = np.where(is_own, second[:, None], first[:, None])
     return ([*varied], rows) if np.array_equal(exchanged, wanted) else None
@@ -79,7 +81,8 @@ def _indices(values: xr.DataArray, names: list[str], rows: int) -> dict[str, xr.
         a, b, *exchanged = flat[:, known]
         parts = {"f_A": a, "f_B": b, "f_AB": np.array(exchanged)}
         indices = sobol_indices(func=parts, n=rows)
-        first[known], total[known] = indices.first_order, indices.total_order
+        first[known] = indices.first_order
+        total[known] = indices.total_order
     dims = kept.dims[1:]
     coordinates = {dim: kept[dim] for dim in dims} | {PARAMETER: names}
 

@@ -54,7 +54,8 @@ def only_design(cube: xr.Dataset, selections: Mapping[str, Any], title: str = ""
     exists = left["case_id"] != ""
     if "status" in left:
         exists = exists & (left["status"] != Status.excluded)
-    dims, found = exists.dims, np.argwhere(exists.values)
+    dims = exists.dims
+    found = np.argwhere(exists.values)
     where = f" of {title}" if title else ""
     if not len(found):
         raise invalid("selections", f"leave no design{where}; choose others")

@@ -138,23 +138,24 @@ REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
 }
 """Reductions of a curve over a window: its mean, the slope and R² of its least-squares line, its
 range, and its extremes. NaN if any value is missing."""
-MOST_CHARACTERS = 1000  # of an expression
-MOST_EXPRESSIONS = 100  # of a table
+MAX_CHARACTERS = 1000  # of an expression
+MAX_EXPRESSIONS = 100  # of a table
 # mean(poisson_ratio, 0.05:0.25)
 _COLUMN = re.compile(rf"\b({'|'.join(REDUCTIONS)})\s*\(\s*(\w+)\s*,([^()]*)\)")
 
 
 def check_length(text: str, source: str) -> None:
     """InputError if an expression is so long that it would take long to read."""
-    if len(text) > MOST_CHARACTERS:
-        message = f"is too long: {len(text)} characters; take at most {MOST_CHARACTERS}"
+    if len(text) > MAX_CHARACTERS:
+        message = f"is too long: {len(text)} characters; take at most {MAX_CHARACTERS}"
         raise invalid(source, message)
 
 
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
     """Derivative of a reduction by the value of the curve at each strain of the window."""
     unit = np.eye(len(at))
-    lowest, highest = unit[np.argmin(curve)], unit[np.argmax(curve)]
+    lowest = unit[np.argmin(curve)]
+    highest = unit[np.argmax(curve)]
     if reduction in ("min", "max", "spread"):
         return {"min": lowest, "max": highest, "spread": highest - lowest}[reduction]
     if reduction != "linearity":
@@ -192,11 +193,14 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
     }
     expressions = {text for text in texts if text and not text.isidentifier()}
     matches = {match[0]: match for text in expressions for match in _COLUMN.finditer(text)}
-    if (number := max(len(expressions), len(matches))) > MOST_EXPRESSIONS:
-        raise invalid("expressions", f"are {number:,}; take at most {MOST_EXPRESSIONS} at once")
+    if (number := max(len(expressions), len(matches))) > MAX_EXPRESSIONS:
+        raise invalid("expressions", f"are {number:,}; take at most {MAX_EXPRESSIONS} at once")
     extended = list(cubes)
     for match in matches.values():
-        column, reduction, name, window = match[0], match[1], match[2], match[3]
+        column = match[0]
+        reduction = match[1]
+        name = match[2]
+        window = match[3]
         strains = StrainWindow.of(window, column)
         if name not in known:
             raise invalid(column, f"reduces a curve along {STRAIN}, and {unknown(name, known)}")

@@ -27,7 +27,7 @@ _TWO_SIDED = re.compile(
     rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_SUBJECT}\s*<=?\s*(?P<high>{_NUMBER}){_WINDOW}\s*"
 )
 _CURVE = re.compile(rf"\s*(?P<subject>[A-Za-z]\w*)\s*=\s*(?P<path>.*\.csv){_TOLERANCE}\s*")
-MOST_TARGETS = 30  # of a search
+MAX_TARGETS = 30  # of a search
 CURVE_EXAMPLE = "write it as in 'strain,poisson_ratio' with numbers below"
 FORMS = (
     "NAME = VALUE @ STRAIN:STRAIN, NAME < VALUE @ STRAIN, VALUE < NAME < VALUE,"
@@ -163,7 +163,8 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
         low = -np.inf if groups["relation"].startswith("<") else float(groups["wanted"])
         high = np.inf if groups["relation"].startswith(">") else float(groups["wanted"])
     else:
-        low, high = float(groups["low"]), float(groups["high"])
+        low = float(groups["low"])
+        high = float(groups["high"])
         if low > high:
             raise invalid(where, f"no value is above {low:g} and below {high:g}; exchange them")
     name = subject if variable is None else variable[2] or variable[3]

@@ -150,7 +150,8 @@ def _moving(cube: xr.Dataset) -> xr.DataArray | None:
     pulled = pulled_without_pause(cube)
     if STRAIN not in cube.dims or not pulled.any():
         return None
-    strain, causes = cube[STRAIN], list[xr.DataArray]()
+    strain = cube[STRAIN]
+    causes = list[xr.DataArray]()
     needed = {"kinetic_energy_left", "kinetic_energy_peak", "energy_stretch", "energy_fold"}
     if needed <= set(cube) and strain[0] == 0:
         further = (
@@ -171,7 +172,8 @@ def _moving(cube: xr.Dataset) -> xr.DataArray | None:
 
 def _not_auxetic_in_the_paper(cube: xr.Dataset) -> xr.DataArray:
     """Whether the paper states that a design is not auxetic."""
-    n_stripe, n_subunit = cube["n_stripe"], cube["n_subunit"]
+    n_stripe = cube["n_stripe"]
+    n_subunit = cube["n_subunit"]
     found = xr.zeros_like(cube["status"], bool)
     for about in _not_auxetic():
         for narrow in about.get("n_stripe", ()):
@@ -195,7 +197,8 @@ def _not_auxetic() -> list[dict[str, Any]]:
 
 def _states(cube: xr.Dataset, names: Iterable[str]) -> xr.DataArray:
     """Whether values are of a state, along designs and strain; see :func:`marked`."""
-    text, strain = "; ".join(names), cube[STRAIN]
+    text = "; ".join(names)
+    strain = cube[STRAIN]
     used = xr.zeros_like(cube["status"], bool) & (strain < 0)
     for window in reduced_windows(text):
         # Up to the strains between which the ends of the window are interpolated.

@@ -108,7 +108,8 @@ def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> tuple[xr.DataArray
 
 def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None:
     for number in NUMBERS:
-        name, wanted = f"{stripe.knit}_{number}", getattr(stripe, number)
+        name = f"{stripe.knit}_{number}"
+        wanted = getattr(stripe, number)
         if name not in designs:
             continue
         values = designs[name].where(ok)
@@ -120,7 +121,8 @@ def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None
 
 def deviations(cube: xr.Dataset, stripes: Stripes) -> tuple[dict[str, xr.DataArray], xr.DataArray]:
     """Change of each quantity with each deviate of stripe numbers, and their degrees of freedom."""
-    by_name, (root, freedom) = slopes(cube), root_of_covariance(cube, stripes)
+    by_name = slopes(cube)
+    (root, freedom) = root_of_covariance(cube, stripes)
     changes = {name: (slope * root).sum(PARAMETER, skipna=False) for name, slope in by_name.items()}
     return changes, freedom
 
@@ -153,7 +155,8 @@ def first_order(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
     InputError if the cube has no sensitivities, or designs with stripes other than these.
     """
     by_name: dict[str, xr.DataArray] = {}
-    derivatives, (root, freedom) = slopes(cube), root_of_covariance(cube, stripes)
+    derivatives = slopes(cube)
+    (root, freedom) = root_of_covariance(cube, stripes)
     for name, slope in derivatives.items():
         by_deviate = (slope * root).sum(PARAMETER, skipna=False)
         variance, effective, half = interval(by_deviate, freedom)

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, ValidationError
 
 from knitlab.cubes.strain_window import PARTS, StrainWindow
-from knitlab.cubes.target import MOST_TARGETS, Target, read_target
+from knitlab.cubes.target import MAX_TARGETS, Target, read_target
 from knitlab.io.errors import (
     ErrorCollector,
     InputError,
@@ -60,7 +60,7 @@ def _listed(given: Any) -> Any:
 Given = Annotated[
     tuple[str | dict[str, Any] | Target, ...],
     BeforeValidator(_listed),
-    Field(strict=False, max_length=MOST_TARGETS),
+    Field(strict=False, max_length=MAX_TARGETS),
 ]
 
 

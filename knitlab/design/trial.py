@@ -12,7 +12,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from knitlab.cubes import case_file
-from knitlab.cubes.cube_file import with_derived
+from knitlab.cubes.derived import with_derived
 from knitlab.design.request import PARAMETERS
 from knitlab.io.provenance import MODEL
 from knitlab.model.cell_grid import CellGrid

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from knitlab.cubes import cube_file
 from knitlab.cubes.case_file import case_path, in_cloth, read_case
 from knitlab.cubes.chosen_case import has_shape
-from knitlab.cubes.cube_file import base_dims, is_measured, swept_dims, with_derived
+from knitlab.cubes.cube_file import base_dims, is_measured, swept_dims
+from knitlab.cubes.derived import with_derived
 from knitlab.cubes.selection import (
     as_given,
     choices,
@@ -95,7 +96,7 @@ def draw(
         if kind.needs is not None:
             _refuse_others(selections, kind.coordinates, name)
             return _draw_cases(kind, [in_cloth(case, case) for case in cubes], selections)
-        cubes = [cube_file.as_cube(case) for case in cubes]
+        cubes = [cube_file.case_as_cube(case) for case in cubes]
     _check_cubes(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
     _refuse_others(selections, (*dims, *kind.coordinates), name)

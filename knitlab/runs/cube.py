@@ -19,7 +19,7 @@ from knitlab.cubes.cube_file import (
     Damaged,
     design_dims,
     differences,
-    of_schema,
+    known_variables,
     parameters_of,
     read_cube,
     shared,
@@ -80,7 +80,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
 
 def validated_cube(cube: xr.Dataset, path: Path) -> xr.Dataset:
     """What a run stores of the simulated cube of a path; InputError if it lacks what all have."""
-    cube = of_schema(cube)
+    cube = known_variables(cube)
     if not {*UNIT_CELLS, "code"} <= set(cube):
         raise invalid(str(path), "is of another version of knitlab; name another results folder")
     return cube

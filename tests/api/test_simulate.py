@@ -67,9 +67,69 @@ def test_own_stripes_and_factors_of_a_sweep_are_two_ways_to_one_fabric(cube):
         ({"sheet": replace(DEFAULTS.sheet, z_max=2)}, {"z_max": 2.0}),
         ({"solver": kl.Solver(tolerance=1e-9)}, {"tolerance": 1e-9}),
         ({"dynamics": kl.Dynamics(ending="time")}, {"ending": "time"}),
+        (
+            {"capacitor": replace(DEFAULTS.capacitor, layout=DEFAULTS.layouts["checkerboard"])},
+            {"layout": "checkerboard"},
+        ),
     ],
 )
-def test_settings_that_do_not_fit_the_design_are_refused(settings, message):
+def test_objects_make_the_case_of_a_workflow_with_the_same_settings(given, settings, tmp_path):
+    path = tmp_path / "one.toml"
+    path.write_text('title = "one"\n[design]\nn_stripe = [4]\nn_subunit = [16]\n')
+    (planned,) = kl.plan(path, **settings).cases
+    parameters = DEFAULTS.with_tables(**given)
+    design = kl.Design(4, 16)
+    strains = Protocol().applied_strain
+    case = case_of_design(design, strains, parameters, Protocol(), electrodes="capacitor" in given)
+    assert case.case_id == planned
+
+
+def test_stripes_of_other_sizes_replace_those_of_the_tables():
+    pattern = kl.Pattern(rows=("GR", "RG"), column_stitches=(16, 24), column_n_stripe=(4, 6))
+    own = replace(DEFAULTS.stripes.stripe("rib", 6), k_t=0.01)
+    design = kl.Design(4, 16, pattern=pattern, further_stripes=(own,))
+    case = case_of_design(design, [0], DEFAULTS, Protocol(), electrodes=False)
+    assert [stripe.k_t for stripe in case.grading.weft] == [case.weft.k_t, 0.01]
+
+
+def test_a_stripe_that_no_table_has_makes_a_design():
+    rib = kl.Stripe("rib", 5, period=1.6, k_s=0.8, theta_0=0.9, k_t=0.012)
+    garter = kl.Stripe("garter", 10, period=1.5, k_s=0.7, theta_0=1.0, k_t=0.011)
+    design = kl.Design(n_stripe=5, n_subunit=10, boundary="periodic", rib=rib, garter=garter)
+    test = kl.simulate(design, [0, 0.03])
+    assert test["status"] == 1
+    assert test["rib_k_t"] == rib.k_t
+
+
+def test_a_test_that_does_not_converge_is_reported_and_its_values_are_missing():
+    with pytest.warns(kl.NotConverged, match="n_stripe 4 .* no equilibrium at applied strain 0"):
+        test = kl.simulate(SMALL, STRAINS, solver=kl.Solver(max_iterations=2))
+    assert test["poisson_ratio"].isnull().all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"n_subunit": 10}, "not a positive multiple of 2 × n_stripe"),
+        ({"n_stripe": 7, "n_subunit": 14}, "n_stripe = 7 has no rib stripe"),
+        ({"pattern": ("RG", "R")}, "pattern"),
+        ({"unit_cells": (1, 1), "needles": 90}, "both unit_cells and needles"),
+    ],
+)
+def test_an_impossible_design_is_refused(change, message):
+    with pytest.raises(kl.InputError, match=message):
+        kl.simulate(replace(SMALL, **change), STRAINS)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"model": {"cell_size": "flat"}}, "model"),
+        ({"solver": kl.Solver(drag=1e-6)}, "drag: .*boundary = clamped"),
+        ({"solver": kl.Solver(tolerance=1e-3)}, "tolerance: .*0.001"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(settings, message):
     with pytest.raises(kl.InputError, match=message):
         kl.simulate(SMALL, STRAINS, **settings)
 

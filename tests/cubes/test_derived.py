@@ -9,14 +9,8 @@ from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.cubes.cube_file import (
-    RELIABLE_WAVES,
-    TRACED_PERIODS,
-    open_cube,
-    read_cube,
-    with_derived,
-    write_cube,
-)
+from knitlab.cubes.cube_file import open_cube, read_cube, write_cube
+from knitlab.cubes.derived import RELIABLE_WAVES, TRACED_PERIODS, with_derived
 from knitlab.cubes.trust import MARKS
 from knitlab.figures.design_map import LAST
 from knitlab.figures.kinds.auxetic import auxetic

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import knitlab as kl
-from knitlab.cubes.cube_file import with_derived
+from knitlab.cubes.derived import with_derived
 from knitlab.cubes.force_control import under_force
 from knitlab.cubes.selection import select
 from knitlab.io.errors import InputError

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import knitlab as kl
-from knitlab.cubes.cube_file import with_derived
+from knitlab.cubes.derived import with_derived
 from knitlab.runs.batches import seconds
 from knitlab.runs.plan import make_plan
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import knitlab
 from knitlab.cli import main
-from knitlab.cubes.cube_file import with_derived
+from knitlab.cubes.derived import with_derived
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.cubes.cube_file import RELIABLE_WAVES
+from knitlab.cubes.derived import RELIABLE_WAVES
 from knitlab.figures.cells import design_name
 from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
