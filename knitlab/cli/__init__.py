@@ -1,11 +1,10 @@
 """The command line: ``knitlab plan | run | status | reproduce | query | map | claims | …``.
 
-In: words of a shell. Out: lines of text, files, and an exit code: 0 if all is well, 1 if a case is
-not ok, 2 if the input was wrong.
+In: the arguments of a shell. Out: lines of text, files, and an exit code: 0 if all is well, 1 if a
+case is not ok, 2 if the input is invalid.
 
-Read ``options.py`` (text becomes values there, and nowhere else), then the file of a command:
-``sweeps.py``, ``cubes.py``, ``stability.py``, ``sensing.py``, ``making.py`` or ``laboratory.py``. A
-command calls one function of ``knitlab.api`` or of the core, and prints.
+``options.py`` turns text into values. A command parses, makes one public call, and prints; it
+imports no package but ``knitlab.api`` and ``knitlab.io``, which ``lint-imports`` checks.
 """
 
 import os
@@ -15,7 +14,7 @@ import click
 from knitlab.cli import cubes, laboratory, making, sensing, stability, sweeps
 from knitlab.cli.options import CommandGroup
 
-os.environ["MPLBACKEND"] = "agg"  # it draws into files alone, whatever a user's programs show
+os.environ["MPLBACKEND"] = "agg"  # figures are drawn into files only
 
 
 @click.group(

@@ -85,7 +85,7 @@ def calibrate(record: Path, knit: Any, stitches: int, **arguments: Any) -> None:
     options.echo_report(result.report, result.warnings)
     if result.refusal:
         reason = result.refusal.replace("accept = True", "--accept")
-        options.echo_problem(f"no stripe is written, as {reason}")
+        options.echo_error(f"no stripe is written, as {reason}")
     else:
         width = 14 if arguments["friction"] else 9
         click.echo(f"{'stripe':{width}}{knit} {stitches} in {arguments['output']}")
@@ -156,7 +156,7 @@ def fit(
     from knitlab.api import laboratory as api
 
     if looseness is not None:
-        options.echo_problem("--looseness is now --prior-std, and will be removed")
+        options.echo_error("--looseness is now --prior-std, and will be removed")
         arguments["prior_std"] = looseness
     began = time.monotonic()
 

@@ -1,4 +1,4 @@
-"""Options, exit codes and messages that commands share."""
+"""Options, exit codes and messages that the commands share."""
 
 import errno
 import json
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
-LACKING = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
-"""Errors of a machine without files, memory, processes or space left."""
+EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
+"""Error numbers of a machine that has no files, memory, processes or disk space left."""
 WITHOUT_JAX = ("query", "find", "status")  # commands that need little memory
 MIN_BYTES = 3e9  # of address space, for JAX
 SETTINGS = "knitlab.settings"  # key of settings that have options of their own, in a context
@@ -35,15 +35,15 @@ FIGURES = (".pdf", ".svg", ".png")  # suffixes
 
 
 class EncodedPath(click.Path):
-    """A path that netCDF can open: its whole text has bytes in the encoding of this machine."""
+    """A path that netCDF can open: it can be written in the encoding of this machine."""
 
     def convert(self, value: Any, *about: Any) -> Any:
-        """Fail if it has none."""
+        """Fail if it cannot."""
         try:
             os.path.realpath(value).encode(sys.getfilesystemencoding())
         except UnicodeEncodeError as error:
-            problem = f"{value!a}: its path cannot be written in {error.encoding}"
-            self.fail(f"{problem}; rename it, or set LC_ALL=C.UTF-8", *about)
+            message = f"{value!a}: its path cannot be written in {error.encoding}"
+            self.fail(f"{message}; rename it, or set LC_ALL=C.UTF-8", *about)
         return super().convert(value, *about)
 
 
@@ -58,29 +58,29 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 class CommandGroup(click.Group):
-    """Commands that explain bad input in sentences, and end with exit code 2."""
+    """Commands that report invalid input one line each, and end with exit code 2."""
 
     def main(self, *words: Any, **settings: Any) -> Any:
-        """Run; the work never depends on what is shown.
+        """Run a command, even if nobody reads its output.
 
-        Ctrl-C ends the process at once until work begins, as imports may lose it.
+        Until the command begins, Ctrl-C ends the process at once, as imports may swallow it.
         """
         before = signal.getsignal(signal.SIGINT)
-        alone = threading.current_thread() is threading.main_thread()
-        ours = alone and before in (signal.default_int_handler, end_at_once)
-        if ours:
+        in_main_thread = threading.current_thread() is threading.main_thread()
+        replaced = in_main_thread and before in (signal.default_int_handler, end_at_once)
+        if replaced:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
         try:
             with droppable_output():
                 return super().main(*words, **settings)
         finally:
-            if ours:
+            if replaced:
                 signal.signal(signal.SIGINT, before)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Find the command that is named; InputError if JAX would abort here for lack of memory.
+        """Find the command of a name; InputError if JAX would abort for lack of address space.
 
-        JAX keeps no compiled programs if the user's folder for them cannot be written.
+        If the folder for compiled programs cannot be written, none are kept.
         """
         found = super().resolve_command(ctx, args)
         with suppress(ImportError):
@@ -88,37 +88,37 @@ class CommandGroup(click.Group):
 
             limit = resource.getrlimit(resource.RLIMIT_AS)[0]
             if found[0] not in WITHOUT_JAX and 0 <= limit < MIN_BYTES:
-                problem = f"may have {limit / 1e9:.1f} GB of address space, and JAX needs some"
-                raise invalid("a process", f"{problem} {MIN_BYTES / 1e9:.0f} GB; raise ulimit -v")
+                message = f"is {limit / 1e9:.1f} GB, and JAX needs about {MIN_BYTES / 1e9:.0f} GB"
+                raise invalid("the limit of address space", f"{message}; raise ulimit -v")
         cache = "" if found[0] in WITHOUT_JAX else os.environ.get(VARIABLE, "")
-        if problem := cache_problem(cache):
-            os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # of workers, too
-            echo_problem(problem)
+        if message := cache_problem(cache):
+            os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # for workers, too
+            echo_error(message)
         return found
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command that is named; exit code 2 with a sentence if it cannot be done."""
+        """Run the command; exit code 2 and a message if its input or the machine forbids it."""
         try:
             return super().invoke(ctx)
         except InputError as error:
             command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
             for each in error.mistakes:
-                echo_problem(_with_option(str(each), command))
+                echo_error(_with_option(str(each), command))
         except (MemoryError, OSError, UnicodeEncodeError) as error:
-            if not isinstance(error, OSError) or error.errno in LACKING:
-                problem = str(error) or "there is not enough memory"
-                echo_problem(f"this machine cannot do it: {problem}; free some, or take another")
+            if not isinstance(error, OSError) or error.errno in EXHAUSTED:
+                message = str(error) or "out of memory"
+                echo_error(f"this machine has too few resources: {message}; free some")
             elif error.errno is None:
                 raise
             else:
                 place = error.filename or "the current folder"
-                echo_problem(f"{place}: cannot be used ({error.strerror}); check the path")
+                echo_error(f"{place}: cannot be used ({error.strerror}); check the path")
         sys.exit(BAD_INPUT)
 
 
-def echo_problem(problem: object) -> None:
-    """Print a problem on the error stream."""
-    click.echo(f"knitlab: {one_line(problem)}", err=True)
+def echo_error(message: object) -> None:
+    """Print a message about an error or a warning on the error stream."""
+    click.echo(f"knitlab: {one_line(message)}", err=True)
 
 
 def echo_report(lines: Iterable[str], warnings: Iterable[object] = ()) -> None:
@@ -126,7 +126,7 @@ def echo_report(lines: Iterable[str], warnings: Iterable[object] = ()) -> None:
     for line in lines:
         click.echo(line)
     for warning in warnings:
-        echo_problem(warning)
+        echo_error(warning)
 
 
 def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool = False) -> None:
@@ -169,9 +169,9 @@ def exit_unless(ok: bool) -> None:
 
 
 def _with_option(message: str, command: click.Command) -> str:
-    """The message about a Python argument, with the name of its option instead.
+    """A message about a Python argument, with the name of its option instead.
 
-    A remedy ``give NAME = VALUE`` becomes ``give --name VALUE``.
+    The hint ``give NAME = VALUE`` becomes ``give --name VALUE``.
     """
     opts = {each.name: each.opts[-1] for each in command.params if isinstance(each, click.Option)}
     message = re.sub(
@@ -193,8 +193,8 @@ def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
         if not listed:
             mistakes.append(Mistake(f"selections {text}", "is not NAME=VALUE; give both"))
         elif name in selections:
-            problem = f"selects {name} again; give its values once, with commas between them"
-            mistakes.append(Mistake(f"selections {text}", problem))
+            message = f"selects {name} again; give its values once, separated by commas"
+            mistakes.append(Mistake(f"selections {text}", message))
         else:
             selections[name] = [_number_or_label(each.strip()) for each in listed.split(",")]
     raise_if_any(mistakes)
@@ -202,7 +202,7 @@ def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
 
 
 def _number_or_label(text: str) -> float | str:
-    """The number that is written as this text, or the text: 04 may be a label."""
+    """The number that a text is written for, or the text itself: 04 may be a label."""
     for kind in (int, float):
         with suppress(ValueError):
             if str(kind(text)) == text:
@@ -231,9 +231,9 @@ cubes = click.argument("cubes", type=PATH, nargs=-1, required=True)
 
 
 def option(names: str, help: str = "", kind: Any = str, **settings: Any) -> Decorator:
-    """An option ``--flag name METAVAR``, of which the last two may lack.
+    """An option; ``names`` are its flags, then perhaps its argument and its METAVAR.
 
-    Its kind is a list of words or a type.
+    ``kind`` is its type, or a list of the words to choose from.
     """
     words = names.split()
     if words[-1][0].isupper():

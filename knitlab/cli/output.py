@@ -1,4 +1,4 @@
-"""Output that may end: what is shown is dropped once nobody takes it, and work goes on."""
+"""Output that may be closed: text that cannot be written is dropped, and the work goes on."""
 
 import io
 import os
@@ -11,9 +11,9 @@ from knitlab.io.names import CONTROLS
 
 
 class Droppable:
-    """A text stream that drops what cannot be written: a pipe is closed, or a disk full.
+    """A text stream that drops what cannot be written, if a pipe is closed or a disk is full.
 
-    What a terminal would obey is shown as it is written in Python.
+    Control characters are escaped as in Python.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -23,12 +23,12 @@ class Droppable:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text, or drop it."""
+        """Write text, or drop it."""
         try:
             self._stream.write(text.translate(CONTROLS))
             self._stream.flush()
         except (OSError, ValueError):
-            # What is buffered, and what other processes write here, goes nowhere from now on.
+            # Drop what is buffered, and what other processes write here from now on.
             with suppress(OSError, ValueError):
                 nowhere = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(nowhere, self._stream.fileno())
@@ -36,21 +36,21 @@ class Droppable:
         return len(text)
 
     def flush(self) -> None:
-        """Do nothing: every text is written at once."""
+        """Do nothing: text is written at once."""
 
 
 @contextmanager
 def droppable_output() -> Iterator[None]:
-    """Standard output and error that may end, also from the start (``2>&-``)."""
+    """Standard output and error that may be closed, even from the start (``2>&-``)."""
     streams = sys.stdout, sys.stderr
     for stream, descriptor in zip(streams, (1, 2), strict=True):
         if stream is None:
-            # Else the next file that is opened would be taken for it.
+            # Otherwise the next file that is opened would take its descriptor.
             with suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
     for stream in streams:
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # of what its encoding lacks
+            stream.reconfigure(errors="backslashreplace")  # for what its encoding lacks
     sys.stdout, sys.stderr = (
         Droppable(open(os.devnull, "w", encoding="utf-8") if stream is None else stream)  # noqa: PTH123, SIM115
         for stream in streams

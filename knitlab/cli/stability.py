@@ -53,7 +53,7 @@ def shapes(
             table[f"energy_to_{other}"] = atlas["barrier"].sel(to=other).values
     options.show(table, style, output)
     if failed := atlas.attrs["not_converged"]:
-        options.echo_problem(f"{failed} of {starts} starts did not converge and are left out")
+        options.echo_error(f"{failed} of {starts} starts did not converge and are left out")
     options.exit_unless(not failed)
 
 

@@ -17,7 +17,7 @@ from knitlab.model.stripe import (
 from knitlab.runs.case_settings import CaseSettings, Designs, Source, check_thickness
 from knitlab.runs.declared_fields import declared
 from knitlab.runs.parameters import Parameters
-from knitlab.runs.patterns import Pattern, PatternFile
+from knitlab.runs.patterns import PatternFile, PatternTable
 from knitlab.runs.workflow import PATTERN, DesignSection, pattern_name
 from knitlab.runs.workflow_text import WorkflowText
 from knitlab.solvers.case import Case
@@ -139,11 +139,11 @@ def _plain(settings: CaseSettings) -> PlainKnit:
 
 def _pattern(
     section: DesignSection, parameters: Parameters, source: Source
-) -> tuple[Pattern, Path]:
+) -> tuple[PatternTable, Path]:
     """The pattern of a workflow, and the folder that its paths are relative to."""
     name = pattern_name(section.pattern)
     if name is None:
-        return Pattern(rows=section.pattern), Path()
+        return PatternTable(rows=section.pattern), Path()
     if name not in parameters.patterns:
         raise invalid(source("design.pattern"), unknown(name, parameters.patterns, "pattern"))
     return parameters.patterns[name]

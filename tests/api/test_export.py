@@ -1,4 +1,4 @@
-"""Export of shapes: from a cube, from a test, and what is refused with a sentence."""
+"""Export of shapes: from a cube, from a test, and what is refused."""
 
 import shutil
 import subprocess
@@ -15,7 +15,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.cubes.case_file import case_path, read_case, write_case_file
 from knitlab.io.errors import InputError
-from knitlab.observables.status import Status
+from knitlab.observables.schema import Status
 from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
 
 ONE = {"n_stripe": 4, "n_subunit": 16}
@@ -72,30 +72,31 @@ def test_a_thickness_gives_a_solid_to_print(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "selections", "options", "message"),
+    ("name", "selections", "options", "words"),
     [
-        ("a.dae", ONE, {}, r"a.dae: has no suffix of a mesh; give one of .vtu, .obj, .*.pvd"),
-        ("a", ONE, {}, "has no suffix of a mesh"),
-        ("a.vtu", {}, {}, r"leave 10 designs; select n_stripe of 2, 4, 6, 8; n_subunit of 16"),
-        ("a.vtu", {"n_stripe": 4}, {}, r"leave 3 designs; select n_subunit of 16, 24, 32"),
-        ("a.vtu", {"n_stripe": 4, "n_subunit": 64}, {}, "no design"),
-        ("a.vtu", {"n_stripe": 5}, {}, "the cube has no n_stripe = 5; choose from 2, 4"),
-        ("a.vtu", {"yarn": 1}, {}, "is not a coordinate of a shape; select along n_stripe"),
-        ("a.vtu", {"n_stripe": 4, "n_subunit": 24}, {}, r"n_subunit = 24: has no case file in"),
-        ("a.vtu", ONE | {"applied_strain": 0.17}, {}, "has no applied_strain = 0.17"),
-        ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, "strains 0, 0.3"),
-        ("a.stl", ONE, {"thickness": 0.0}, "thickness 0: .*above 0 mm"),
-        ("a.stl", ONE, {"thickness": float("nan")}, "thickness nan: .*above 0 mm"),
-        ("a.stl", ONE, {"thickness": 3.0}, r"thickness 3: is too large .* at most 1.3 mm"),
-        ("a.stl", ONE, {"repeats": (0, 1)}, "repeats 0 1: .*1 or more"),
+        ("a.dae", ONE, {}, ["a.dae", ".vtu", ".pvd"]),
+        ("a", ONE, {}, [".vtu"]),
+        ("a.vtu", {}, {}, ["10 designs", "n_stripe of 2, 4, 6, 8"]),
+        ("a.vtu", {"n_stripe": 4}, {}, ["3 designs", "n_subunit of 16, 24, 32"]),
+        ("a.vtu", {"n_stripe": 4, "n_subunit": 64}, {}, ["no design"]),
+        ("a.vtu", {"n_stripe": 5}, {}, ["n_stripe = 5", "2, 4"]),
+        ("a.vtu", {"yarn": 1}, {}, ["yarn", "n_stripe"]),
+        ("a.vtu", {"n_stripe": 4, "n_subunit": 24}, {}, ["n_subunit = 24", "run"]),
+        ("a.vtu", ONE | {"applied_strain": 0.17}, {}, ["applied_strain = 0.17"]),
+        ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, ["0, 0.3", ".pvd"]),
+        ("a.stl", ONE, {"thickness": 0.0}, ["thickness 0", "0 mm"]),
+        ("a.stl", ONE, {"thickness": float("nan")}, ["thickness nan"]),
+        ("a.stl", ONE, {"thickness": 3.0}, ["thickness 3", "at most 1.3 mm"]),
+        ("a.stl", ONE, {"repeats": (0, 1)}, ["repeats 0 1", "1 or more"]),
     ],
 )
-def test_what_cannot_be_exported_is_one_sentence_and_writes_nothing(
-    tmp_path, name, selections, options, message
+def test_what_cannot_be_exported_is_one_mistake_and_writes_nothing(
+    tmp_path, name, selections, options, words
 ):
-    with pytest.raises(InputError, match=message) as refused:
+    with pytest.raises(InputError) as refused:
         kl.export(PREVIEW, tmp_path / name, **options, **selections)
-    assert len(refused.value.mistakes) == 1
+    (mistake,) = refused.value.mistakes
+    assert not [word for word in words if word not in str(mistake)]
     assert not [*tmp_path.iterdir()]
 
 
@@ -109,8 +110,8 @@ def change_cube(results, **values):
 def test_a_design_that_failed_or_has_not_run_is_named(results, tmp_path):
     case_path(results, CASE_ID).unlink()
     for status, message in (
-        (Status.failed, "n_stripe = 4, n_subunit = 16: failed and has no shape"),
-        (Status.pending, "is planned but has not run; run it first"),
+        (Status.failed, "n_stripe = 4, n_subunit = 16: failed"),
+        (Status.pending, "run it"),
     ):
         change_cube(results, status=status)
         with pytest.raises(InputError, match=message):
@@ -131,19 +132,19 @@ def test_a_design_that_did_not_reach_its_last_strains_is_exported_up_to_there(re
     change_cube(results, status=Status.not_converged)
     with pytest.raises(
         InputError,
-        match=r"applied_strain 0.36: has no shape: no equilibrium at 0.3; select up to 0.27",
+        match=r"applied_strain 0.36.*no equilibrium at 0.3.*0.27",
     ):
         kl.export(results, tmp_path / "a.vtu", **ONE, applied_strain=0.36)
     exported = kl.export(results, tmp_path / "a.pvd", **ONE)
     assert exported.applied_strain[-1] == 0.27
     case["position"][:] = np.nan
-    with pytest.raises(InputError, match="has no shape: it did not relax"):
+    with pytest.raises(InputError, match="no shape"):
         kl.export(case, tmp_path / "b.vtu")
 
 
 def test_a_measured_cube_has_no_shapes(tmp_path):
     cube = kl.open_cube(PREVIEW).assign_coords(source="swatch")
-    with pytest.raises(InputError, match="swatch: was measured and has no shapes"):
+    with pytest.raises(InputError, match=r"swatch.*measured"):
         kl.export(cube, tmp_path / "a.vtu", **ONE)
 
 
@@ -152,9 +153,9 @@ def test_a_cube_in_memory_and_a_test_say_what_they_take(tmp_path):
     cube.encoding.clear()
     with pytest.raises(InputError, match="give its path"):
         kl.export(cube, tmp_path / "a.vtu", **ONE)
-    with pytest.raises(InputError, match="is not a cube or a test"):
+    with pytest.raises(InputError, match="cube"):
         kl.export(xr.Dataset(), tmp_path / "a.vtu", **ONE)
-    with pytest.raises(InputError, match="of a test, select applied_strain alone"):
+    with pytest.raises(InputError, match=r"n_stripe.*applied_strain"):
         kl.export(kept_file(), tmp_path / "a.vtu", **ONE)
 
 
@@ -190,11 +191,11 @@ def test_the_command_says_how_often_a_fabric_passes_through_itself(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("-o", "a.vtu"), "knitlab: --select: leave 10 designs"),
-        ((*DESIGN, "-o", "a.step"), "knitlab: --output a.step: has no suffix of a mesh"),
-        ((*DESIGN, "-o", "a.stl", "--thickness", "-1"), "knitlab: --thickness -1: is not above 0"),
+        (("-o", "a.vtu"), "knitlab: --select: "),
+        ((*DESIGN, "-o", "a.step"), "knitlab: --output a.step: "),
+        ((*DESIGN, "-o", "a.stl", "--thickness", "-1"), "knitlab: --thickness -1: "),
         ((*DESIGN, "-o", "a.stl", "--repeats", "0x1"), "knitlab: --repeats 0 1: "),
-        ((*DESIGN, "-o", "a.vtu", "--repeats", "999x999"), "knitlab: --repeats 999 999: makes"),
+        ((*DESIGN, "-o", "a.vtu", "--repeats", "999x999"), "knitlab: --repeats 999 999: "),
     ],
 )
 def test_bad_input_ends_the_command_with_exit_code_2(tmp_path, monkeypatch, words, message):

@@ -1,13 +1,10 @@
 """``import knitlab`` alone changes nothing; whatever computes does so in float64."""
 
-import ast
 import os
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
 from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +14,6 @@ from knitlab.model.stripe import Stripe
 from knitlab.model.zigzag import tension, zigzag
 
 CUBE = "results/reference/periodic/cube.nc"
-NUMBERS = ("jax", "equinox", "diffrax", "optimistix")
 
 
 def printed(program, **environment):
@@ -115,51 +111,11 @@ def test_a_new_worker_process_computes_in_float64():
     np.testing.assert_allclose(there, here, rtol=1e-12)
 
 
-@cache
-def imports(file: Path) -> frozenset[str]:
-    """Modules that a file names when it is imported, with the packages that hold them."""
-    found = set()
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
-        elif isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
-    parts = [module.split(".") for module in found]
-    return frozenset(".".join(each[:end]) for each in parts for end in range(1, len(each) + 1))
-
-
-def all_imported(file: Path) -> set[str]:
-    """The same, with all that these import in turn, and the packages of the file."""
-    waiting = [
-        file,
-        *(folder / "__init__.py" for folder in file.parents if PACKAGE in folder.parents),
-    ]
-    found: set[str] = set()
-    while waiting:
-        for name in imports(waiting.pop()) - found:
-            found.add(name)
-            if name.startswith("knitlab."):
-                path = PACKAGE.parent.joinpath(*name.split("."))
-                files = (path.with_suffix(".py"), path / "__init__.py")
-                waiting += [each for each in files if each.exists()]
-    return found
-
-
-def test_every_module_that_imports_jax_also_imports_the_package_that_sets_float64():
-    files = [file for file in PACKAGE.rglob("*.py") if imports(file) & set(NUMBERS)]
-    assert len(files) > 20
-    outside = [file for file in files if PACKAGE / "model" not in file.parents]
-    assert not [file for file in outside if "knitlab.model" not in all_imported(file)]
-
-
 @pytest.mark.parametrize(
     "imported",
     [
         "import knitlab as kl, xarray as xr",
         "import xarray as xr, knitlab as kl",
-        "import importlib.util, knitlab as kl; importlib.util.find_spec('xarray')\n"
-        "import xarray as xr",
-        "import knitlab as kl; kl.open_cube\nimport xarray as xr",
         "import knitlab as kl, importlib; importlib.reload(kl); import xarray as xr",
     ],
 )

@@ -81,10 +81,10 @@ def test_curves_are_compared_at_the_measured_strains_and_forces_for_one_width():
 
 
 def test_cubes_that_cannot_be_compared_are_refused():
-    with pytest.raises(InputError, match="begins with a simulation, but bench 3 was measured"):
+    with pytest.raises(InputError, match="bench 3"):
         compared(measured_cube(), [measured_cube()])
-    with pytest.raises(InputError, match="experiments after it"):
+    with pytest.raises(InputError, match="experiments"):
         compared(simulated_cube(), [simulated_cube()])
     other = simulated_cube().sel(n_stripe=[2])
-    with pytest.raises(InputError, match="no curve of a design"):
+    with pytest.raises(InputError, match="other cubes"):
         compared(other, [measured_cube()])

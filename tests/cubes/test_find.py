@@ -114,8 +114,8 @@ def test_cubes_on_other_strains_are_searched_together():
         ("median(poisson_ratio) = 1 @ 0.1:0.2", "no reduction 'median'"),
         ("slope(poisson_ratio) = 1 @ 0.1", "needs a window"),
         ("1 < knit_cell_x < 0", "exchange them"),
-        ("knit_cell_x = 3 ± 0", "tolerance that is not above 0"),
-        ([CURVE] * 31, "are 31 with subject_to; give at most 30"),
+        ("knit_cell_x = 3 ± 0", "tolerance"),
+        ([CURVE] * 31, "31.*30"),
         (["a ~ 3", "b"], r"(?s)a ~ 3.*target b"),
     ],
 )
@@ -148,7 +148,7 @@ def test_curves_can_be_reduced_in_queries():
     assert table.iloc[0, 1] == pytest.approx(0, abs=1e-12)
     missing = kl.query(cube(), where="isnan(mean(poisson_ratio, 0.1:0.4))")
     assert len(missing) == len(LEVELS)
-    with pytest.raises(kl.InputError, match="reduces a curve along applied_strain"):
+    with pytest.raises(kl.InputError, match="applied_strain"):
         kl.query(cube(), where="mean(knit_cell_x, 0:0.1) > 0")
 
 
