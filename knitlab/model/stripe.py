@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
-from pydantic import PositiveFloat
+from pydantic import Field, PositiveFloat
 
 from knitlab.io.errors import invalid
 from knitlab.model.array_library import array_library
@@ -59,7 +59,7 @@ class Stripe(Checked):
     """
 
     knit: Knit
-    n: int
+    n: Annotated[int, Field(gt=0, lt=10_000)]
     period: Annotated[PositiveFloat, Unit("mm")]
     k_s: Annotated[PositiveFloat, Unit("N/mm")]
     theta_0: RestAngle

@@ -119,7 +119,7 @@ class CaseSettings:
                 raise invalid(self.source("electrodes.layout"), f"{message}, or give a mask")
             layout = parameters.layouts[section.layout]
         # The section's ``layout`` is a name.
-        numbers = overridden(parameters.capacitor, section)
+        numbers = overridden(parameters.capacitor, section.model_copy(update={"layout": None}))
         return replace(numbers, layout=overridden(layout, section))
 
     def check(self) -> None:

@@ -15,7 +15,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.cubes.case_file import case_path, read_case, write_case_file
 from knitlab.io.errors import InputError
-from knitlab.observables.schema import Status
+from knitlab.observables.status import Status
 from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
 
 ONE = {"n_stripe": 4, "n_subunit": 16}
