@@ -22,7 +22,6 @@ from knitlab.io.names import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
 EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
@@ -216,15 +215,6 @@ def _two_counts(text: str) -> tuple[int, int]:
     if match is None:
         raise invalid("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
     return int(match[1]), int(match[2])
-
-
-def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:
-    """Save a figure beside a file, as PNG."""
-    from knitlab.figures.figure_files import draw_into
-
-    file = output.with_suffix(".png")
-    draw_into(draw, file)
-    click.echo(f"figure   {file}")
 
 
 cubes = click.argument("cubes", type=PATH, nargs=-1, required=True)

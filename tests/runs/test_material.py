@@ -271,7 +271,7 @@ def test_a_stripe_is_named_by_its_number_of_stitches(tmp_path, n):
     key = n.replace("\n", "\\n")
     path.write_text(Path(written(path, RIB)).read_text().replace("n.4]", f'n."{key}"]'))
     for make in (lambda: kl.Material.read(path), lambda: kl.Material((replace(RIB, n=n),))):
-        with pytest.raises(InputError, match="1 to 9999|Stripe: n"):
+        with pytest.raises(InputError, match=r"1 to 9999|Stripe: n"):
             make()
 
 
