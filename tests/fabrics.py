@@ -35,6 +35,7 @@ from knitlab.runs.parameters import read_parameters
 from knitlab.solvers.dynamics.damped_test import MovingFabrics
 from knitlab.solvers.dynamics.grid import Shape
 from knitlab.solvers.dynamics.settings import Dynamics
+from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import State, TensileTest
 from knitlab.solvers.equilibrium.system import System
@@ -127,9 +128,9 @@ def cell_of(fabric: Fabric) -> np.ndarray:
     return np.array([fabric.cell_x[0], fabric.cell_y[0]])
 
 
-def equations(net: Network, fabric: Fabric) -> System:
+def equations(net: Network, fabric: Fabric, contact: Barrier | None = None) -> System:
     """What the solvers solve for a fabric."""
-    return System(net.shape, fabric)
+    return System(net.shape, fabric, contact=contact)
 
 
 def staged(fabric: Fabric, stage: Stage) -> Fabric:

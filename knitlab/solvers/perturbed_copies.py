@@ -88,11 +88,12 @@ def _branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> lis
             relax_near,
             settings=case.equilibrium_solver,
             start=test.states[0].configuration,
-            contact=contact_of(case),
         )
         for case, test in zip(cases, tests, strict=True)
     ]
-    relaxed = run_each(cases[0].mesh_shape, [case.assemble()[1] for case in cases], searches)
+    fabrics = [case.assemble()[1] for case in cases]
+    contacts = [contact_of(case) for case in cases]
+    relaxed = run_each(cases[0].mesh_shape, fabrics, searches, contacts)
     return [
         float(state.energy.total) if state.converged and test.states[0].converged else np.nan
         for state, test in zip(relaxed, tests, strict=True)

@@ -14,7 +14,7 @@ gain slowly, the last step is extrapolated and the subdomains are solved again.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import Event
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from knitlab.model.energy import Evaluation, Point
 from knitlab.model.fabric import Fabric, Unknowns
@@ -26,6 +26,9 @@ from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
 
+if TYPE_CHECKING:
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
+
 MAX_CONCURRENT_NODES = 4096  # number of nodes up to which fabrics run concurrently
 ROUNDS = 8  # rounds before extrapolation may begin; most samples converge within a few more
 MAX_EXTRAPOLATION = 2.5  # largest extrapolated step, over the step limit of a search
@@ -34,26 +37,36 @@ Result = TypeVar("Result")
 
 
 def run_each(
-    shape: MeshShape, fabrics: Sequence[Fabric], searches: Sequence[Callable[[System], Result]]
+    shape: MeshShape,
+    fabrics: Sequence[Fabric],
+    searches: Sequence[Callable[[System], Result]],
+    contacts: "Sequence[Barrier | None]" = (),
 ) -> list[Result]:
     """Results of one function for each fabric, which is called with the equations of the fabric.
+
+    These include its contact with itself, if that is given.
 
     Small fabrics run one to a thread; large ones one after another, as their elements and fronts
     keep all threads busy. Results do not depend on the number of threads.
     """
     threads = Threads(allowed_threads())
     stopped = Event()
-    pairs = list(zip(fabrics, searches, strict=True))
+    problems = list(zip(fabrics, searches, contacts or [None] * len(fabrics), strict=True))
     with one_thread_of_blas():
-        if len(pairs) == 1 or shape.nodes > MAX_CONCURRENT_NODES:
-            return [search(System(shape, fabric, threads)) for fabric, search in pairs]
+        if len(problems) == 1 or shape.nodes > MAX_CONCURRENT_NODES:
+            return [
+                search(System(shape, fabric, threads, contact=contact))
+                for fabric, search, contact in problems
+            ]
 
-        def alone(pair: tuple[Fabric, Callable[[System], Result]]) -> Result:
-            fabric, search = pair
-            return search(System(shape, fabric, stopped=stopped))
+        def alone(
+            problem: "tuple[Fabric, Callable[[System], Result], Barrier | None]",
+        ) -> Result:
+            fabric, search, contact = problem
+            return search(System(shape, fabric, stopped=stopped, contact=contact))
 
         try:
-            return threads.each(alone, pairs)
+            return threads.each(alone, problems)
         except BaseException:
             # Python would wait for the other threads before it exits.
             stopped.set()

@@ -60,7 +60,6 @@ class Equilibrium(Method):
                 start=start,
                 folded=None if relaxed is None else relaxed.configuration,
                 unload=case.unloading,
-                contact=contact_of(case),
                 factorised=reporter.factorised,
                 load=case.load,
                 friction=case.friction,
@@ -69,7 +68,8 @@ class Equilibrium(Method):
             for case, start, relaxed, reporter in zip(cases, starts, moved, reporters, strict=True)
         ]
         fabrics = [case.assemble()[1] for case in cases]
-        tests = run_each(cases[0].mesh_shape, fabrics, searches)
+        contacts = [contact_of(case) for case in cases]
+        tests = run_each(cases[0].mesh_shape, fabrics, searches, contacts)
         return [
             test if relaxed is None else _after_motion(test, relaxed)
             for test, relaxed in zip(tests, moved, strict=True)
@@ -109,10 +109,11 @@ def tilings(cases: "Sequence[Case]", sheets: Starts, imperfection: int | None = 
     cells = [cases[number].periodic_cell for number in numbers]
     fabrics = [cell.assemble() for cell in cells]
     searches = [
-        partial(relax, settings=cell.equilibrium_solver, start=sheet, contact=contact_of(cell))
+        partial(relax, settings=cell.equilibrium_solver, start=sheet)
         for cell, sheet in zip(cells, _sheets(cells, imperfection), strict=True)
     ]
-    relaxed = run_each(fabrics[0][0].shape, [fabric for _, fabric in fabrics], searches)
+    contacts = [contact_of(cell) for cell in cells]
+    relaxed = run_each(fabrics[0][0].shape, [fabric for _, fabric in fabrics], searches, contacts)
     for number, (net, _), state in zip(numbers, fabrics, relaxed, strict=True):
         if not state.converged:
             continue

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from knitlab.solvers.loads import WARP
 from knitlab.solvers.loads.load import Load
 from knitlab.solvers.loads.loading import all_free, loading_of
 
-if TYPE_CHECKING:
-    from knitlab.solvers.equilibrium.contact_barrier import Barrier
-
 
 def stretch(
     system: System,
@@ -36,7 +32,6 @@ def stretch(
     start: Configuration | None = None,
     folded: Configuration | None = None,
     unload: bool = False,
-    contact: "Barrier | None" = None,
     factorised: Callable[[], None] = lambda: None,
     load: Load = WARP,
     friction: Friction = NO_FRICTION,
@@ -64,7 +59,6 @@ def stretch(
     between zero and the largest strain; the earlier ones are passed first.
     """
     system.factorised = factorised
-    system.contact = system.contact or contact
     if folded is None:
         relaxed = relax(system, settings, start, load=load)
     else:
@@ -115,7 +109,6 @@ def relax(
     system: System,
     settings: Solver,
     start: Configuration | None = None,
-    contact: "Barrier | None" = None,
     load: Load = WARP,
 ) -> State:
     """The relaxed shape of a fabric (paper, Sec. "Relaxation of a pattern").
@@ -128,7 +121,6 @@ def relax(
     undefined, it is solved again by raising μ.
     """
     shape, fabric = system.shape, system.fabric
-    system.contact = system.contact or contact
     free = free_stiffness(shape, all_free(shape))
     # From a flat sheet, round-off of single precision may decide which shape is reached.
     whole = SearchRules(free, settings, exact=not worth_dividing(shape))
@@ -159,11 +151,8 @@ def relax(
     return passed[-1].after(*passed[:-1])
 
 
-def relax_near(
-    system: System, settings: Solver, start: Configuration, contact: "Barrier | None" = None
-) -> State:
+def relax_near(system: System, settings: Solver, start: Configuration) -> State:
     """The relaxed shape next to a configuration that is nearly in equilibrium."""
-    system.contact = system.contact or contact
     free = free_stiffness(system.shape, all_free(system.shape))
     rules = SearchRules(free, settings, convexified=False)
     # The lattice of a relaxed shape is not sheared.

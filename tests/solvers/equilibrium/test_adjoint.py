@@ -145,7 +145,7 @@ def pulled_fabric(
 ) -> Pulled:
     fabric = layout.fabric(stripes)
     contact = barrier_of(fabric, layout.net.shape, thickness)
-    test = stretch(equations(layout.net, fabric), [0, strain], FINE, contact=contact)
+    test = stretch(equations(layout.net, fabric, contact), [0, strain], FINE)
     relaxed, strained = test.states
     assert strained.converged
     assert not strained.snapped

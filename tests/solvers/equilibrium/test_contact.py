@@ -34,7 +34,7 @@ def barrier_of(net, fabric):
 def pulled(net, fabric, strains=STRAINS, drag=0.0, **rules):
     settings = replace(SETTINGS, drag=drag, path_step=STEP if drag else SETTINGS.path_step)
     contact = barrier_of(net, fabric)
-    test = stretch(equations(net, fabric), strains, settings, contact=contact, **rules)
+    test = stretch(equations(net, fabric, contact), strains, settings, **rules)
     assert all(state.converged for state in test.states)
     return test
 

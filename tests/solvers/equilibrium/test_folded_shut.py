@@ -31,7 +31,7 @@ class Folded:
             self.contact = Barrier(
                 net.shape, contact_layers(THICKNESS, pressure, sides, cells_per_period)
             )
-        self.state = relax(equations(net, fabric), DEFAULT, contact=self.contact)
+        self.state = relax(equations(net, fabric, self.contact), DEFAULT)
 
     @property
     def period(self):
