@@ -35,8 +35,8 @@ class CellGrid:
 def central(count: int) -> slice:
     """The central ones of ``count`` unit cells along a direction: results are their average.
 
-    Their middle is in the middle third; if none is, they are the two next to the middle: 1 of 1,
-    2 of 2, 1 of 3, 2 of 4, 1 of 5, 3 of 11, 8 of 22. The paper does not state its number.
+    Their middle is in the middle third; if none is, they are the two next to the middle: 1 of 1, 2
+    of 2, 1 of 3, 2 of 4, 1 of 5, 3 of 11, 8 of 22. The paper does not state its number.
     """
     first = min(math.ceil(count / 3 - 0.5), (count - 1) // 2)
     return slice(first, count - first)

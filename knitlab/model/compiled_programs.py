@@ -20,11 +20,7 @@ JAX holds a lock while it reads or writes, which several workers need."""
 
 
 def keep_compiled_programs() -> None:
-    """Keep compiled programs, unless the user has set JAX's cache or the folder cannot be written.
-
-    ``JAX_COMPILATION_CACHE_DIR`` names another folder; with ``JAX_ENABLE_COMPILATION_CACHE=0``
-    none. A warning says if nothing can be written there.
-    """
+    """Keep compiled programs, unless JAX has a cache already or the folder cannot be written."""
     named = getattr(jax.config, "jax_compilation_cache_dir", None)
     if named is not None:
         kept = getattr(jax.config, "jax_enable_compilation_cache", True)

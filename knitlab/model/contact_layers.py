@@ -72,8 +72,8 @@ def contact_layers(
 ) -> ContactLayers:
     """Layers of a fabric whose middle surfaces touch at a distance of its thickness [mm].
 
-    ``pressure`` is the scale of the barrier [N/mm²], and ``cell`` has the mean sides (x, y) of a
-    grid cell [mm].
+    ``pressure`` is the scale of the barrier [N/mm²], ``cell`` has the mean sides (x, y) of a grid
+    cell.
     """
     force = pressure * cell[0] * cell[1]
     return ContactLayers(

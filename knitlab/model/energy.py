@@ -106,7 +106,7 @@ def fold_angles(
     """Signed fold angle of every hinge in every state, on the branch nearest its rest angle [rad].
 
     Flat is 0, a mountain fold positive. Beyond ±π, where cells have passed through each other, the
-    angle, like the energy, continues smoothly.
+    angle continues smoothly.
     """
     positions = np.asarray(configuration.positions)
     lengths = np.asarray(configuration.lengths)
@@ -234,7 +234,6 @@ def _hinge_entries(
 
 
 def _node_derivatives(by_vectors: Float[Array, "5 ..."]) -> Float[Array, "6 ..."]:
-    """Derivatives with respect to the nodes of a hinge, from those with respect to its vectors."""
     return jnp.stack(
         [
             sum(sign * by_vectors[vector] for vector, sign in enumerate(signs) if sign)

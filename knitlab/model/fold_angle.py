@@ -1,8 +1,7 @@
 """The angle of a fold: between the normals of the two cells that share an edge.
 
-A cell is not plane. Its normal, the cross product of its diagonals, may therefore have a component
-along the edge. The paper does not state how this component is treated; the model option
-:attr:`~knitlab.model.settings.ModelOptions.fold_angle` does.
+A cell is not plane: its normal, the cross product of its diagonals, may have a component along the
+edge. How that is treated is an option (:attr:`~knitlab.model.settings.ModelOptions.fold_angle`).
 """
 
 from collections.abc import Sequence
@@ -80,11 +79,7 @@ def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> Angle
 
 
 def _across_edge(edge: Vector, before: Vector, after: Vector) -> AngleAndSlopes:
-    """The same with m = n − p ê, p = n·ê, instead of n.
-
-    A normal turns about the edge, and φ with it, by t = ê × m/|m|² for each unit of n, and by
-    −(p/ℓ) t for each unit that the edge ℓ ê itself turns.
-    """
+    """The same with m = n − p ê, p = n·ê: φ turns by t = ê × m/|m|² with n, −(p/ℓ) t with ℓ ê."""
     xp = array_library(edge)
     cross = partial(xp.cross, axis=0)
     length = xp.linalg.norm(edge, axis=0)

@@ -1,9 +1,8 @@
 """Friction of the yarn at folds: beside its spring, every hinge has one that sticks and slips.
 
-The second is elastic up to its yield moment and then slips; with hardening the yield moment grows
-by the angle slipped. A step of a test minimises an incremental potential, whose part of an element
-is a Huber function of its angle; then the slip is updated (return mapping: Simo, Hughes,
-Computational Inelasticity, Ch. 1). The paper has no friction.
+The second is elastic up to its yield moment, which grows by the angle slipped, and then slips. A
+step of a test minimises an incremental potential; then the slip is updated (return mapping: Simo,
+Hughes, Computational Inelasticity, Ch. 1). The paper has no friction.
 """
 
 from dataclasses import dataclass, replace

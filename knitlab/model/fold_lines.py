@@ -1,10 +1,9 @@
 """Fold lines: which hinges of a patch fold, by which share of a fold, and how stiff they are.
 
 With four grid cells per period, the paper's grid, a fold is one hinge. On a finer grid it is
-distributed over the hinges of a rounded ridge, which covers ``ridge_fraction`` of the stripe and
-has constant curvature at rest. Each of its hinges has the share of the fold angle that lies within
-half a cell of it, and the same share of the fold's compliance. The hinges of a flank share the
-compliance of the hinge between two folds of the paper's grid.
+distributed over the hinges of a rounded ridge of constant curvature, which covers
+``ridge_fraction`` of the stripe: each has the share of the fold angle, and of the compliance, that
+lies within half a cell of it.
 """
 
 from functools import lru_cache
@@ -32,7 +31,7 @@ class Ridge:
     """Distribution of a fold over the hinges of a fine grid; the ridge is a fraction of a stripe.
 
     ``refinement`` is the number of grid cells along one cell of the paper's grid, ``fold_shares``
-    the share of the fold of each hinge up to that many cells from the middle of the ridge.
+    the share of each hinge up to that many cells from the middle of the ridge.
     """
 
     def __init__(self, cells_per_period: int, fraction: float) -> None:
@@ -44,7 +43,7 @@ class Ridge:
         """Factor on k_t of a hinge, by its position in the period; all 1 on the paper's grid.
 
         A hinge with the share s of a fold's compliance is 1/s times as stiff, and its edge is
-        shorter than on the paper's grid by the factor ``refinement``.
+        shorter.
         """
         shares = np.zeros(CELLS_PER_PERIOD * self.refinement)
         for line, sense in enumerate(SENSE_BY_LINE[fold_phase]):
@@ -58,8 +57,8 @@ class Ridge:
     ) -> Float[Array | np.ndarray, "*stripe"]:
         """Total fold angle at rest [rad] of a ridge whose sharp fold has the rest angle θ0.
 
-        On the paper's grid π − θ0. On a finer grid it is chosen so that a pure stripe also relaxes
-        to sin(θ0/2) of its flat length, which is the mean cosine of the tilt of its cells.
+        On a finer grid than the paper's it is chosen so that a pure stripe also relaxes to
+        sin(θ0/2) of its flat length, the mean cosine of the tilt of its cells.
         """
         sharp = np.pi - theta_0
         if self.refinement == 1:
@@ -129,8 +128,7 @@ def fold_senses(
 ) -> ByEdge:
     """Share of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
 
-    Lines are counted from the start of each run of like cells: neighbouring patches of one knit
-    fold together, and no fold lies on the border between two knits.
+    Lines are counted from the start of each run of like cells; no fold lies on its border.
     """
     inside = inside_runs(like, periodic)
     line, between = np.divmod(_number_in_run(like, periodic), ridge.refinement)

@@ -95,7 +95,6 @@ class FabricLayout:
         )
 
     def _on_grid(self, weft: Any, warp: Any) -> tuple[Any, Any]:
-        """A parameter of the stripes for every column, and for every row, of grid cells."""
         xp = array_library(weft, warp)
         by_number = (xp.reshape(xp.asarray(values), -1) for values in (weft, warp))
         numbers = self.column_stripe, self.row_stripe
@@ -103,7 +102,6 @@ class FabricLayout:
         return columns, rows
 
     def _in_cells(self, weft: Any, warp: Any) -> list[Any]:
-        """A parameter along the weft, and along the warp, in every grid cell."""
         columns, rows = self._on_grid(weft, warp)
         xp = array_library(columns, rows)
         cells = (len(rows), len(columns))
@@ -112,11 +110,7 @@ class FabricLayout:
     def _scaled_to_rows(
         self, stripes: StripePair, sides: tuple[Any, Any], k_s: list[Any], k_t: list[Any]
     ) -> tuple[list[Any], list[Any]]:
-        """Stiffnesses across the ridges in the rows of the grid, scaled from given row widths.
-
-        A row of rib springs is as wide as its cells are high, one of garter springs as its cells
-        are wide.
-        """
+        """Stiffnesses across the ridges in the rows of the grid, scaled from given row widths."""
         both = (stripes.weft, stripes.warp)
         xp = array_library(stripes)
         (width, height) = sides
@@ -134,10 +128,7 @@ class FabricLayout:
         return k_s, k_t
 
     def _with_along(self, stripes: StripePair, shape: Any, k_s: list[Any]) -> list[Any]:
-        """Stiffnesses with given ones along the ridges: along the warp in rib, the weft in garter.
-
-        ``shape`` is the height of grid cells over their width.
-        """
+        """Stiffnesses with given ones along the ridges; ``shape`` is cell height over width."""
         both = (stripes.weft, stripes.warp)
         xp = array_library(stripes)
         if not any(stretch for each in both for stretch in each.stretches_along):
@@ -165,7 +156,6 @@ class FabricLayout:
         plain = np.all([self.plain_cells[row, column] for row, column in cells], axis=0)
 
         def law_numbers(row: np.ndarray, column: np.ndarray) -> Any:
-            """Numbers of the laws of springs in cells."""
             rib = self.column_stripe[column]
             garter = of_weft + self.row_stripe[row]
             along_rib = self.rib_cells[row, column] & own_rib[rib]
@@ -192,12 +182,10 @@ def _stiffening_strains(stripes: StripeNumbers) -> list[Float[Array | np.ndarray
 
 
 def _or_nan(numbers: Sequence[float | None]) -> Float[np.ndarray, " stripe"]:
-    """Optional numbers of stripes, NaN where a stripe has none."""
     return np.array([np.nan if number is None else number for number in numbers])
 
 
 def _beside_hinges(net: Network) -> list[tuple[np.ndarray, ...]]:
-    """Rows and columns of the grid cells before and after the edge of every hinge."""
     after = net.hinge_cells
     before = after - np.where(net.wale[:, None], [0, 1], [1, 0])
     return [tuple((cells % [net.shape.cells_y, net.shape.cells_x]).T) for cells in (before, after)]
@@ -210,14 +198,9 @@ def fabric_layout(
 
     Springs and hinges across the wales have the values of the rib stripe of their column, those
     across the courses of the garter stripe of their row, diagonals the smaller k_s; within plain
-    knit all have its values. Folds lie on the lines of
-    :func:`~knitlab.model.fold_lines.fold_senses`, and where the pattern has single folds. Hinges
-    that join different knits, or that are across the folds of their patch, are flat at rest, and
-    exist only with ``hinges = "all"`` or within plain knit.
-
-    Raises:
-        BadPattern: if a single fold lies outside the pattern or between grid lines.
-        ValueError: if ``plain`` is needed and not given, or the grid is not that of the options.
+    knit all have its values. Hinges that join different knits, or that are across the folds of
+    their patch, are flat at rest, and exist only with ``hinges = "all"`` or within plain knit.
+    BadPattern is raised if a single fold lies outside the pattern or between grid lines.
     """
     if pattern.cells_per_period != options.cells_per_period:
         counts = f"{pattern.cells_per_period} and {options.cells_per_period}"
@@ -230,7 +213,6 @@ def fabric_layout(
     single = _single_folds(pattern, net)
 
     def knit_values(rib: np.ndarray, garter: np.ndarray) -> np.ndarray:
-        """Values of the edges before grid cells, for every hinge."""
         return np.where(net.wale, rib[after], garter[after])
 
     factor = knit_values(*fold_stiffness_factors(pattern, options))

@@ -1,7 +1,7 @@
 """The network: the nodes of every spring and hinge. Connectivity only, no parameters.
 
-Nodes lie on a rectangular grid, numbered course by course from the bottom left. The network
-depends only on the mesh shape, so that designs of one shape share a compiled program.
+Nodes lie on a grid, numbered course by course from the bottom left. The network depends only on the
+mesh shape, so that designs of one shape share a compiled program.
 """
 
 from collections.abc import Callable
@@ -78,8 +78,7 @@ def cached_by_shape(
 ) -> Callable[Concatenate[MeshShape, Others], Result]:
     """Decorator that caches the most recent results for small and for large mesh shapes.
 
-    What follows from a large shape may take a gigabyte, and subdomains of many small shapes would
-    evict it from a cache for all.
+    What follows from a large shape may take a gigabyte; many small ones would evict it.
     """
     large: Callable[..., Result] = lru_cache(LARGE_KEPT)(function)
     small: Callable[..., Result] = lru_cache(SMALL_KEPT)(function)

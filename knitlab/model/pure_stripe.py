@@ -1,10 +1,9 @@
 """The endless sheet of one stripe, pulled across its ridges or along them, with three unknowns.
 
-A pure stripe folds alike everywhere, so that three numbers describe its state: the interior angle
-θ of its folds, and the length ℓ across the ridges and the height h along them of a grid cell
-(paper, Sec. "3D model"). A cell has a spring in each direction and two diagonals, which have the
-stiffness and the law of the softer one. Diagonals couple ℓ and h; without them the sheet is the
-zigzag of the paper's 2D model.
+A pure stripe folds alike everywhere: its state is the interior angle θ of its folds, and the length
+ℓ across the ridges and the height h along them of a grid cell (paper, Sec. "3D model"). Two
+diagonals, with the stiffness and the law of the softer spring, couple ℓ and h; without them the
+sheet is the zigzag of the paper's 2D model.
 """
 
 from typing import Any
@@ -24,10 +23,7 @@ Value = Float[Array, ""]
 
 
 class PureStripe(Zigzag):
-    """The numbers of an endless sheet of one stripe, on a grid of square cells.
-
-    They are those of the zigzag that a row of cells is, and of the springs along the ridges.
-    """
+    """The numbers of an endless sheet of one stripe: a zigzag, and springs along the ridges."""
 
     stretch_along: Value | None = None  # of springs along the ridges; None: as across [N/mm]
     law_along: SpringLaw | CurveLaw = LINEAR
@@ -70,9 +66,8 @@ class PureStripe(Zigzag):
 def tension_across(sheet: PureStripe, strain: Float[Array, " point"]) -> Float[Array, " point"]:
     """Force across the ridges on one row, as wide as a cell, at strains of the period [N].
 
-    All folds open equally, as in :func:`knitlab.model.zigzag.fold_tension`, and heights are free:
-    at every length the height is that of a cell in balance. The force is differentiable in the
-    numbers of the sheet and in the strain, which must not be negative.
+    All folds open equally, as in :func:`knitlab.model.zigzag.fold_tension`, and at every length the
+    height is that of a cell in balance. It is differentiable; the strain must not be negative.
     """
 
     def pull(of: PureStripe, length: Value) -> Value:
@@ -85,8 +80,7 @@ def tension_across(sheet: PureStripe, strain: Float[Array, " point"]) -> Float[A
 def tension_along(sheet: PureStripe, strain: Float[Array, " point"]) -> Float[Array, " point"]:
     """Force along the ridges on one column of cells at strains of its height [N].
 
-    Folds keep their rest angle, and lengths across the ridges are free, so that a column is
-    cell × sin(θ0/2) wide while it is relaxed.
+    Folds keep their rest angle; a column is cell × sin(θ0/2) wide while it is relaxed.
     """
 
     def force(strain: Value) -> Value:

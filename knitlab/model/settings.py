@@ -1,8 +1,7 @@
 """Settings of a fabric: model options, sheet and plain knit, and the types of all settings.
 
-``z_max: Annotated[PositiveFloat, Unit("mm")]`` in a table such as :class:`Sheet` is the only
-declaration of that setting, with its range and unit: parameter files, workflows, sweeps and the
-documentation derive from it (:mod:`knitlab.runs.workflow`).
+``z_max: Annotated[PositiveFloat, Unit("mm")]`` is the only declaration of a setting, with its range
+and unit: parameter files, workflows and the documentation derive from it.
 """
 
 import math
@@ -139,8 +138,7 @@ CONTACT_RANGE = 0.25  # reach of the contact barrier beyond one thickness, in th
 def largest_thickness(cell: float, theta_0: float) -> float:
     """Thickness from which on the contact barrier would act in folds at their rest angles [mm].
 
-    Nearest to each other of parts that are not near on the grid are the cell beside a fold and, on
-    its other side, the next cell but one. In a fold at rest their distance is cell × sin(θ0), or a
-    cell in a blunt one. The cell is the shortest side on the paper's grid, the fold the sharpest.
+    Nearest are the cell beside a fold and, on its other side, the next cell but one: in a fold at
+    rest they are cell × sin(θ0) apart, or a cell in a blunt one. The cell is the shortest side.
     """
     return cell * math.sin(min(theta_0, math.pi / 2)) / (1 + CONTACT_RANGE)

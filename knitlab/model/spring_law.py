@@ -1,8 +1,7 @@
 """Spring laws: the force of an extensional spring as a function of its length.
 
 F = k_s ℓ0 f(e) with the strain e = ℓ/ℓ0 − 1 of the spring, f(0) = 0 and f′(0) = 1, so that k_s is
-the stiffness at small strain for every law. Laws are functions of strain and not of length, so that
-one law applies to springs of every length, including diagonals.
+the stiffness at small strain for every law, and one law applies to springs of every length.
 """
 
 from collections.abc import Sequence
@@ -56,8 +55,7 @@ class SpringCurve:
     def spline(self) -> PPoly:
         """Force over k_s times rest length, as a function of strain [1].
 
-        The monotone cubic of Fritsch and Butland, with end slopes of the last chords, is smooth
-        enough for second derivatives of the energy. Beyond the table the force is linear.
+        A monotone cubic with end slopes of the last chords, linear beyond the table.
         """
         strain = np.array(self.strain)
         force = np.array(self.force)
@@ -108,9 +106,8 @@ def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " kn
 class SpringLaw(eqx.Module):
     """The law of some springs; its parameters, if it has any, are along the first axis.
 
-    Without parameters f = e: the paper's linear springs (Eq. 1). A spring with a stiffening strain
-    e_s has f = e + e³/e_s², cubic hardening: at e_s the force is twice that of a linear spring. It
-    stiffens in compression as in tension, so that no cell softens when crushed.
+    Without parameters f = e: the paper's linear springs (Eq. 1). With a stiffening strain e_s, f =
+    e + e³/e_s², in compression as in tension, so that no cell softens when crushed.
     """
 
     # 1/e_s², 0 if not stiffening; None if all are linear

@@ -144,19 +144,13 @@ def cell_length(
 
 
 def flat_stitch(stripe: Stripe, cell_size: CellSize) -> float:
-    """Flat length of a stitch across the ridges [mm]; a period has 2n stitches.
-
-    ``cell_size`` says whether the period of the stripe is that of relaxed or of flat fabric.
-    """
+    """Flat length of a stitch across the ridges [mm]; a period has 2n stitches."""
     flat = stripe.period if cell_size == "flat" else stripe.period / stripe.contraction
     return flat / (2 * stripe.n)
 
 
 def lengths_ratio(stripe: Stripe, sheet: Sheet, options: ModelOptions) -> float:
-    """Lengths of the network of a stripe over those of the cloth; 1 if the sheet does not tell.
-
-    It compares the flat length of a stitch along the direction in which the stripe folds.
-    """
+    """Flat length of a stitch in the network over that in the cloth; 1 if not given."""
     rib = stripe.knit == "rib"
     cloth = sheet.cloth_stitch_width if rib else sheet.cloth_stitch_height
     # Keep this order of operations: identifiers of cases depend on its last digit.
@@ -179,8 +173,8 @@ def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
     """A stripe with parameters replaced and multiplied.
 
     Changes are values such as ``rib_k_s``, and factors such as ``rib_k_s_factor`` for one knit or
-    ``k_s_factor`` for both; a stiffening strain, for one knit or for both, replaces any other
-    spring law. Raises InputError if the rest angle would reach π, which is flat.
+    ``k_s_factor`` for both; a stiffening strain replaces any other spring law. Raises InputError if
+    the rest angle would reach π, which is flat.
     """
     numbers: dict[str, Any] = {
         name: _changed(getattr(stripe, name), changes, f"{stripe.knit}_{name}", f"{name}_factor")

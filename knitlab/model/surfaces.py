@@ -39,9 +39,8 @@ def self_intersections(shape: MeshShape, configurations: Configuration) -> list[
 def crossings(quads: Quads, periods: Periods = (0.0, 0.0), shear: float = 0.0) -> int:
     """Number of pairs of quadrilaterals, or of one and an image, that pass through each other.
 
-    A pair counts if a side or the diagonal of one crosses one of two triangles of the other by more
-    than 1e-9 times the size of a quadrilateral; neighbours that touch do not count. Images along y
-    are shifted along x by ``shear`` [mm].
+    A pair counts if a side or the diagonal of one crosses a triangle of the other by more than 1e-9
+    of its size. Images along y are shifted along x by ``shear`` [mm].
     """
     low = quads.min(axis=1)
     high = quads.max(axis=1)

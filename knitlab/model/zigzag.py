@@ -92,8 +92,7 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
     """Tension of a zigzag at strains of its period, in closed form except for one root [N].
 
     All folds open equally and the joints stay straight: the minimum of the energy if k_t / (k_s
-    cell²) is small, as for the paper's stripes (at most 0.07). It is differentiable by the
-    parameters and by the strain, which must not be negative.
+    cell²) is small, as for the paper's stripes (at most 0.07). It is differentiable.
     """
     return fold_tension(chain, lambda of, length: of.k_s * of.law.pull(length, of.cell), strain)
 
@@ -101,11 +100,11 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
 def fold_tension(
     folds: Folds, pull: Callable[[Folds, Length], Length], strain: Float[Array, " point"]
 ) -> Float[Array, " point"]:
-    """Tension of folds that open equally, at strains of their period [N].
+    """Tension of folds that open equally, at strains of their period, at least 0 [N].
 
     ``pull`` is the force with which a segment between fold and joint resists its length. The root
-    is the tilt of the segments from the line of force, with θ = π − 2 tilt: there the tension of a
-    segment of length ℓ, F cos(tilt) = pull, is that of the fold, F ℓ sin(tilt) = k_t (θ − θ0).
+    is the tilt of the segments, θ = π − 2 tilt, at which the tension of a segment of length ℓ, F
+    cos(tilt) = pull, is that of the fold, F ℓ sin(tilt) = k_t (θ − θ0).
     """
 
     def length(of: Folds, tilt: Array, strain: Array) -> Array:

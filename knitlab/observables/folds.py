@@ -23,9 +23,9 @@ def widths_across_folds(
 ) -> dict[str, tuple[float, float]]:
     """Width of the patches across their folds (paper, "Relaxation"), at centre and edges [mm].
 
-    The width of a rib patch is the distance of its borders along the weft: on its middle row at its
-    centre, and the mean of its first and last row at its edges; that of a garter patch likewise
-    along the warp. Patches of a knit in the unit cell nearest the middle are averaged.
+    The width of a rib patch is the distance of its borders along the weft, on its middle row and,
+    as a mean, on its first and last; that of a garter patch likewise along the warp. Patches of a
+    knit in the unit cell nearest the middle are averaged.
     """
     rows, columns = cells.middle
     widths: dict[str, list[tuple[float, float]]] = {}

@@ -1,10 +1,7 @@
 """Knit size: finished sizes in cloth, from simulated contractions and the gauge.
 
 Samples in the paper's tables are several times smaller than in cloth. Simulations predict the
-contraction, relaxed over flat; the gauge gives the flat size, the number of stitches times the size
-of a stitch. The shipped gauge is that of the paper's finished samples, about 200 mm wide on 360
-needles, used for the stitch before the fabric folds: absolute sizes are therefore indicative, while
-ratios between designs do not depend on it.
+contraction, relaxed over flat; the gauge gives the flat size of a stitch.
 """
 
 from collections.abc import Mapping
@@ -20,9 +17,8 @@ def knit_sizes(
 ) -> dict[str, float]:
     """Finished sizes in cloth of a fabric of patches: contraction × stitches × stitch size [mm].
 
-    Given relaxed_cell, flat_cell and wavelength along x and y, the sizes by :data:`ALONG_X` and
-    :data:`ALONG_Y` are those of a unit cell, of the wave of its boundary, and of the sample, NaN if
-    periodic. Those of a graded sample follow from the contraction of its central unit cells.
+    By :data:`ALONG_X` and :data:`ALONG_Y` they are those of a unit cell, of the wave of its
+    boundary, and of the sample, NaN if periodic.
     """
     sizes: dict[str, float] = {}
     for axis, names, in_cell, whole, stitch in (

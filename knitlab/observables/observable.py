@@ -1,8 +1,7 @@
 """How observables declare themselves: name, dimensions, unit, meaning, and when a case has them.
 
 An observable is a function of a :class:`~knitlab.observables.finished_test.FinishedTest`, decorated
-with :func:`observable`. It returns the value of its one variable, or a dictionary of several that
-are computed together; what is not in the dictionary is missing.
+with :func:`observable`. It returns the value of its one variable, or a dictionary of several.
 """
 
 from collections.abc import Callable
@@ -18,11 +17,7 @@ if TYPE_CHECKING:  # which import JAX, and a query reads declarations only
 
 @dataclass(frozen=True)
 class Group:
-    """Cases that have the same further variables.
-
-    ``has`` says whether a case is one of them. Without it, the variables are of cubes or of tables
-    and no case file holds them.
-    """
+    """Cases that have the same further variables; without ``has``, no case file holds them."""
 
     name: str
     title: str

@@ -97,10 +97,7 @@ SMALL = 4096  # bytes of an array up to which HDF5's index of a compressed one i
 
 
 def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
-    """NetCDF encoding of a case or cube: integers stored as such, large arrays compressed.
-
-    Coordinates have no missing values, for which xarray would declare a number.
-    """
+    """NetCDF encoding of a case or cube: integers stored as such, large arrays compressed."""
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
     for name, settings in chosen.items():
         if compressed and dataset[name].nbytes > SMALL and dataset[name].dtype.kind in "fi":

@@ -83,8 +83,7 @@ def measured_by(shape: MeshShape, cells: CellGrid, names: tuple[str, ...]) -> Qu
 def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:
     """Logarithmic derivatives p ∂J/∂p for every parameter p of :data:`STRIPE_PARAMETERS`, in order.
 
-    They are the change of J for a relative change of p, and thus comparable between parameters. In
-    a graded fabric p changes by the same factor in all stripes of a knit.
+    In a graded fabric p changes by the same factor in all stripes of a knit.
     """
 
     def by_log_of(by_number: Array, number: Array) -> Float[np.ndarray, " quantity"]:
@@ -107,8 +106,7 @@ def sensitivities(
 ) -> dict[str, Float[np.ndarray, "strain parameter"]]:
     """Logarithmic sensitivities in converged states, the relaxed one first, by names of the schema.
 
-    They are missing at zero strain and where there is no derivative; those of Poisson's ratio are
-    also missing if the sample has no Poisson's ratio.
+    They are missing at zero strain and where there is no derivative.
     """
     measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
     values = np.full((len(QUANTITIES), len(reached), len(STRIPE_PARAMETERS)), np.nan)

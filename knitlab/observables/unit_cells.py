@@ -55,8 +55,7 @@ def local_strain(reference: ReferenceGrid, current: CornerGrid) -> tuple[CellFie
 def strains_in_direction(gradient: CellTensor, angle: float) -> tuple[Series, Series]:
     """Mean strains across and along material lines at an angle to the courses [degree], of F [1].
 
-    A line d is stretched by λ = |F d|; what is across it, so that the area changes by det F, by
-    det F / λ. Neither depends on a rotation.
+    A line d is stretched by λ = |F d|, what is across it by det F / λ.
     """
     along = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
     stretch = np.linalg.norm(gradient @ along, axis=-1)

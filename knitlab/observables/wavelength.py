@@ -2,9 +2,8 @@
 
 The line is a boundary between unit cells. The bending of the whole sample is removed with a
 Savitzky–Golay filter, the rest is resampled evenly, and the peak of its discrete Fourier transform
-gives λ = 1/ν̃_peak. For m waves the points of the transform are only 1/m apart: the line is tapered
-and padded with zeros, which interpolates the spectrum, and the top of the peak is that of a
-parabola through three points of its logarithm.
+gives λ = 1/ν̃_peak. Tapering and zero padding interpolate the spectrum; the top of the peak is that
+of a parabola through three points of its logarithm.
 """
 
 from dataclasses import dataclass
@@ -70,9 +69,8 @@ def boundary_wave(
 def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
     """The strongest wave in a line of points (along, across) in any order [mm].
 
-    Points at the same coordinate, where the fabric folds over, are averaged. Only waves within a
-    factor of two of the stated number of waves along the line are searched. Raises ValueError for
-    fewer than two waves, too few points to resolve them, or a point that is not finite.
+    Only waves within a factor of two of the stated number of waves are searched. Raises ValueError
+    for fewer than two waves, too few points to resolve them, or a point that is not finite.
     """
     if waves < FEWEST_WAVES:
         raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")

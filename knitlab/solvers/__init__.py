@@ -1,8 +1,6 @@
 """One case, relaxed and pulled: equilibria, dynamics, branches, and the factorisation they share.
 
 In: a ``Case`` (a design with all its settings). Out: a ``TensileTest``: states at the applied
-strains, each with status, residual and number of iterations.
-
-Read ``case.py``, then ``equilibrium`` and ``dynamics``, the two methods; ``branches`` follows
-equilibria through the points where a fabric snaps. Nothing here knows files or xarray.
+strains, each with status, residual and number of iterations. Read ``case.py``, then ``equilibrium``
+and ``dynamics``. Nothing here knows files or xarray.
 """

@@ -74,7 +74,7 @@ class Case:
         return f"<Case {self.label}: {len(self.applied_strain)} strains by {self.method}>"
 
     def __getstate__(self) -> dict[str, Any]:
-        """Its fields alone, as what follows from them is cached beside them."""
+        """Its fields, without what is cached beside them."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
@@ -86,9 +86,8 @@ class Case:
     def case_id(self) -> str:
         """Identifier: the design, and a hash of all that differs from its default in code.
 
-        A field that is added later changes no identifier of a case that has its default, as every
-        earlier case has. A default in code is therefore never changed: another one would give two
-        results one identifier. What users get is the value in ``params/``.
+        So a field that is added later keeps every identifier, and a default in code never changes.
+        What users get is the value in ``params/``.
         """
         differing = self._fields(exclude_defaults=True)
         return "-".join([*map(str, self.design.values()), _digest(differing)[:12]])
@@ -106,7 +105,6 @@ class Case:
         return fields
 
     def _unused(self) -> Iterator[tuple[str, str]]:
-        """Numbers that change nothing, by the field that has them and their name."""
         if self.options.cells_per_period == CELLS_PER_PERIOD:
             yield "options", "ridge_fraction"
         if self.options.contact == "none":
@@ -128,7 +126,7 @@ class Case:
 
     @property
     def states(self) -> int:
-        """States that its tests have, those of its siblings included."""
+        """States of its tests, those of its perturbed copies included."""
         return len(self.applied_strain) * (1 + self.robustness)
 
     @property
@@ -150,7 +148,7 @@ class Case:
 
     @cached_property
     def mesh_shape(self) -> MeshShape:
-        """Its mesh shape; cases of one plan that share it can be one batch."""
+        """Its mesh shape; cases that share it can be one batch."""
         return mesh_shape(self.sample, self.options.boundary)
 
     @cached_property

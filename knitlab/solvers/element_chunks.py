@@ -1,11 +1,9 @@
 """A fabric in chunks of elements: one compiled program for all mesh shapes.
 
-XLA takes seconds to compile the energy of a network and its derivatives, and would do so for every
-mesh shape. But mesh shapes differ only in the connectivity of the elements, which is a constant
-sparse matrix: it maps a configuration to the vectors of all elements, and its transpose maps their
-gradients back. The calculation in between treats every element separately. It is compiled for a
-chunk of a fixed number of elements; a fabric consists of as many chunks as it needs, the last of
-which is padded with elements without stiffness.
+XLA takes seconds to compile the energy of a network. Mesh shapes differ only in the connectivity of
+the elements, a constant sparse matrix that maps a configuration to the vectors of all elements; its
+transpose maps their gradients back. What lies between is compiled for a chunk of a fixed number of
+elements; the last chunk of a fabric is padded with elements without stiffness.
 """
 
 from collections.abc import Iterator
@@ -89,7 +87,6 @@ def thread_chunks(shape: MeshShape) -> tuple[ThreadChunks, ...]:
 def _terms(
     elements: Elements, chunks: int, per_chunk: int, offset: int
 ) -> Iterator[tuple[Indices, Indices, Float[np.ndarray, " entry"]]]:
-    """Rows, columns and values of the incidence of one kind of elements."""
     slot = np.arange(chunks * per_chunk)
     # Padding may repeat any element, as it has no stiffness.
     element = np.minimum(slot, len(elements.nodes) - 1)
@@ -133,7 +130,6 @@ class ChunkedFabric:
         acting = self._acting(stage)
 
         def evaluate_chunks(own_chunks: ThreadChunks) -> tuple[Float[np.ndarray, "3"], Unknowns]:
-            """Energies of the chunks of one thread, and the gradient of their sum."""
             vectors = own_chunks.vectors(unknowns)
             energies = np.zeros(3)
             gradient = np.empty_like(vectors)
@@ -206,7 +202,6 @@ def _split(
 ) -> tuple[
     Float[np.ndarray, "1 3 spring"], Float[np.ndarray, "5 3 hinge"], Float[np.ndarray, " node"]
 ]:
-    """Views of the vectors of a chunk's springs and hinges, and of its heights."""
     springs = numbers[: 3 * SPRINGS]
     hinges = numbers[3 * SPRINGS : -HEIGHTS]
     return springs.reshape(1, 3, SPRINGS), hinges.reshape(5, 3, HINGES), numbers[-HEIGHTS:]
@@ -216,7 +211,6 @@ def _split(
 def _evaluate(
     of: FoldAngle, acting: Acting, parameters: Parameters, vectors: Vectors
 ) -> tuple[Float[Array, "3"], Vectors]:
-    """Energies of a chunk, and the gradient of their sum with respect to the vectors."""
     springs, (rest, k_t, friction) = parameters
     fold, z_max, k_wall = acting
 
@@ -234,7 +228,6 @@ def _evaluate(
 def _hessians(
     of: FoldAngle, acting: Acting, parameters: Parameters, vectors: Vectors
 ) -> energy.ElementHessians:
-    """Element Hessians of a chunk."""
     springs, (rest, k_t, friction) = parameters
     fold, z_max, k_wall = acting
     return energy.ElementHessians(

@@ -1,7 +1,4 @@
-"""Perturbed copies of a case: imperfect sheets of slightly different stripes, in equilibrium.
-
-How far their results spread shows whether a result depends on imperfections.
-"""
+"""Perturbed copies of a case: how far their results spread shows the effect of imperfections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -114,10 +114,7 @@ def judged(stiffness: Float[np.ndarray, "6 6"]) -> PlateStatus:
 def _derivatives(
     shape: MeshShape, fabric: Fabric, state: Configuration, height: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Gradient and Hessian of a cell's energy by the deformation, the mixed Hessian by nodes.
-
-    Also the largest force on a node, over the largest of an element.
-    """
+    """Gradient, Hessian and mixed Hessian by nodes, and the largest force on a node, relative."""
     net = network(shape)
     gradient = np.zeros(6)
     hessian = np.zeros((6, 6))
@@ -199,10 +196,7 @@ def _by_deformation(
     at: Float[Array, "node 3 lane"],
     numbers: tuple[Any, ...],
 ) -> Any:
-    """Gradient of an energy by deformation and moves of nodes, and its derivative by deformation.
-
-    The energy is that of hinges if ``of`` is given, else of springs.
-    """
+    """Gradient of an energy of hinges ``of`` a kind, or of springs, and its derivative."""
     of_vectors: Callable[..., Any] = spring_energy if of is None else partial(hinge_energy, of=of)
 
     def total(deformation: Float[Array, "6"], moved: Float[Array, "node 3 lane"]) -> Array:

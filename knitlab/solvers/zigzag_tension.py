@@ -31,10 +31,8 @@ def pull_chain(
 ) -> list[ChainState]:
     """Stretch a zigzag of several periods: the leftmost node is fixed, the rightmost displaced.
 
-    At every strain, over the relaxed length, the energy is minimised over the free nodes, starting
-    from the previous state stretched to the new length. The minimiser compares energies, which
-    limits its accuracy to half of the digits; a root finder then reduces the largest force on a
-    free node to ``tolerance`` [N].
+    The energy is minimised at every strain over the relaxed length; a root finder then reduces the
+    largest force on a free node to ``tolerance`` [N], which comparing energies cannot.
     """
     nodes = np.asarray(relaxed_chain(chain, periods))
     length = nodes[-1, 0]

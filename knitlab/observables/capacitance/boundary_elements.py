@@ -1,7 +1,7 @@
 """Capacitance of conductors divided into panels, by the boundary-element method.
 
 Every panel carries a uniform charge. The mean potential on one panel due to a unit charge on
-another (Galerkin's method) fills a symmetric matrix; its inverse, summed over the panels of each
+another (Galerkin's method) fills a symmetric matrix, whose inverse, summed over the panels of each
 conductor, is Maxwell's capacitance matrix. Potentials of near panels are in closed form (Wilton et
 al., IEEE T-AP 32, 1984), others by quadrature.
 """
@@ -39,8 +39,8 @@ Vector = list[Array]
 class Images(eqx.Module):
     """Periodic repetition of all conductors along x (0) or y (1).
 
-    The nearest ``count`` images on either side are summed one by one; those beyond, with their ζ(3)
-    and ζ(5), as second and fourth multipoles, as odd multipoles of the two sides cancel.
+    The nearest ``count`` images on either side are summed one by one; those ``beyond``, with their
+    ζ(3) and ζ(5), as second and fourth multipoles.
     """
 
     count: Int[Array, ""]
@@ -70,10 +70,7 @@ def near_pairs(
     images: Images | None = None,
     period: Float[np.ndarray, " state"] | None = None,
 ) -> Int[np.ndarray, "pair 2"]:
-    """Pairs of panels that are near in any state, each once, including every panel with itself.
-
-    The larger panel is second. The pairs are padded with copies of the last one.
-    """
+    """Pairs of panels that are near in any state, each once, the larger panel second, padded."""
     states, count = panels.shape[:2]
     turns = np.zeros((states, 3))
     if images is not None:
@@ -112,17 +109,12 @@ def maxwell_matrices(
     insulation: Float[Array, ""] | float = 0.0,
     ground: Float[Array, " state"] | None = None,
 ) -> Float[Array, "state conductor conductor"]:
-    """Maxwell's capacitance matrices in vacuum [pF].
+    """Maxwell's capacitance matrices in vacuum [pF], NaN if panels are inside each other.
 
-    They are NaN if the matrix of potentials is not positive definite, as for panels inside each
-    other. For periodic conductors they give the charge of one period; without a grounded plane
-    their potentials are relative to an arbitrary reference, and only :func:`two_terminal` is
-    meaningful.
-
-    Corners of panels are in order around each and may repeat [mm]; ``membership`` is 1 if a panel
-    belongs to a conductor, else 0. Between different conductors, with an ``insulation`` of
-    thickness d, a distance r counts as √(r² + d²) [mm]. A grounded plane is at a height ``ground``
-    below all panels [mm].
+    For periodic conductors they give the charge of one period; without a grounded plane only
+    :func:`two_terminal` is meaningful. ``membership`` is 1 if a panel belongs to a conductor.
+    Between different conductors, with an ``insulation`` d, a distance r counts as √(r² + d²) [mm].
+    A grounded plane is at a height ``ground`` below all panels [mm].
     """
     insulation_squared = insulation**2 * (1 - membership @ membership.T)
 
@@ -140,10 +132,7 @@ def maxwell_matrices(
 def two_terminal(
     matrix: Float[Array | np.ndarray, "*state 2 2"],
 ) -> Float[Array | np.ndarray, "*state"]:
-    """Capacitance between two conductors with opposite charges, as a meter measures it [pF].
-
-    It does not depend on a shift of all potentials, which is arbitrary for periodic conductors.
-    """
+    """Capacitance between two conductors with opposite charges, as a meter measures it [pF]."""
     one = matrix[..., 0, 0]
     other = matrix[..., 1, 1]
     mutual = matrix[..., 0, 1]
@@ -151,8 +140,6 @@ def two_terminal(
 
 
 class _Conductors(eqx.Module):
-    """The conductors of one state, as in :func:`maxwell_matrices`."""
-
     panels: Float[Array, "panel 4 3"]
     near: Int[Array, "pair 2"]
     images: Images | None
@@ -162,8 +149,8 @@ class _Conductors(eqx.Module):
     def potential_coefficients(self, ground: Float[Array, ""] | None) -> Matrix:
         """4πε0 times the mean potential on each panel due to a unit charge on each [1/mm].
 
-        With images it is that of a charge and all its images, up to a constant. With a grounded
-        plane it is also that of the opposite charges that are mirrored in it, without a constant.
+        With images it is that of a charge and all its images, up to a constant; with a grounded
+        plane also that of the opposite charges that are mirrored in it, without a constant.
         """
         direct = self._due_to(self.panels)
         if ground is not None:
@@ -239,7 +226,6 @@ class _Conductors(eqx.Module):
 
 
 def _mirrored(panels: Any, ground: Any) -> Any:
-    """Panels mirrored in a plane at a height."""
     return panels * np.array([1.0, 1.0, -1.0]) + 2 * ground * np.array([0.0, 0.0, 1.0])
 
 
@@ -281,16 +267,11 @@ def triangle_potential(
 ) -> Float[Array, "..."]:
     """Integral of 1/r over a triangle, as seen from a point [mm].
 
-    With the point at height d above the plane of the triangle, and each edge at distance t from
-    the foot of the perpendicular, extending from l⁻ to l⁺,
-
-        ∫ dA/r = Σ_edges t ln((R⁺ + l⁺)/(R⁻ + l⁻))
-                 − |d| (atan(t l⁺/(R₀² + |d| R⁺)) − atan(t l⁻/(R₀² + |d| R⁻))).
-
-    It also holds on the triangle and its edges. A triangle without area gives 0.
-
-    Triangles are given by corner and component [mm]. With ``added_squared`` c², r counts as
-    √(r² + c²), and the height d likewise [mm²].
+    With the point at height d above the plane of the triangle, and each edge at distance t from the
+    foot of the perpendicular, extending from l⁻ to l⁺, it is the sum over edges of t ln((R⁺ +
+    l⁺)/(R⁻ + l⁻)) − |d| (atan(t l⁺/(R₀² + |d| R⁺)) − atan(t l⁻/(R₀² + |d| R⁻))). A triangle without
+    area gives 0. Triangles are given by corner and component. With ``added_squared`` c², r counts
+    as √(r² + c²), and the height d likewise [mm²].
     """
     ends = [[corner[axis] - at[axis] for axis in range(3)] for corner in corners]
     edges = [[b - a for a, b in zip(ends[k], ends[(k + 1) % 3], strict=True)] for k in range(3)]

@@ -52,11 +52,9 @@ def capacitances(
 ) -> Capacitances:
     """Capacitance in every one of several states, by boundary elements of two or more sizes.
 
-    A value is extrapolated from the last two sizes; the estimated error is :data:`CAUTION` times
-    the change. Panels are refined while the error exceeds ``capacitor.accuracy``. There is no
-    value if bare electrodes touch, or if electrodes or a fold at them have passed through each
-    other or themselves. Gaps are searched up to the length of a cell of the paper's grid, which is
-    ``refinement`` cells long.
+    Panels are refined while the estimated error, :data:`CAUTION` times the last change, exceeds
+    ``capacitor.accuracy``. There is no value if bare electrodes touch, or if electrodes or a fold
+    at them have passed through each other. Gaps are searched up to ``refinement`` grid cells.
     """
     shape = net.shape
     states = len(configurations.lengths)
@@ -106,7 +104,6 @@ def capacitances(
 def _crossing_itself(
     panels: Panels, electrode: Int[np.ndarray, " panel"], around: Surroundings
 ) -> Bool[np.ndarray, " state"]:
-    """Whether an electrode passes through itself, in every state."""
     periods = np.broadcast_to(around.periods[:2].T, (len(panels), 2))
     return np.array(
         [

@@ -1,8 +1,7 @@
-"""Maxwell's capacitance matrix of electrodes that are divided into panels.
+"""Maxwell's capacitance matrix of electrodes that are divided into panels: charge i is Σ C_ij V_j.
 
-The charge of electrode i is Σ C_ij V_j. Everything that computes a capacitance by boundary elements
-goes through here: what surrounds the electrodes, batches of states, cloth that polarises, and the
-extrapolation from two sizes of panels.
+Everything that computes a capacitance by boundary elements goes through here: what surrounds the
+electrodes, batches of states, cloth that polarises, and the extrapolation from two panel sizes.
 """
 
 import math
@@ -65,10 +64,9 @@ def maxwell_matrices(
 ) -> Matrices:
     """Maxwell's matrices in vacuum of ``count`` electrodes [pF], of one period if periodic.
 
-    Panels whose ``electrode`` is ``count`` are cloth without an electrode. The cloth is a thin
-    sheet: a field E along it polarises it by ε0 ``polarised`` E over its width; across it the field
-    is that of air. Without a plane, potentials of periodic electrodes are relative to an arbitrary
-    reference; see :func:`neutral`.
+    Panels whose ``electrode`` is ``count`` are cloth without an electrode: a field E along the
+    cloth polarises it by ε0 ``polarised`` E over its width. Without a plane, potentials of periodic
+    electrodes are relative to an arbitrary reference; see :func:`neutral`.
     """
     images = None
     if around.axis is not None and around.period is not None:
@@ -113,11 +111,7 @@ def _with_cloth(
     member: Float[np.ndarray, "panel electrode"],
     polarised: float,
 ) -> Float[np.ndarray, "electrode electrode"]:
-    """The matrix on polarised cloth, from the inverse of the potentials of all panels in air.
-
-    Bare panels have the charge of the polarisation, which flows between neighbours as a current
-    would through a sheet: the divergence of ε0 ``polarised`` times the gradient of the potential.
-    """
+    """The matrix on polarised cloth, from the inverse of the potentials of all panels in air."""
     following = np.roll(panels, -1, axis=1)
     middles = (panels + following) / 2
     lengths = np.linalg.norm(following - panels, axis=-1)

@@ -16,8 +16,8 @@ from knitlab.model.network import MeshShape
 class PanelChart:
     """Panels on the flat chart; none crosses the border of a grid cell.
 
-    Grid cells (y, x) may lie beyond a periodic boundary; corners (x, y) are within their cell, from
-    0 to 1 and in order around the panel.
+    Grid cells (y, x) may lie beyond a periodic boundary; corners (x, y) are from 0 to 1 in their
+    cell.
     """
 
     cell: Int[np.ndarray, "panel 2"]
@@ -28,8 +28,8 @@ class PanelChart:
 def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelChart:
     """Divide electrodes into panels, narrower towards their edges, where charge concentrates.
 
-    Along each direction a grid cell is divided into ``level`` panels, twice as many if the
-    electrode ends at one side of it, and four times as many if it ends at both.
+    A grid cell is divided into ``level`` panels, twice as many along a direction if the electrode
+    ends at one side of it, and four times as many if it ends at both.
     """
     wrapped: list[int | None] = [None, None]
     if shape.periodic:
@@ -65,10 +65,7 @@ def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> tuple[int, f
 
 
 def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
-    """Lines from 0 to 1 that divide a cell into panels, denser where charge concentrates.
-
-    The side opposite to a free one is usually the ridge of a fold: also an outer edge, as dense.
-    """
+    """Lines from 0 to 1 that divide a cell into panels, denser where charge concentrates."""
     count = level * 2 ** (low_free + high_free)
     lines = np.linspace(0, 1, count + 1)
     return (1 - np.cos(np.pi * lines)) / 2 if low_free or high_free else lines

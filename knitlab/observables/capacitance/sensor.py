@@ -1,7 +1,6 @@
 """Figures of merit of a capacitor as a strain sensor (paper, "Knit capacitors").
 
-All of them follow from a curve C(ε), simulated or measured, with at least three points. Imports
-neither JAX nor SciPy, as cubes are read without them.
+All follow from a curve C(ε), simulated or measured. Imports neither JAX nor SciPy.
 """
 
 from enum import IntEnum
@@ -38,8 +37,8 @@ def sensor_values(
 ) -> dict[str, float]:
     """Figures of merit of a sensor, by the names of the schema; none if it has too few points.
 
-    The curve [pF] at ascending strains is interpolated by monotone cubics. The working range is the
-    widest window in which a straight line has an R². Humidity changes all but the leads.
+    The curve [pF] at ascending strains is interpolated by monotone cubics. Humidity changes all but
+    the leads.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -136,10 +135,8 @@ def hysteresis(loading: Curve, unloading: Curve) -> float:
 def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
     """Applied strain at which unfolding is complete, NaN if it is not within the test [1].
 
-    It is complete when the mean angle of the folds between the electrodes has fallen to the
-    fraction ``left`` of its relaxed value, or to its minimum if they close again from there on. A
-    checkerboard reaches this at its largest transverse strain (paper, Sec. "Kinematics under
-    tension"); at larger strain it narrows, and its folds close.
+    The mean angle of the folds between the electrodes has fallen to the fraction ``left`` of its
+    relaxed value, or to its minimum, if they close again from there on as in a checkerboard.
     """
     least = int(np.argmin(fold))
     open_enough = np.flatnonzero(fold <= left * fold[0])

@@ -1,13 +1,9 @@
 """Capacitance by the wedge integral: a fast estimate for two strips side by side.
 
-Field lines are approximated by arcs about the line midway between the strips, through the wedge in
-front of the fabric and through that behind it. Each wedge of angle θ between flat strips has
-
-    C = ε L ∫ dr/(r θ) = ε L G,  G = ln(r2/r1)/θ,
-
-or G = width over distance if they are parallel plates. The fringe field follows from the plane
-problem: r^(π/θ) maps the wedge to a half plane, where two coplanar strips have
-C = ε L K(k')/2K(k) with k = exp(−π G). That is exact for flat fabric, and G + ln 4/π for a narrow
+Field lines are approximated by arcs about the line midway between the strips, in front of the
+fabric and behind it. Each wedge of angle θ has C = ε L G, G = ln(r2/r1)/θ, or width over distance
+of parallel plates. With its fringe field it has C = ε L K(k')/2K(k), k = exp(−π G): r^(π/θ) maps it
+to a half plane with two coplanar strips. That is exact for flat fabric, and G + ln 4/π for a narrow
 wedge.
 """
 
@@ -45,10 +41,9 @@ def side_by_side(electrodes: Electrodes) -> bool:
 def wedge_capacitance(
     electrodes: Electrodes, shape: MeshShape, configuration: Configuration
 ) -> Float[Array, "*state"]:
-    """Capacitance between two strips in vacuum, by the wedge integral [pF].
+    """Capacitance between two strips in vacuum, by the wedge integral, differentiable [pF].
 
-    It is differentiable by the configuration, and for periodic fabric that of one period. Raises
-    ValueError if the electrodes are not two strips :func:`side_by_side`.
+    Raises ValueError if the electrodes are not two strips :func:`side_by_side`.
     """
     if not side_by_side(electrodes):
         raise ValueError("the wedge integral needs two strips of equal width, side by side")

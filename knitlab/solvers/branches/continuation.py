@@ -77,10 +77,10 @@ def equilibrium(equations: Equations, u: Vector, t: float) -> PathPoint:
 
 
 def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -> list[PathPoint]:
-    """Points of a branch from one of it, in the direction of its tangent, and its critical points.
+    """Points of a branch, its critical points included, from one of it along its tangent.
 
     It ends where the parameter leaves a range, where the branch closes, after :data:`MAX_POINTS`,
-    or where no smaller step succeeds. NotFollowed is never raised: what was reached is returned.
+    or where no smaller step succeeds.
     """
     points = [start]
     length = FIRST_STEP
@@ -119,7 +119,6 @@ def at_parameter(
             length = along @ np.append(moved, other.parameter - one.parameter)
 
             def beyond(distance: float, one: PathPoint = one) -> float:
-                """How far the parameter is beyond the wanted one."""
                 return _at_distance(equations, one, distance, one.tangent)[1] - parameter
 
             with suppress(NotFollowed, ValueError):
@@ -127,10 +126,10 @@ def at_parameter(
 
 
 def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[PathPoint]:
-    """Points on either side of the other branch that crosses the one of a branch point.
+    """Points on either side of the other branch at a branch point, an ``amplitude`` away.
 
-    ``amplitude`` is the distance to them, in u over its size and in t. It is halved where a second
-    eigenvalue changes its sign on the way, so that no critical point is skipped.
+    The amplitude, in u over its size and in t, is halved where a second eigenvalue changes its
+    sign.
     """
     mode = at.modes[:, np.argmin(np.abs(at.eigenvalues))]
     directions = [np.append(mode, 0.0), _across_mode(equations, at, mode)]
@@ -268,7 +267,6 @@ def lowest_eigenvalues(
 
 
 def _free_motions(equations: Equations, stiffness: sp.csc_array) -> Float[np.ndarray, "free mode"]:
-    """The neutral motions, and the lift where nothing is touched."""
     largest = abs(stiffness.diagonal()).max()
     if (abs(stiffness @ equations.lift) < NO_STIFFNESS * largest).all():
         return np.concatenate([equations.neutral, equations.lift], axis=1)
@@ -276,7 +274,6 @@ def _free_motions(equations: Equations, stiffness: sp.csc_array) -> Float[np.nda
 
 
 def _distance(equations: Equations, one: PathPoint, other: PathPoint) -> float:
-    """Distance between two points, in u over its size and in t."""
     moved = (other.unknowns - one.unknowns) / equations.size
     return float(np.hypot(np.linalg.norm(moved), other.parameter - one.parameter))
 
@@ -300,7 +297,6 @@ def _critical_points(
         return _stepped(equations, before, distance, before.tangent)[0]
 
     def crossing(value: Callable[[PathPoint], float]) -> tuple[float, PathPoint] | None:
-        """The distance at which a value changes its sign, and the point there."""
         try:
             distance = brentq(
                 lambda distance: value(at(distance) if distance else before),

@@ -1,9 +1,8 @@
 """Shapes that a fabric may relax to: from many sheets, without copies, and energies between them.
 
-Shapes that a symmetry of the fabric maps to each other have the same energy, and the same fold
-angles in another order: by these they are recognised. The highest energy on a path between two
-shapes estimates the barrier between them, mostly from above (string method: E, Ren,
-Vanden-Eijnden, Phys. Rev. B 66, 052301, 2002).
+Shapes that a symmetry of the fabric maps to each other have the same energy and the same fold
+angles in another order. The highest energy on a path between two shapes estimates the barrier
+between them (string method: E, Ren, Vanden-Eijnden, Phys. Rev. B 66, 052301, 2002).
 """
 
 from collections.abc import Callable, Sequence
@@ -57,8 +56,7 @@ def relaxed_shapes(
 ) -> tuple[list[RelaxedShape], int]:
     """The shapes that sheets relax to, the lowest energy first, and starts that did not converge.
 
-    The first start is the flat sheet, others are rough: noise of up to half a grid cell, smooth
-    over 1 to 8 cells, reproducible by their number.
+    The first start is the flat sheet; others have reproducible noise, smooth over 1 to 8 cells.
     """
     sheets = [None if k == 0 else _rough_sheet(net, fabric, k) for k in range(starts)]
     searches = [partial(_relaxed_from, settings=settings, start=sheet) for sheet in sheets]

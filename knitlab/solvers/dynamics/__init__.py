@@ -1,12 +1,9 @@
 """Damped dynamics of a fabric as a structured grid: relaxation and a test at a finite rate.
 
-In: a fabric, a loading and ``Dynamics`` (mass, drag, time step). Out: the same
-``TensileTest`` as a quasi-static test has, with its history of energies.
-
-Read ``damped_test.py``, then ``motion.py`` (a step in time) and ``grid.py`` (forces by slices of a
-grid, which is why a step is fast). ``contact_pairs.py`` lists what may touch, ``contact_forces.py``
-has its forces. Many fabrics of one shape are moved together by ``vmap``.
-Nothing here knows files, xarray or designs.
+In: a fabric, a loading and ``Dynamics`` (mass, drag, time step). Out: the same ``TensileTest`` as a
+quasi-static test has, with its history of energies. Read ``damped_test.py``, then ``motion.py`` (a
+step in time) and ``grid.py`` (forces by slices of a grid). ``contact_pairs.py`` lists what may
+touch, ``contact_forces.py`` has its forces. Nothing here knows files, xarray or designs.
 """
 
 import knitlab.model  # noqa: F401  # so that JAX is in float64 here too

@@ -1,20 +1,14 @@
 """Forces of contact in motion: the barrier of equilibria, in JAX, over one step in time.
 
 The potential is that of :mod:`knitlab.solvers.equilibrium.contact_barrier`, so that a motion comes
-to rest where equilibria are. It is a sum over pairs of parts, a node and a triangle or two edges
-(Li et al., Incremental Potential Contact, ACM Trans. Graph. 39, 2020), which ``contact_pairs.py``
-lists. Lists have spare places and are read in chunks, so that one program serves many lengths.
+to rest where equilibria are. Pairs of parts come from ``contact_pairs.py``, in lists with spare
+places that are read in chunks: one program serves many lengths.
 
-The barrier is too stiff for explicit steps. Every pair finds its own force, at the distance to
-which the step leads. The mass of a node is shared among the pairs that act on it, so that many
-stiff pairs are stable together (mass splitting: Tonge, Benevolenski and Voroshilov, ACM Trans.
-Graph. 31, 2012). First come the forces at the present distances: whole where they balance the
-others, so that at rest nothing is added, and in collisions only as far as they are stable. In each
-sweep every pair then finds its force given those of the others, until no force changes. With one
-sweep, forces do not pass on from pair to pair, and pressed folds close.
-
-How pairs lie is found once in a step, and kept for the chunks in which some may touch. Steps hand
-on the memory for it, which is large and need not be cleared.
+The barrier is too stiff for explicit steps: every pair finds its force at the distance to which the
+step leads, with its share of the mass of a node (mass splitting: Tonge, Benevolenski and
+Voroshilov, ACM Trans. Graph. 31, 2012). Forces at the present distances come first, in collisions
+only as far as they are stable; in each sweep every pair then finds its force given those of the
+others, until none changes. With one sweep, pressed folds would close.
 """
 
 from collections.abc import Callable
@@ -46,10 +40,7 @@ class Crossing(NamedTuple):
 
 
 def node_and_triangle(corners: Corners) -> Weights:
-    """Weights of a node and the corners of a triangle.
-
-    Source: Ericson, Real-Time Collision Detection (2005), Sec. 5.1.5.
-    """
+    """Weights of a node and a triangle (Ericson, Real-Time Collision Detection, Sec. 5.1.5)."""
     point, first, second, third = corners
     one = subtract(second, first)
     other = subtract(third, first)
@@ -160,10 +151,7 @@ def chunk_size() -> int:
 
 
 class PairList(NamedTuple):
-    """Pairs of one kind that may come within reach, by their four corners.
-
-    Places that are not used have a ``range_squared`` of −1.
-    """
+    """Pairs of one kind that may come within reach; spare places have a ``range_squared`` of −1."""
 
     # Of the corners, numbered along the rows of the grid.
     nodes: Int[Array, "*batch 4 pair"]
@@ -492,8 +480,6 @@ class ContactStep:
         return settled.totals, Workspace(near, softness, settled.forces)
 
     def _settled(self, near: dict[Kind, Near], softness: OfPairs, sweep: Sweep) -> Sweep:
-        """Forces after sweeps over the chunks in which they change."""
-
         def unsettled(found: tuple[Int[Array, ""], Sweep]) -> Bool[Array, ""]:
             number, sweep = found
             changing = jnp.array([each.any() for each in sweep.changing.values()])
@@ -530,7 +516,6 @@ class ContactStep:
         visit: Callable[[Chunk, Result], Result],
         begin: Result,
     ) -> Result:
-        """Last result of a function that is called with some chunks and its previous result."""
         for kind, known in near.items():
             order = jnp.argsort(~which[kind])
 
@@ -549,7 +534,6 @@ class ContactStep:
         return begin
 
     def _led(self, forces: Totals) -> Totals:
-        """Mean rates over the step with forces."""
         return jax.tree.map(lambda v, p, f: v + p * f, self.velocity, self.push, forces)
 
     def _speed(self, chunk: Chunk, velocity: Totals) -> Component:
@@ -558,7 +542,6 @@ class ContactStep:
         return dot(separation(chunk.approach.weights, corners), chunk.approach.normal)
 
     def _share(self, chunk: Chunk, touch: Bool[Array, " pair"], shares: Totals) -> Totals:
-        """Add pairs to those that share the masses of nodes, and of L_x and L_y."""
         (of_nodes,), of_sides = shares
         weights = touch * jnp.abs(jnp.stack(chunk.approach.weights))
         of_nodes = of_nodes.at[chunk.pairs.nodes].add(weights, mode="promise_in_bounds")
@@ -589,8 +572,7 @@ def contact_forces(
 ) -> tuple[Shape, Workspace]:
     """Forces of the barrier on nodes, L_x and L_y over a time, partly implicit, and the memory [N].
 
-    ``velocity`` are the mean rates over the time by all other forces [mm/ms], and ``push`` the
-    change of these by a unit force [mm/ms/N].
+    ``velocity`` are the mean rates by all other forces, ``push`` their change by a unit force.
     """
     grid = shape.positions[0].shape
     pushed = [jnp.broadcast_to(each, grid).ravel() for each in push.positions]
@@ -612,11 +594,10 @@ def _turns(chunk: Chunk) -> Float[Array, "2 pair"]:
 
 @kept
 def force_after(pairs: PairList, reached: Component, softness: Component) -> Component:
-    """Force f of pairs at the distance reached + softness · f to which it brings them [N].
+    """Force f of pairs at the distance reached + ``softness`` · f to which it brings them [N].
 
-    ``reached`` is the distance without force [mm], and ``softness`` that gained by a unit force
-    [mm/N]. Newton's method for the excess converges monotonically from below, where it begins: the
-    force is at least as at the least distance.
+    ``reached`` is the distance without force. Newton's method for the excess converges
+    monotonically from below: the force is at least as at the least distance.
     """
     used: Bool[Array, " pair"] = pairs.range_squared > 0
     span = jnp.where(used, pairs.range_squared, 1.0)

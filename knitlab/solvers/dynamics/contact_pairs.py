@@ -2,9 +2,7 @@
 
 A grid cell owns its lower left node, the edges that start there and its two triangles, so that
 every pair of parts belongs to one pair of cells, and is found once. Periodic fabric is compared
-with itself, and with its images above and to the right: all other pairs are images of these.
-Equilibria search their pairs with the IPC Toolkit (``equilibrium/contact_barrier.py``), which takes
-no part in a compiled program.
+with itself and with its images above and to the right: other pairs are images of these.
 """
 
 from collections.abc import Sequence
@@ -133,8 +131,8 @@ class PairFinder:
     def listed(self, place: Place, last: Listed | None = None, wanted: float = 0.0) -> Listed:
         """The pairs at a configuration, with a wide margin where few parts are close.
 
-        The cells that are close to each other are searched only if those of the ``last`` list may
-        not be all. The margin is as ``wanted`` at least, if not wider than can be [mm].
+        Close cells are taken from the ``last`` list where they are still all. The margin is as
+        ``wanted`` at least, if not wider than can be [mm].
         """
         margin = MAX_MARGIN * self.layers.cell
         least = min(max(MIN_MARGIN * self.layers.cell, wanted), margin)
@@ -162,11 +160,7 @@ class PairFinder:
         return max(used, spent) if np.isfinite(used + spent) else np.inf
 
     def _spent(self, cells: CloseCells, place: Place) -> float:
-        """Part of their margin by which cells that are not close may have approached.
-
-        They approach by the stretch of the fabric along x and y, and by the other motion of the
-        blocks that they are in.
-        """
+        """Part of their margin by which cells that are not close may have approached."""
         before = cells.place
         if self.shape.periodic:
             plane = place.lengths / before.lengths
@@ -195,10 +189,7 @@ class PairFinder:
     def _parts(
         self, cells: CloseCells, place: Place, margin: float
     ) -> tuple[dict[Kind, Parts], tuple[Cells, Cells, Float[np.ndarray, " pair"]]]:
-        """Pairs with gaps up to a margin, among close cells and neighbours that fold together.
-
-        Also all pairs of cells that could come close, and by how much they may.
-        """
+        """Pairs with gaps up to a margin, and the cells that could come close, with their slack."""
         at = self._corners(_cells(self.shape), place)
         gap = cells.gaps(self.shape, at.min(axis=0), at.max(axis=0), place.lengths)
         gap -= self.layers.far.begins
@@ -227,10 +218,7 @@ class PairFinder:
         distances: Float[np.ndarray, "pair cell"],
         margin: float,
     ) -> Parts:
-        """Pairs of one kind with gaps up to a margin, of what two cells own; those far apart first.
-
-        A pair counts as near, or as far, if any of its corners are so on the grid.
-        """
+        """Pairs of one kind with gaps up to a margin, near or far if any corner is so."""
         number, which = np.nonzero(self.layers.far.begins + margin >= distances.T)
         distance = distances[which, number]
         first = one[number]
@@ -301,10 +289,7 @@ class PairFinder:
         return np.maximum(np.linalg.norm(gaps.clip(0.0), axis=-1), within)
 
     def _neighbours(self, place: Place) -> tuple[Cells, Cells, Bool[np.ndarray, " pair"]]:
-        """Pairs of neighbouring cells, and whether they are folded by more than a right angle.
-
-        Others cannot come as near as the barrier of near parts reaches.
-        """
+        """Pairs of neighbouring cells, and whether they fold by more than a right angle."""
         cells = _cells(self.shape)
         at = self._corners(cells, place)
         normals = np.cross((at[2] - at[0]).T, (at[3] - at[1]).T)
@@ -329,7 +314,6 @@ class PairFinder:
     def _distances(
         self, one: Cells, other: Cells, place: Place
     ) -> dict[Kind, Float[np.ndarray, "pair cell"]]:
-        """Distances of all that the cells of a pair own [mm]."""
         count = len(one)
         spare = -count % BLOCK
         at = [
@@ -350,7 +334,6 @@ class PairFinder:
 
 @lru_cache(maxsize=8)
 def _beside(shape: MeshShape) -> tuple[Cells, Cells]:
-    """All pairs of neighbouring cells."""
     cells = _cells(shape)
     one = np.repeat(cells, len(NEIGHBOURS), axis=0)
     other = one + np.tile(NEIGHBOURS, (len(cells), 1))
@@ -500,7 +483,6 @@ def _cells(shape: MeshShape) -> Cells:
 
 
 def _steps_between(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner other"]:
-    """Rows or columns, whichever are more, between the corners of both parts of pairs."""
     steps = pairs[:, :split, None] - pairs[:, None, split:]
     return np.abs(steps).max(axis=-1)
 
@@ -559,7 +541,7 @@ class ContactLists:
         return lists._up_to(np.minimum(expected / COVERED + SPARE, 1.0)), covered
 
     def _up_to(self, most: OfCases) -> "ContactLists":
-        """The same, with as many pairs as can be within reach up to a used part of margins."""
+        """The same, with the pairs that can be within reach up to a used part of margins."""
         first = [each.within(part) for each, part in zip(self.listed, most, strict=True)]
         contact = replace(self.contact, chunks=chunk_counts(first))
         return replace(self, contact=contact, most=most)
@@ -567,7 +549,7 @@ class ContactLists:
     def _renewed(
         self, shape: Shape, which: Bool[np.ndarray, " case"], margins: OfCases
     ) -> "ContactLists":
-        """The same with new lists of some fabrics, which have at least these margins [mm]."""
+        """The same with new lists of some fabrics, of at least these margins [mm]."""
         fabrics = zip(self.finders, self.listed, which, _places(shape), margins, strict=True)
         listed = [
             finder.listed(place, old, margin) if new else old
@@ -579,7 +561,6 @@ class ContactLists:
 
 
 def _places(shape: Shape) -> list[Place]:
-    """Where the nodes of every fabric of a batch are."""
     positions = np.stack([np.asarray(each) for each in shape.positions], axis=-1)
     flat = positions.reshape(len(positions), -1, 3)
     return [Place(*place) for place in zip(flat, np.asarray(shape.lengths), strict=True)]

@@ -77,9 +77,8 @@ def relax_by_dynamics(
 ) -> list[Relaxed]:
     """Release flat sheets at rest and let them fold (paper, Sec. "Relaxation of a pattern").
 
-    A sheet moves until it is at rest, or for a given time, as ``settings.ending`` says. A sample is
-    then rotated rigidly for the clamps of its load. ``sheets``, such as imperfect ones, replace
-    flat sheets [mm].
+    A sample is then rotated rigidly for the clamps of its load. ``sheets``, such as imperfect ones,
+    replace flat sheets [mm].
     """
     shape, settings, cases = fabrics.shape, fabrics.settings, range(len(fabrics.fabrics))
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
@@ -129,11 +128,10 @@ def stretch_by_dynamics(
     applied_strain: Sequence[Sequence[float]],
     progress: Progress = lambda case, states: None,
 ) -> list[TensileTest]:
-    """Relax flat sheets, then pull them (paper, Sec. "Kinematics under tension").
+    """Relax flat sheets, then pull them from rest (paper, Sec. "Kinematics under tension").
 
-    The pull begins from rest, as when the test is a simulation by itself. With ``settings.ending``
-    ``"rest"`` the fabric comes to rest at every strain; with ``"time"`` it is pulled without pause,
-    and its states are not equilibria. Strains ascend from 0, as many for every fabric.
+    With ``settings.ending`` ``"rest"`` the fabric comes to rest at every strain; otherwise it is
+    pulled without pause, and its states are not equilibria. Strains ascend from 0.
     """
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)

@@ -1,12 +1,9 @@
 """The fabric as a structured grid: its energy and forces by shifted arrays, without index lists.
 
-The network of :mod:`knitlab.model.network` is regular: the ends of a spring and the cells beside
-a hinge are neighbours on the grid. Every difference between nodes is a difference of two slices,
-and a force is gathered from slices too. A step of the dynamics is a few loops over the grid then.
-
-The energy is that of :mod:`knitlab.model.energy`, which equilibria use element by element
-(:mod:`knitlab.solvers.element_chunks`): one program serves all mesh shapes and has second
-derivatives. A motion has thousands of steps of one mesh shape, so that a program for each pays off.
+The network of :mod:`knitlab.model.network` is regular: differences between nodes are those of two
+slices, and a force is gathered from slices too. Equilibria use the same energy element by element
+(:mod:`knitlab.solvers.element_chunks`), with one program for all mesh shapes; a motion has
+thousands of steps of one shape, so that a program for each pays off.
 
 Periodic fabric is extended by the image of its first row and column of nodes, so that both kinds of
 fabric have one more line of nodes than of cells. What lies on the images counts once.
@@ -97,10 +94,9 @@ class Hinges(eqx.Module):
     ) -> tuple[Component, ...]:
         """Numbers of every hinge that the derivatives of its energy share.
 
-        They depend on the definition of the angle. With whole normals they are the derivatives by
-        sine and by cosine, and the sine, the first and the last over the length of the edge. Across
-        the edge they are the moment over the square of each normal, and the component of each along
-        the edge, all over the length of the edge.
+        With whole normals: the derivatives by sine and by cosine, and the sine, the first and the
+        last over the length of the edge. Across the edge: the moment over the square of each
+        normal, and the component of each along the edge, all over the length of the edge.
         """
         sine, cosine = self._sine_and_cosine(edge, length, before, after)
         moment = self.stiffness * self._from_rest(sine, cosine)
@@ -138,7 +134,6 @@ class Hinges(eqx.Module):
         return scale(by_sine, subtract(cross(before, after), scale(sine, edge)))
 
     def _from_rest(self, sine: Component, cosine: Component) -> Component:
-        """Fold angle minus its rest value [rad]."""
         angle = arctan2(sine, cosine) - self.rest
         return angle - 2 * np.pi * jnp.round(angle / (2 * np.pi))
 
@@ -248,7 +243,6 @@ class GridFabric(eqx.Module):
 
     @kept
     def _by_normal(self, around: Surroundings, turned: list[tuple[Component, ...]]) -> OnLines:
-        """Derivative of the energy with respect to the normals of the cells of the fabric."""
         (wale_before, wale_after), (course_before, course_after) = (
             own.by_normals(numbers, *vectors)
             for own, numbers, vectors in zip(self.hinges, turned, _hinged(around), strict=True)
@@ -265,7 +259,6 @@ class GridFabric(eqx.Module):
     def _by_edges(
         self, around: Surroundings, turned: list[tuple[Component, ...]], by_normal: OnLines
     ) -> tuple[OnLines, OnLines, OnLines, OnLines]:
-        """Derivatives of the energy with respect to the edges of all directions."""
         by_warp, by_weft = (
             own.by_edge(numbers, *vectors)
             for own, numbers, vectors in zip(self.hinges, turned, _hinged(around), strict=True)

@@ -1,7 +1,7 @@
 """Damped motion of fabrics, M ü + c u̇ + ∇V = 0 (paper, equations of motion of Sec. "3D model").
 
-Fabrics of one mesh shape move in one vmapped program. Each has its own time step and its own end.
-Within a batch, those that have arrived stand still: a result does not depend on its batch.
+Fabrics of one mesh shape move in one vmapped program, each with its own time step and end. Those
+that have arrived stand still: a result does not depend on its batch.
 """
 
 from collections.abc import Callable, Sequence
@@ -119,10 +119,7 @@ def observed(body: Body, motion: Motion) -> Observed:
 
 
 def driving_power(body: Body, gradient: Shape, velocity: Shape) -> Float[Array, ""]:
-    """Power of the forces that move what is held: lengths, the top row, the last column [N mm/ms].
-
-    All else that a test holds stands still.
-    """
+    """Power of the forces that move lengths, the top row or the last column [N mm/ms]."""
 
     def power(inverse: Array, force: Array, rate: Array, where: Any = ...) -> Float[Array, ""]:
         held = jnp.broadcast_to(inverse, force.shape)[where] == 0
@@ -143,7 +140,6 @@ def loss(body: Body, velocity: Shape) -> Float[Array, ""]:
 
 
 def _free_squares(body: Body, vector: Shape) -> list[Float[Array, "row column"]]:
-    """Squares of the three components of the vector of every node, 0 where they are held."""
     of_nodes = zip(body.inverse.positions, vector.positions, strict=True)
     return [jnp.where(inverse > 0, component**2, 0.0) for inverse, component in of_nodes]
 
@@ -169,10 +165,7 @@ def weighted_stiffness(body: Body, motion: Motion, vector: Shape) -> Shape:
 def highest_frequency(
     body: Body, motion: Motion, mode: Shape, iterations: Int[Array, ""]
 ) -> tuple[Float[Array, ""], Shape]:
-    """Square of the highest frequency, and its mode, by power iteration from one near it [1/ms²].
-
-    A step is safe with a frequency that is 1 % too low.
-    """
+    """Square of the highest frequency [1/ms²] and its mode, by power iteration from near it."""
 
     def norm(vector: Shape) -> Float[Array, ""]:
         return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(vector)))
@@ -191,11 +184,10 @@ def leapfrog(
 ) -> Motion:
     """Move a fabric by a number of equal steps [ms] of the leapfrog; by none if the step is 0.
 
-    Drag and walls are diagonal and are integrated implicitly, contact partly so. A wall acts with
-    the force at the height that the step leads to, and so does each pair in contact with that at
-    its distance. States at rest are those of the explicit scheme, and walls and contact, by far the
-    stiffest parts, do not limit the time step.
-    ``longest`` is the largest number of steps in the batch; the fabric stands still after its own.
+    Drag and walls are diagonal and are integrated implicitly, contact partly so: a wall, or a pair
+    in contact, acts with the force at the place to which the step leads. States at rest are those
+    of the explicit scheme, and the stiffest parts do not limit the time step. ``longest`` is the
+    largest number of steps in the batch; the fabric stands still after its own.
     """
     contact = body.contact
     stiffness = body.fabric.k_wall
@@ -208,8 +200,7 @@ def leapfrog(
     ) -> tuple[Motion, Array, Workspace | None]:
         """Motion after a kick, the power of what is driven, and memory for the next kick.
 
-        The kick is of ``before`` half steps up to now, and ``after`` from now on, with the walls as
-        they act after the drift that follows.
+        The kick is of ``before`` half steps up to now, and of ``after`` from now on.
         """
         force = body.fabric.gradient(motion.shape, walls=False)
         part = (before + after) / 2
@@ -304,11 +295,7 @@ def runge_kutta(
 
 
 def _for_batch(function: Callable[..., Any], shared: int = 0) -> Callable[..., Any]:
-    """A function of a body compiled for a batch of bodies; the last arguments may be shared.
-
-    JAX keeps a program for each mesh shape and size of batch, and with contact for each length of
-    its lists.
-    """
+    """A function of a body compiled for a batch of bodies; the last arguments may be shared."""
 
     @jax.jit
     def compiled(body: Body, *arguments: Any) -> Any:
@@ -443,10 +430,7 @@ def _developed(moving: Moving) -> Moving:
 
 
 def largest_step(moving: Moving) -> OfCases:
-    """Largest stable time step of the leapfrog as every fabric is now, 2/ω, to 1e-4 [ms].
-
-    ω is the highest frequency without walls and contact, by the Lanczos method.
-    """
+    """Largest stable time step of every fabric without walls and contact, 2/ω, to 1e-4 [ms]."""
     bare = replace(moving.body, contact=None)
     squares = []
     for case in range(len(moving.time)):
@@ -476,10 +460,7 @@ def largest_step(moving: Moving) -> OfCases:
 def _leapfrog_batch(
     moving: Moving, left: OfCases, fraction: OfCases, safety: float, most: Int[np.ndarray, " case"]
 ) -> tuple[Moving, OfCases, Int[np.ndarray, " case"]]:
-    """Equal steps at a ``fraction`` of the stability limit; unstable ones are undone.
-
-    So are more steps than the lists of what may touch allow; ``most`` is how many are tried.
-    """
+    """Equal steps at a ``fraction`` of the stability limit, as many as lists of pairs allow."""
     iterations = np.where(moving.steps > 0, 4, FIRST_ITERATIONS)
     bare = replace(moving.body, contact=None)
     square, mode = _highest_frequencies(bare, moving.motion, moving.mode, iterations)
@@ -552,7 +533,6 @@ def _mechanical_energy(seen: Observed) -> OfCases:
 
 
 def _select_cases(which: Bool[np.ndarray, " case"], new: Any, old: Any) -> Any:
-    """New values for some fabrics of a batch, and old ones for all others."""
     if which.all():
         return new
     return jax.tree.map(

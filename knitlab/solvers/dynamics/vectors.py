@@ -1,8 +1,8 @@
 """Vectors everywhere on a grid, as three arrays, and what a program keeps of them in memory.
 
-XLA fuses operations on three arrays into one loop over the grid. With the components along an axis
-of one array it would write every intermediate vector to memory. It would also compute again what
-several loops need; :func:`kept` says what to write to memory instead.
+XLA fuses operations on three arrays into one loop over the grid; with components along an axis it
+would write every intermediate vector to memory. It would also compute again what several loops
+need: :func:`kept` says what to write to memory instead.
 """
 
 from collections.abc import Callable
@@ -41,9 +41,8 @@ Result = TypeVar("Result")
 def kept(stage: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Decorator of a function whose results a program for the processor keeps in memory.
 
-    Otherwise XLA fuses it into every loop that uses a result: each of three components of a force
-    then computes most of all eight vectors around a node. An optimisation barrier does not help,
-    since XLA removes it before it fuses.
+    Otherwise XLA fuses it into every loop that uses a result. An optimisation barrier does not
+    help, since XLA removes it before it fuses.
     """
 
     @jax.jit
@@ -97,10 +96,7 @@ def cross(one: Vector, other: Vector) -> Vector:
 
 
 def arctan2(y: Component, x: Component) -> Component:
-    """atan2(y, x) to a few units in the last place, in arithmetic alone.
-
-    XLA calls a function for each element of ``jnp.arctan2``, longer than all else in a time step.
-    """
+    """atan2(y, x) in arithmetic alone, for which XLA would call a function for each element."""
     size_x = jnp.abs(x)
     size_y = jnp.abs(y)
     smaller = jnp.minimum(size_x, size_y)

@@ -1,18 +1,13 @@
 """Adjoints: derivatives of measures of an equilibrium with respect to its stripe parameters.
 
-They follow from the implicit function theorem. In equilibrium the force g on the free unknowns is
-zero, so that a change of anything else displaces them by −K⁻¹ ∂g, with the stiffness K. For a
-quantity J one solve K λ = ∂J/∂(free) at the strained state gives the multipliers λ. The derivative
-with respect to the held unknowns is pulled back through the loading to the relaxed shape, where a
-second solve completes it. One factorisation is used for all quantities of a state, and that of the
-relaxed shape for all states.
+In equilibrium the force g on the free unknowns is zero, so that a change of anything else displaces
+them by −K⁻¹ ∂g, with the stiffness K. For a quantity J one solve K λ = ∂J/∂(free) at the strained
+state gives the multipliers λ. The derivative by the held unknowns is pulled back through the
+loading to the relaxed shape, where a second solve completes it.
 
-Contact adds its exact Hessian to K. Of the parameters its energy depends on the mean area of a grid
-cell alone, to which it is proportional.
-
-There is no derivative at the end of a branch of equilibria, where the fabric snaps and K is
-singular. At parameters at which a node begins to touch a wall only one-sided derivatives exist; the
-result is that with the present contacts.
+Of the parameters the energy of contact depends on the mean area of a grid cell alone, to which it
+is proportional. Where the fabric snaps, K is singular and there is no derivative; where a node
+begins to touch a wall, the result is the one-sided one with the present contacts.
 """
 
 from collections.abc import Callable
@@ -125,7 +120,6 @@ class LinearResponse:
         return rigid
 
     def _solved(self, force: Free) -> Free:
-        """The solution by iterative refinement, to a small relative residual."""
         solution = np.zeros_like(force)
         residual = force
         largest = np.abs(force).max()
@@ -153,9 +147,8 @@ def rigid_motions(configuration: Configuration) -> Float[np.ndarray, "unknown 6"
 class Adjoint:
     """Derivatives along the tensile test of one fabric, from its layout, stripes and relaxed shape.
 
-    A sample with free edges is rigidly aligned before it is clamped, which also depends on its
-    stripes; while it touches no wall, its height is treated as fixed. :class:`NoDerivative` is
-    raised if the relaxed shape is not a stable equilibrium.
+    The rigid alignment of a sample depends on its stripes too; its height between walls counts as
+    fixed. :class:`NoDerivative` is raised if the relaxed shape is not a stable equilibrium.
     """
 
     def __init__(
@@ -182,10 +175,8 @@ class Adjoint:
     ) -> StripePair:
         """Derivatives of a measure of the equilibrium at one strain, or :class:`NoDerivative`.
 
-        The measure is such as ``lambda relaxed, strained, fabric, pushed:
-        jnp.ptp(strained.positions[..., 0])``. JAX traces it once, so pass the same function object
-        for all fabrics of a mesh shape. Every value is differentiated by every stripe parameter;
-        those of a graded fabric, along the first axis.
+        JAX traces the measure once for each mesh shape: pass the same function object. Every value
+        is differentiated by every stripe parameter; those of a graded fabric, along the first axis.
         """
         unknowns = np.asarray(strained.flattened())
         by_relaxed, by_unknowns, by_fabric = self._jacobian(measure, unknowns)
@@ -205,7 +196,6 @@ class Adjoint:
     def _jacobian(
         self, measure: Measure, unknowns: Float[np.ndarray, " unknown"]
     ) -> tuple[Moved, Moved, Fabric]:
-        """Derivatives of a measure by the relaxed shape, by a state, and by the fabric."""
         pushed = self._pushed(unknowns)
         at = self._relaxed, unknowns, self._fabric, pushed
         by_relaxed, by_unknowns, by_fabric, by_pushed = _jacobian(measure, self._shape, *at)
@@ -219,7 +209,6 @@ class Adjoint:
         return np.array(by_relaxed), by_unknowns, by_fabric
 
     def _pushed(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
-        """Gradient of the energy of contact [N]."""
         if self._contact is None:
             return np.zeros_like(unknowns)
         return self._contact.evaluate(unknowns)[1]
@@ -236,7 +225,6 @@ class Adjoint:
     def _through_relaxed(
         self, by_relaxed: Float[np.ndarray, "quantity unknown"], by_fabric: Fabric
     ) -> StripePair:
-        """Derivatives by stripe parameters, from those by relaxed shape and by the fabric."""
         # Rigid motions, which cost no energy, are determined by the rigid alignment.
         rigid = self._at_rest.rigid_motion(by_relaxed)
         at = self._shape, self._fabric, self._relaxed
@@ -280,8 +268,6 @@ def _jacobian(
 def _through_forces(
     shape: MeshShape, fabric: Fabric, at: Unknowns, multipliers: Rows, by_fabric: Fabric
 ) -> Fabric:
-    """Adds −λᵀ ∂g/∂(fabric) to the derivative by the fabric."""
-
     def stored(unknowns: Unknowns, varied: Fabric) -> Array:
         return energy(network(shape), varied, Configuration.of(unknowns, shape)).total
 

@@ -18,8 +18,7 @@ def rigidly_aligned(
 ) -> Configuration:
     """A relaxed sample rotated so that the nodes to be clamped match its flat sheet best.
 
-    A free sample rotates, tilts and drifts as it folds, and a misaligned one takes other states.
-    Walls are ignored, and its height between them is kept. Periodic fabric cannot rotate.
+    A free sample rotates, tilts and drifts as it folds. Its height between the walls is kept.
     """
     if shape.periodic:
         return relaxed

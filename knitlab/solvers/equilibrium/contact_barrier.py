@@ -1,19 +1,12 @@
 """Contact of a fabric with itself in equilibria: a barrier, and the mesh of what may touch.
 
-The barrier is a potential that grows without bound as parts come as near as they may. Energy,
-gradient, Hessian and collision-free steps are those of the IPC Toolkit (Li et al., Incremental
-Potential Contact, ACM Trans. Graph. 39, 2020): a sum over pairs of a node and a triangle, and of
-two edges. Each pair stands for a part of the sheet, so that the sum is multiplied by the area of a
-grid cell. Motions have the same barrier in :mod:`knitlab.solvers.dynamics.contact_forces`.
+The barrier grows without bound as parts come as near as they may: a sum over pairs of a node and a
+triangle, and of two edges, times the area of a grid cell. Energy, derivatives and collision-free
+steps are those of the IPC Toolkit (Li et al., ACM Trans. Graph. 39, 2020).
 
-The contact mesh has the triangles of a fabric, and the images of them that periodic fabric may
-touch. Positions of its vertices are linear in the unknowns: the image of a node lies whole periods
-away from it. Each pair of parts counts once a period: parts of the fabric are compared with each
-other, and with the images to the right, above, and above to the left. Only a band of images is
-needed, as long as what lies beyond is out of reach.
-
-Pairs are searched along the whole of a step, so that they also serve for the states tried on it,
-and with a margin, so that they serve for later steps until vertices may have moved further.
+Periodic fabric is compared with itself and with its images to the right, above, and above to the
+left, as wide a band of them as is within reach, so that each pair counts once a period. Pairs are
+searched along the whole of a step and with a margin, so that they serve for later steps.
 """
 
 from collections.abc import Iterator, Sequence
@@ -71,11 +64,7 @@ class ContactMesh:
 
     @cached_property
     def images(self) -> "ContactMesh | None":
-        """The mesh of the triangles and edges between images; None if there are none.
-
-        No filter of a collision mesh leaves out just their pairs: it asks for each pair of vertices
-        by itself.
-        """
+        """The mesh of the triangles and edges between images, whose pairs no filter leaves out."""
         faces = self.faces[~self.own[self.faces].any(axis=1)]
         if not len(faces):
             return None
@@ -212,10 +201,7 @@ class Pairs:
 
 
 class PairSearch:
-    """Search of the pairs of parts that are near each other on the grid, or of those that are not.
-
-    Pairs are those of the whole mesh and, to be subtracted, of two images.
-    """
+    """Search of the pairs of parts that are near each other on the grid, or of all others."""
 
     def __init__(self, mesh: ContactMesh, near: bool, layer: ContactLayer, cell: float) -> None:
         self.mesh = mesh
@@ -314,10 +300,7 @@ class Barrier:
     def hessian(
         self, unknowns: Unknowns, free: Int[np.ndarray, " free"], exact: bool = False
     ) -> sp.csc_array | None:
-        """Both triangles [N/mm]; None if no pairs are in reach.
-
-        Unless ``exact``, each pair's share is made positive semidefinite, for a search.
-        """
+        """Both triangles [N/mm], positive semidefinite unless ``exact``; None if none touch."""
         kind = ipctk.PSDProjectionMethod
         projection = kind.NONE if exact else kind.CLAMP
         terms = []

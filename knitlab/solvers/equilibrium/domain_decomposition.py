@@ -1,9 +1,8 @@
 """Solution of the subdomains of a large sample, one by one, in several processes.
 
-A subdomain is solved by many small calls, between which threads of one process wait for the global
-interpreter lock. A second process is a separate program, not a worker of ``concurrent.futures`` or
-loky: spawned pools run an unguarded script again, and the workers of both outlive a parent that is
-killed. This program ends when its standard input is closed.
+Threads of one process would wait for the interpreter lock between many small calls. A second
+process is a separate program, not a worker of a pool: these run an unguarded script again and
+outlive a parent that is killed. This program ends when its standard input is closed.
 """
 
 import os
@@ -74,9 +73,9 @@ class SubdomainSolver:
     ) -> tuple[Point, float]:
         """Solve the subdomains to low accuracy, those with the largest forces first.
 
-        A fraction ``force_fraction`` of the largest force is accepted: most subdomains need no work
-        while a few are far from equilibrium. Returns the state of the sample, and the number of
-        iterations, each weighted by the subdomain's share of the unknowns.
+        A fraction ``force_fraction`` of the largest force is accepted: most subdomains need no
+        work. Returns the state of the sample, and the iterations weighted by each subdomain's
+        unknowns.
         """
         problems, coupled = self._decomposition(free)
         unknowns = at.unknowns.copy()

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Drag:
-    """Drag on the way from a state.
+    """Drag on the way from a state, by implicit Euler.
 
-    By implicit Euler, the state after a strain step Δε at a strain rate ε̇ is a minimum of the
-    incremental potential V(u) + ½ (c ε̇ / Δε) ‖u − u_before‖² over the free unknowns.
+    The state after a strain step Δε at a strain rate ε̇ minimises V(u) + ½ (c ε̇ / Δε) ‖u −
+    u_before‖² over the free unknowns.
     """
 
     before: Unknowns  # unknowns before the step [mm]

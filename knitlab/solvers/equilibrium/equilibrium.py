@@ -1,14 +1,10 @@
 """The equilibrium near a configuration; in a large sample its subdomains are solved first.
 
-A large sample snaps locally at every strain step, and a line search for the whole sample would
-shorten every step because of a single place. So the subdomains are solved first, one after another,
-with their surroundings held, and little work remains for the whole (nonlinear elimination:
-Lanzkron, Rose, Wilkes, SIAM J. Sci. Comput. 17, 1996; Cai, Keyes, ibid. 24, 2002).
-
-What remains are wrinkles as long as the sample, which move and merge at almost no cost in energy.
-The yarn would stretch if they moved along a straight line in configuration space, so that each
-round displaces them only slightly; but solving the subdomains relaxes that stretch. So if rounds
-gain slowly, the last step is extrapolated and the subdomains are solved again.
+A large sample snaps locally at every strain step, which would shorten every step of a search for
+the whole: the subdomains are solved first, with their surroundings held (nonlinear elimination:
+Lanzkron, Rose, Wilkes, SIAM J. Sci. Comput. 17, 1996; Cai, Keyes, ibid. 24, 2002). What remains are
+wrinkles as long as the sample, which move and merge at almost no cost in energy, but only slightly
+in each round; if rounds gain slowly, the last step is extrapolated.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,8 +40,6 @@ def run_each(
 ) -> list[Result]:
     """Results of one function for each fabric, which is called with the equations of the fabric.
 
-    These include its contact with itself, if that is given.
-
     Small fabrics run one to a thread; large ones one after another, as their elements and fronts
     keep all threads busy. Results do not depend on the number of threads.
     """
@@ -78,12 +72,10 @@ def find_equilibrium(
 ) -> State:
     """The equilibrium that a search from a configuration leads to; its held unknowns stay fixed.
 
-    An iteration of a subdomain counts by its share of the unknowns. Contact may couple subdomains,
-    so that a sample with contact is solved as a whole, like a small one, one with drag and one with
-    friction, whose subdomains would have to be set up again at every step.
-    Subdomains are solved again after ``patience`` iterations for the whole sample, or, with
-    ``None``, before every factorisation, which often ceases to be useful because of a few nodes,
-    and without extrapolation: that is best if the sample folds as a whole.
+    Small samples, and those with contact, drag or friction, are solved as a whole. In others the
+    subdomains are solved again after ``patience`` iterations for the whole sample, or, with
+    ``None``, before every factorisation and without extrapolation: best if the sample folds as a
+    whole.
     """
     search = Search(system, start, rules)
     coupling = system.contact, rules.drag, system.fabric.friction

@@ -39,11 +39,7 @@ class Equilibrium(Method):
     def stretch(
         self, cases: "Sequence[Case]", progress: Progress, imperfection: int | None = None
     ) -> list[TensileTest]:
-        """Tests of the cases; from flat sheets, or from imperfect ones, by this seed.
-
-        A clamped sample relaxes first in time if ``start`` is ``"dynamics"``, and from a tiling of
-        relaxed periodic fabric if it is ``"periodic"``.
-        """
+        """Tests of the cases; from flat sheets, or from imperfect ones, by this seed."""
         starts = tilings(cases, _sheets(cases, imperfection), imperfection)
         moved: Sequence[Relaxed | None] = [None] * len(cases)
         if cases[0].relaxes_by_dynamics:

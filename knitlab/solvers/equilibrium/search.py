@@ -1,12 +1,10 @@
 """One search for an equilibrium: minimisation of the energy by quasi-Newton steps.
 
-Folds move far while the yarn hardly stretches, so that the energy is a narrow curved valley, and a
-long straight Newton step would raise it. A factorisation costs about ten gradients and solves. So
-one factorisation of K + μ I is the initial inverse Hessian of many L-BFGS steps (Nocedal and
-Wright, Numerical Optimization, Alg. 7.4), which learn the curvature of the valley. The stiffness is
-refactorised when a step gains less than the average since the last factorisation, including its
-cost, and does not halve the force either, as steps near the minimum may. The first step predicts
-which nodes will touch the walls (:func:`step_between_walls`); later ones keep these.
+Folds move far while the yarn hardly stretches: the energy is a narrow curved valley, in which a
+long straight Newton step rises. So one factorisation of K + μ I, which costs about ten gradients,
+is the initial inverse Hessian of many L-BFGS steps (Nocedal and Wright, Numerical Optimization,
+Alg. 7.4). It is repeated when a step gains less than the average since the last one, its cost
+included, and does not halve the force either.
 """
 
 from collections import deque
@@ -52,8 +50,7 @@ class Search:
     """Current configuration of a search, its energy and forces, and the cost so far.
 
     ``step_length`` is the longest change of the vector between neighbouring nodes in a step [mm],
-    ``limit`` the number of iterations at which the search ends, ``exact`` whether the stiffness is
-    factorised in double precision, and ``shift`` μ [N/mm].
+    ``limit`` the number of iterations at which the search ends, and ``shift`` μ [N/mm].
     """
 
     def __init__(self, system: System, at: Point, rules: SearchRules) -> None:
@@ -147,17 +144,14 @@ class Search:
 def minimise(search: Search, one_factorisation: bool = False) -> Outcome:
     """Minimise the energy over the free unknowns until the forces on them vanish.
 
-    Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
-    If K + μ I is not positive definite, it is either convexified, which is fast and takes large
-    steps, or μ is raised until it is, which stays in the valley of the initial configuration, as a
-    slow motion would. A convexified search begins with a μ that keeps its steps near the step
-    limit. μ decreases while steps succeed; once it is negligible, convergence is that of Newton's
-    method.
+    Every step lowers the energy. If K + μ I is not positive definite, it is either convexified,
+    which takes large steps, or μ is raised, which stays in the valley of the initial configuration
+    as a slow motion would. μ decreases while steps succeed; in the end convergence is that of
+    Newton's method.
 
     Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ;
-    if the search has nearly ended, first in double precision, which it then keeps. With
-    ``one_factorisation`` the search ends, as at its limit of iterations, when that is no longer
-    useful.
+    near the end first in double precision. With ``one_factorisation`` the search ends, as at its
+    limit of iterations, when that is no longer useful.
     """
     rules = search.rules
     system = search.system
@@ -216,7 +210,6 @@ class _Descent:
 
 
 def _descend(search: Search) -> _Descent:
-    """Quasi-Newton steps with one factorisation."""
     rules = search.rules
     # Cost of a factorisation in steps, most steps with one, which the L-BFGS memory holds, and
     # consecutive poor steps after which the stiffness is factorised again. If μ is raised, a
@@ -314,18 +307,12 @@ def _line_search(search: Search, step: Vector, slope: float, length: float) -> f
 
 
 def step_between_walls(search: Search) -> tuple[Float[np.ndarray, " free"], float]:
-    """The step from the last factorised configuration to the minimum between the walls [mm].
+    """The step to the minimum between the walls [mm], and the curvature of the energy along it.
 
-    In a Newton step the energy with walls is piecewise quadratic. The minimum is found by active
-    sets: nodes that the step would bring to a wall are added to the factorised stiffness, and those
-    that it would take off one are removed, by a low-rank update, until the step agrees with them.
-    Of a longer step than the step limit the allowed part counts; contact of the fabric with itself
-    is ignored.
-
-    If many nodes come to a wall or leave one, or the active sets do not settle, it is the Newton
-    step with the walls touched now: then a factorisation of the next configuration is cheaper.
-    Otherwise the factorised stiffness keeps the changes. Also returns the second derivative of the
-    energy along the step, with the walls touched now [N mm].
+    In a Newton step the energy with walls is piecewise quadratic. Its minimum is found by active
+    sets: nodes that the step would bring to a wall are added to the factorised stiffness, those
+    that it would take off one are removed, by a low-rank update. If many nodes change, or the
+    active sets do not settle, it is the Newton step with the walls touched now.
     """
     system = search.system
     z_max = search.z_max
@@ -368,9 +355,8 @@ def lowest_fraction(
 ) -> float:
     """Fraction of a step with the least energy between the walls, at most 1.
 
-    A quadratic model of the energy, with a negative ``slope`` and a ``curvature`` with the walls
-    that are touched now [N mm], holds only until further nodes touch a wall. The wall penalty is
-    known exactly, so that it replaces its part of the model. ``heights`` rise by ``rise`` [mm].
+    The quadratic model, with a negative ``slope`` and a ``curvature`` [N mm], holds until further
+    nodes touch a wall; the wall penalty, known exactly, replaces its part of the model.
     """
     touching = np.maximum(np.abs(heights), np.abs(heights + rise)) > z_max
     z = heights[touching]

@@ -1,10 +1,8 @@
 """Stiffness of the free unknowns: its sparsity, its elimination order, and its non-zeros.
 
-The non-zeros are a constant sparse matrix times the entries of the element Hessians: a node's
-position depends on its coordinates and, across the periodic boundary, on the lengths. Unknowns come
+The non-zeros are a constant sparse matrix times the entries of the element Hessians. Unknowns come
 in groups: the coordinates of a node, or the lengths. As all unknowns of coupled groups are coupled,
-the place of a non-zero follows from that of its pair of groups; a search for every non-zero would
-take minutes for a large sample.
+the place of a non-zero follows from that of its pair of groups.
 """
 
 from collections.abc import Callable, Iterator
@@ -34,8 +32,8 @@ Freedom = tuple[int, int, Float[np.ndarray, " element"]]
 class MeshStiffness:
     """Sparsity of the stiffness of all unknowns: compressed columns of the lower triangle.
 
-    The diagonal entry is the first of its column. ``halves`` are, for both halves of the non-zeros,
-    constant matrices from the entries of the Hessians of springs, hinges and walls.
+    ``halves`` are, for both halves of the non-zeros, constant matrices from the entries of the
+    Hessians of springs, hinges and walls.
     """
 
     indptr: Int[np.ndarray, " column"]

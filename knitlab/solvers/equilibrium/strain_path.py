@@ -71,7 +71,6 @@ class PathStep:
 
 
 def _steps(distance: float, longest: float) -> int:
-    """Number of equal steps over a distance."""
     return max(math.ceil(distance / longest - 1e-9), 1)
 
 
@@ -116,7 +115,6 @@ class StrainPath:
         return state
 
     def _angle(self, state: State) -> Float[np.ndarray, " hinge"]:
-        """Fold angles of all hinges from rest [rad]."""
         shape = self.system.shape
         configuration = Configuration.of(state.unknowns, shape)
         return folds_from_rest(network(shape), self.system.fabric, configuration)
@@ -170,19 +168,13 @@ class StrainPath:
             spent.append(state)
 
     def _find_slowly(self, strain: float, to_the_end: bool) -> State:
-        """Search for the state at a strain in small steps, as a slow motion would reach it.
-
-        With many subdomains each raises its own μ when it snaps; raising that of the whole sample
-        would slow all others. A search that leaves the branch, of which there are none with drag,
-        is stopped unless ``to_the_end``: then it continues to the state that the fabric snaps to.
-        """
+        """Search for the state at a strain in small steps, as a slow motion would reach it."""
         if self.settings.drag:
             return self._against_drag(strain)
         floor = -math.inf if to_the_end else self._least_energy(strain)
         return self._found(self._ahead(strain), self.settings, floor, convexified=self.many)
 
     def _find_fast(self, strain: float) -> State:
-        """Search for the state at a strain on a rough path."""
         floor = self._least_energy(strain)
         start = replace(self._ahead(strain), stage=Stage(wall=1e-2))
         near = intermediate_settings(self.settings, self.system.fabric)
@@ -206,12 +198,7 @@ class StrainPath:
         return find_equilibrium(self.system, start, rules)
 
     def _ahead(self, strain: float) -> Point:
-        """Extrapolation of the path to a strain, or as far on the way there as contact allows.
-
-        If wrinkles across many subdomains have moved, it penetrates the walls, and the search from
-        there would crush cells. Then the point of lowest energy on the line from the last state is
-        used.
-        """
+        """Extrapolation of the path to a strain, or as far on the way there as contact allows."""
         used = self.last if self.step.smooth else self.last[-2:]
         passed = [(before, state.unknowns) for before, state in used]
         far = self.loading.ahead(passed, strain)
@@ -251,7 +238,6 @@ class StrainPath:
         return self.settings.branch_limit * max(fraction * abs(work), least)
 
     def _on_branch(self, strain: float, state: State) -> bool:
-        """Whether a state converged, and its energy grew by the work done."""
         if not state.converged or self.settings.drag:
             return state.converged
         before_strain, before = self.last[-1]

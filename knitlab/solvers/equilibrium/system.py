@@ -1,9 +1,4 @@
-"""The equations of one fabric: its energy, forces and factorised stiffness, as solvers use them.
-
-The stiffness is factorised by a sparse Cholesky, ordered by nested dissection: the multifrontal
-method (:mod:`knitlab.solvers.factorisation`) is faster here than CHOLMOD, PARDISO and SuperLU,
-with which ``benchmarks/bench_solvers.py`` compares it.
-"""
+"""The equations of one fabric: its energy, forces and factorised stiffness, as solvers use them."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -49,8 +44,7 @@ class System:
     """Energy, forces and factorised stiffness of one fabric, and of its contact with itself.
 
     If ``stopped`` is set by another thread, the next evaluation raises ``InterruptedError``.
-    Systems of one thread may share the factors ``kept``. ``factorised`` is called after every
-    factorisation, and ``subdomains`` solves those of a large sample, once they have been asked for.
+    Systems of one thread may share the factors ``kept``.
     """
 
     def __init__(
@@ -116,8 +110,7 @@ class System:
         """Factorise the assembled stiffness plus a shift [N/mm]; whether it is positive definite.
 
         With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing.
-        Contact may couple any two unknowns. If ``exact``, it is in double precision; single takes
-        half the time and memory, enough for a search.
+        It is in single precision, enough for a search, unless ``exact``.
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")
@@ -168,8 +161,8 @@ class System:
 class ContactFactors:
     """Factors of the stiffness of fabric that touches itself, for its couplings by contact so far.
 
-    A new symbolic factorisation takes as long as the numeric one, and more couplings hardly add to
-    that. So those of earlier contact are kept, unless they are many times those of the present.
+    Couplings of earlier contact are kept, as a new symbolic factorisation takes as long as the
+    numeric one, unless they are many times those of the present.
     """
 
     def __init__(

@@ -39,24 +39,16 @@ def stretch(
 ) -> TensileTest:
     """Relax a fabric and strain it, by default in the paper's tensile test.
 
-    The path to a strain is followed in steps. Each starts from the linear extrapolation of the two
-    previous states, or, after few iterations, the quadratic one of three; for a sample of many
-    subdomains, from the point of lowest energy on the way there. If the previous step took many
-    iterations, the path is rough: the extrapolation is poor, and hard walls would obstruct the
-    search for the equilibrium. The search then begins with soft walls and a convexified stiffness.
-
     Along a branch of equilibria the energy grows by the work of the reaction force. A step that
     leaves it by ``settings.branch_limit``, or fails, is repeated over half the strain, down to
     ``settings.smallest_step``. If it leaves the branch even then, the fabric has snapped, and the
-    state it snapped to is accepted and marked. A state counts the iterations of all attempts. The
-    test ends at the first strain that cannot be reached.
+    state it snapped to is accepted and marked. The test ends at the first strain that cannot be
+    reached.
 
-    ``progress`` is called with the number of finished states, ``factorised`` after every
-    factorisation. The relaxation begins with the flat sheet, with ``start`` or, without a detour,
-    with ``folded``, nearly in equilibrium. With ``unload`` all strains are passed back too.
-
-    The fabric relaxes without ``friction``, which acts from then on. The test is the ``cycle``-th
-    between zero and the largest strain; the earlier ones are passed first.
+    The relaxation begins with the flat sheet, with ``start`` or, without a detour, with ``folded``,
+    nearly in equilibrium. ``friction`` acts from then on. With ``unload`` all strains are passed
+    back too. The test is the ``cycle``-th between zero and the largest strain. ``progress`` is
+    called with the number of finished states, ``factorised`` after every factorisation.
     """
     system.factorised = factorised
     if folded is None:
@@ -113,12 +105,10 @@ def relax(
 ) -> State:
     """The relaxed shape of a fabric (paper, Sec. "Relaxation of a pattern").
 
-    It begins with the flat sheet, if no start is given. The rest fold angles are raised in equal
-    steps between walls that are soft at first: hard walls would stop every step at the first node
-    that touches them. A sample for clamping relaxes with all edges free, is then rigidly
-    aligned, as far as the walls allow, and solved again. Periodic fabric is solved with a
-    convexified stiffness, which is faster; if that collapses a cell, where fold angles are
-    undefined, it is solved again by raising μ.
+    The rest fold angles are raised in equal steps between walls that are soft at first: hard walls
+    would stop every step at the first node that touches them. A sample for clamping relaxes with
+    free edges, is rigidly aligned and solved again. Periodic fabric is solved with a convexified
+    stiffness, which is faster, and again by raising μ if that collapses a cell.
     """
     shape, fabric = system.shape, system.fabric
     free = free_stiffness(shape, all_free(shape))

@@ -1,12 +1,11 @@
 """Prepared calls of BLAS and LAPACK that release the global interpreter lock.
 
-The functions of ``scipy.linalg.blas`` hold the lock while they work, so that two threads would
-factorise no faster than one. The same routines, which SciPy exports to Cython and ctypes by their
-addresses, do not need it, and ctypes releases it. The addresses of all arguments are prepared once
-for matrices that stay in place.
+``scipy.linalg.blas`` holds the lock, so that two threads would factorise no faster than one. The
+same routines, which SciPy exports by their addresses, are called through ctypes, which releases it;
+addresses of arguments are prepared once for matrices that stay in place.
 
-All arrays of a call are of one precision, single or double. Matrices are in Fortran order; only the
-lower triangle of a symmetric or triangular one is read.
+All arrays of a call are of one precision. Matrices are in Fortran order; only the lower triangle of
+a symmetric or triangular one is read.
 """
 
 import ctypes
@@ -95,11 +94,7 @@ def subtract_transposed_product(target: Vector, matrix: Matrix, vector: Vector) 
 
 
 def _call(name: str, *arguments: str | int | float | np.ndarray) -> Call:
-    """A call of a routine, named without its letter of precision.
-
-    A matrix stands for itself and the distance between its columns, a vector for itself and that
-    between its entries, 1. An integer larger than any front of a sheet is a ``ValueError``.
-    """
+    """A call of a routine, named without its letter of precision."""
     kind = next(each.dtype.char for each in arguments if isinstance(each, np.ndarray))
     addresses: list[int] = []
     for each in arguments:
@@ -121,7 +116,6 @@ def _call(name: str, *arguments: str | int | float | np.ndarray) -> Call:
 
 
 def _integer(number: int) -> int:
-    """Address of an integer."""
     if number >= len(_INTEGERS):
         raise ValueError(
             f"a front has {number} unknowns; at most {len(_INTEGERS) - 1} are supported"

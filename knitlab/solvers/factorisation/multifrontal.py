@@ -1,11 +1,10 @@
 """Multifrontal sparse Cholesky factorisation, from the symbolic factorisation by nested dissection.
 
-A matrix that is not positive definite can be convexified during the factorisation: the pivots of a
-front that is not positive definite are replaced by the matrix with the same eigenvectors and the
-absolute eigenvalues. This changes the matrix only in directions of negative curvature.
-
-The halves of the sheet, on either side of the last separator, are independent: two threads
-factorise them at the same time. The result does not depend on the threads.
+A matrix that is not positive definite can be convexified: the pivots of a front that is not are
+replaced by the matrix with the same eigenvectors and the absolute eigenvalues. Two threads
+factorise the halves of the sheet, on either side of the last separator; the result does not depend
+on the threads. It is faster here than CHOLMOD, PARDISO and SuperLU
+(``benchmarks/bench_solvers.py``).
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,10 +33,8 @@ WORTH_SHARING = 10**6  # entries of a factor above which a second thread pays of
 class Multifrontal:
     """Numeric factorisation of matrices of one sparsity, in memory that is reused.
 
-    Allocating new memory for every factor of a large matrix would take as long as the
-    factorisation. Only one thread may factorise, solve or change the diagonal at a time; it uses at
-    most two. In single precision, a matrix of larger condition number may be found not to be
-    positive definite.
+    Only one thread may factorise, solve or change the diagonal at a time; it uses at most two. In
+    single precision, a matrix of larger condition number may be found not to be positive definite.
     """
 
     def __init__(
@@ -60,9 +57,7 @@ class Multifrontal:
     def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
         """Factorise a matrix, given its lower triangle, and return whether it succeeded.
 
-        With ``convexified`` a nearby positive definite matrix is factorised instead of failing,
-        unless the matrix is not finite, or eigenvalues of a front are too small for single
-        precision.
+        With ``convexified`` a nearby positive definite matrix is factorised instead of failing.
         """
         self._solves.restart()
         self.stored[:] = 0

@@ -1,11 +1,9 @@
 """Symbolic Cholesky factorisation on a grid of nodes, ordered by nested dissection.
 
 The grid is bisected recursively by separators: lines of nodes as thick as the couplings are long,
-eliminated after the parts on either side. Periodic directions are cut twice. The unknowns of one
-separator, or of one leaf, are eliminated together in a dense front. The grid only determines the
-order; the couplings of a front follow from the sparsity, so that any symmetric matrix is factorised
-correctly. Few couplings beyond those of the grid, such as contact of folded layers, hardly add to
-the work; many would.
+eliminated after the parts on either side; periodic directions are cut twice. The grid only
+determines the order; the couplings of a front follow from the sparsity, so that any symmetric
+matrix is factorised correctly, with little more work for a few couplings by contact.
 """
 
 from collections.abc import Iterator, Sequence
@@ -67,8 +65,7 @@ def grid_order(
 ) -> GridOrder:
     """The elimination order for couplings of a grid of nodes.
 
-    ``indptr`` and ``indices`` are compressed columns of the lower triangle, with its diagonal. Grid
-    ``rows`` and ``columns`` are −1 for unknowns of the whole grid, which are eliminated last.
+    Grid ``rows`` and ``columns`` are −1 for unknowns of the whole grid, which are eliminated last.
     """
     lower, upper = nonzero_pairs(indptr, indices)
     nodal = rows >= 0

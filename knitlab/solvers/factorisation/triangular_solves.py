@@ -1,11 +1,8 @@
 """Solves with a multifrontal factor, also after a few entries of the diagonal have changed.
 
-Most fronts are so small that a call of BLAS for each would take longer than its arithmetic. Fronts
-of one level do not depend on each other, and in a sheet many of them have one size, so that batched
-matrix products solve them together, as a group.
-
-The two independent halves may be solved at the same time, each by a thread of its own. The result
-does not depend on the threads.
+A call of BLAS for each small front would take longer than its arithmetic: fronts of one level and
+size are solved together, by batched matrix products. The two independent halves may be solved at
+the same time; the result does not depend on the threads.
 """
 
 from collections.abc import Iterator, Sequence
@@ -157,10 +154,10 @@ class TriangularSolves:
     ) -> bool:
         """Change entries of the diagonal for the next solves; changes, not 0, replace earlier ones.
 
-        It costs a few per cent of a solve for every unknown. With W = L⁻¹ E for the changed
-        unknowns E and their changes K, L Lᵀ + E K Eᵀ = L (I + W K Wᵀ) Lᵀ, so that a solve only has
-        to apply (I + W K Wᵀ)⁻¹ between forward and back substitution (Woodbury). Returns whether
-        the changed matrix is positive definite; if not, it is as it was factorised.
+        With W = L⁻¹ E for the changed unknowns E and their changes K, L Lᵀ + E K Eᵀ = L (I + W K
+        Wᵀ) Lᵀ, so that a solve only has to apply (I + W K Wᵀ)⁻¹ between forward and back
+        substitution (Woodbury). Returns whether the changed matrix is positive definite; if not,
+        nothing changes.
         """
         self._update = None
         if not len(unknowns):
@@ -202,7 +199,6 @@ class TriangularSolves:
         return self._columns[unknown]
 
     def _reduce_one(self, number: int) -> None:
-        """Forward substitution of one front."""
         if number == len(self._fronts) - 1:
             self._shared += self._copy
         self._single_solves(number).reduce()
