@@ -27,8 +27,7 @@ from knitlab.observables.schema import described
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.observables.status import Status
 from knitlab.runs.case_settings import CaseSettings
-from knitlab.runs.cases import cases, electrode_problems
-from knitlab.runs.checkerboards import checkerboard_designs
+from knitlab.runs.cases import cases, checkerboard_designs, electrode_problems
 from knitlab.runs.cube import cloth_sizes, gauge_attributes, input_values
 from knitlab.runs.material import Material, known_parameters
 from knitlab.runs.parameters import Parameters, StripeRow

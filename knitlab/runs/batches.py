@@ -47,14 +47,14 @@ class Shard:
     def __post_init__(self) -> None:
         integers = all(type(value) is int for value in (self.number, self.count))
         if not (integers and 1 <= self.number <= self.count <= MAX_CASES):
-            message = "is not a part of a plan; give a whole number from 1 to the number of shards,"
-            raise invalid(f"shard {self}", f"{message} which are at most {MAX_CASES:,}")
+            hint = f"give whole numbers from 1/1 to {MAX_CASES:,}/{MAX_CASES:,}"
+            raise invalid(f"shard {self}", f"is not a part of a plan; {hint}")
 
     @classmethod
     def of(cls, text: str) -> "Shard":
-        """Read a shard, as in ``3/40``; InputError if the text is of another form."""
+        """Read a shard, as in ``3/40``; InputError if it is not."""
         if not (match := re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)):
-            raise invalid(f"shard {text}", "is not of the form NUMBER/COUNT; write it as in 3/40")
+            raise invalid(f"shard {text}", "is not NUMBER/COUNT; write it as in 3/40")
         return cls(int(match[1]), int(match[2]))
 
     def __str__(self) -> str:

@@ -34,18 +34,11 @@ def overridden(table: Table, section: StrictModel) -> Table:
 
 @dataclass(frozen=True)
 class CaseSettings:
-    """One combination of a workflow's settings.
+    """One combination of a workflow's settings."""
 
-    Attributes:
-        workflow: with one value for each setting.
-        labels: of the combination along the dimensions of swept settings.
-        parameters: tables of ``params/`` or of a material.
-        source: names where a ``section.key`` comes from.
-    """
-
-    workflow: Workflow
-    labels: dict[str, Label]
-    parameters: Parameters
+    workflow: Workflow  # with one value for each setting
+    labels: dict[str, Label]  # of the combination along the dimensions of swept settings
+    parameters: Parameters  # of ``params/`` or of a material
     source: Source
 
     @cached_property
@@ -72,9 +65,9 @@ class CaseSettings:
     def combination(self) -> Combination:
         """What the tests combine."""
         workflow, protocol = self.workflow, self.workflow.protocol
-        boundaries = workflow.stripes.boundaries if workflow.stripes else (self.options.boundary,)
+        stripes = workflow.stripes
         return Combination(
-            boundaries=boundaries,
+            boundaries=stripes.boundaries if stripes else (self.options.boundary,),
             method=protocol.method,
             options=self.options,
             solver=overridden(self.parameters.solver, workflow.solver),
@@ -142,9 +135,7 @@ def check_thickness(case: Case, source: Source) -> None:
     refinement = case.options.cells_per_period // CELLS_PER_PERIOD
     cell = refinement * min(float(cell_length(each, case.options).min()) for each in pair)
     sharpest = min(float(each.theta_0.min()) for each in pair)
-    largest = largest_thickness(cell, sharpest)
-    thickness = case.sheet.thickness
-    largest /= case.lengths_ratio
-    if thickness >= largest:
+    largest = largest_thickness(cell, sharpest) / case.lengths_ratio
+    if case.sheet.thickness >= largest:
         message = f"is too thick for the folds of {case.label}; give less than {largest:.3g} mm"
-        raise invalid(source("model.thickness"), f"{thickness:g} mm {message}")
+        raise invalid(source("model.thickness"), f"{case.sheet.thickness:g} mm {message}")

@@ -55,7 +55,7 @@ class Entry(NamedTuple):
 def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     """The existing cube, if there is one; InputError if the plan's designs cannot be added to it.
 
-    A damaged one is renamed, to be built again from the case files.
+    A damaged cube is renamed.
     """
     if not path.exists():
         return None
@@ -82,7 +82,9 @@ def validated_cube(cube: xr.Dataset, path: Path) -> xr.Dataset:
     """What a run stores of the simulated cube of a path; InputError if it lacks what all have."""
     cube = known_variables(cube)
     if not {*UNIT_CELLS, "code"} <= set(cube):
-        raise invalid(str(path), "is of another version of knitlab; name another results folder")
+        raise invalid(
+            str(path), "was written by another version of knitlab; name another results folder"
+        )
     return cube
 
 
@@ -95,9 +97,7 @@ def build_cube(
 ) -> xr.Dataset:
     """Cube of a plan, from its case files and the previous cube, which has the same dimensions.
 
-    A planned case has the results of its file, unless that is damaged or done already in the old
-    cube, else those of its design in the old cube, else it is ``failed`` or ``pending``. Other
-    cells of the old cube are kept; combinations never requested are ``excluded``.
+    Case files replace designs of the old cube; combinations never requested are ``excluded``.
     """
     known = cube_designs(old)
     entries = {} if old is None else _entries_of(old, known)
@@ -144,8 +144,7 @@ def build_cube(
 def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
     """One cube with the designs of several along the same dimensions, and the gauge of all.
 
-    A design with results is taken before one without; of several, that of the first cube. The
-    attributes are those of the first cube; ``parameters`` are those that all share.
+    A design with results is taken before one without, an earlier cube before a later one.
     """
     first, rank_of = cubes[0], {Status.pending: 0, Status.failed: 1}
     entries = [
@@ -190,7 +189,7 @@ def _attributes(
         attributes["method"] = common["method"]
     options = {f"{OPTION}{key}": value for key, value in common.get("options", {}).items()}
     most = max((case.robustness for case in plan.cases.values()), default=0)
-    seeds = {"random_seeds": f"1 to {most}: of the siblings of each design"} if most else {}
+    seeds = {"random_seeds": f"1 to {most}: of the perturbed copies of each design"} if most else {}
     return provenance() | seeds | attributes | options
 
 
@@ -210,10 +209,8 @@ def cloth_sizes(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str
     """Knit sizes [mm] of a simulated case at a gauge; a pure stripe has none."""
     if case.pure:
         return {}
-    names = (
-        f"{kind}_{axis}" for kind in ("relaxed_cell", "flat_cell", "wavelength") for axis in "xy"
-    )
-    lengths = {name: float(values[name]) for name in names}
+    kinds = ("relaxed_cell", "flat_cell", "wavelength")
+    lengths = {name: float(values[name]) for kind in kinds for name in (f"{kind}_x", f"{kind}_y")}
     return knit_sizes(lengths, case.stitches, case.options.boundary == "periodic", gauge)
 
 
@@ -232,10 +229,7 @@ def read_gauge(attributes: Mapping[Any, Any]) -> Gauge | None:
 def _gridded(
     labels: Mapping[str, Iterable[Any]], names: Collection[str], entries: Mapping[Labels, Entry]
 ) -> xr.Dataset:
-    """Entries on the grid of labels by dimension: numbers ascend, texts are in order of appearance.
-
-    Combinations without an entry are ``excluded``.
-    """
+    """Entries on the grid of labels: numbers ascend, texts are in order of appearance."""
     along = {dim: list(dict.fromkeys(given)) for dim, given in labels.items()}
     for given in along.values():
         if not any(isinstance(label, str) for label in given):

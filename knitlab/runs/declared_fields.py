@@ -33,9 +33,7 @@ Model = TypeVar("Model", bound=type[StrictModel])
 Table = TypeVar("Table")
 
 
-def _small_enough(name: str) -> AfterValidator:
-    largest, unit, message = LARGEST[name]
-
+def _small_enough(largest: float, unit: str, message: str) -> AfterValidator:
     def check(error: float) -> float:
         if error > largest:
             raise ValueError(f"{error:g}{unit} {message}; give at most {largest:g}{unit}")
@@ -44,7 +42,7 @@ def _small_enough(name: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-BOUNDS = {name: _small_enough(name) for name in LARGEST}
+BOUNDS = {name: _small_enough(*limit) for name, limit in LARGEST.items()}
 """Bounds on settings that are no part of the code behind a case, by name."""
 
 
@@ -100,10 +98,10 @@ def with_defaults(table: type) -> Fields:
 
 def entries(types: Types) -> Fields:
     """Tables ``{value, unit, source}`` of a parameter file."""
-    stated = {
-        name: required({"value": kind}) | units({"unit": kind}) for name, kind in types.items()
+    return {
+        name: (with_fields(required({"value": kind}) | units({"unit": kind}))(ParameterValue), ...)
+        for name, kind in types.items()
     }
-    return {name: (with_fields(fields)(ParameterValue), ...) for name, fields in stated.items()}
 
 
 def units(types: Types) -> Fields:

@@ -132,7 +132,7 @@ class Material:
             mistakes.all.append(Mistake("stripes", f"have {knit} {n} twice; keep one"))
         lacking = [f"{each.knit} {each.n}" for each in self.stripes if each.row_width is None]
         if 0 < len(lacking) < len(self.stripes):
-            message = f"have no row_width of {', '.join(lacking)}, but of others"
+            message = f"have no row_width for {', '.join(lacking)}, but for others"
             mistakes.all.append(Mistake("stripes", f"{message}; calibrate all by force over width"))
         for stripe in self.stripes:
             with mistakes, naming(f"{stripe.knit} {stripe.n}"):
@@ -156,25 +156,18 @@ class Material:
         )
 
     def implied_stitch(self, knit: Knit) -> float | None:
-        """Flat width of a stitch of its rib, or height of a stitch of its garter stripes [mm].
-
-        It is the geometric mean over its stripes of this knit; None if it has none.
-        """
+        """Flat width of a rib stitch, or height of a garter stitch [mm], if it has any."""
         own = [stripe for stripe in self.stripes if stripe.knit == knit]
         return geometric_mean(flat_stitch(each, self.cell_size) for each in own) if own else None
 
     def check(self, model: ModelOptions, where: str = "model") -> None:
         """Raise InputError, with the place ``where``, if model options contradict the material."""
         if model.cell_size != self.cell_size:
-            periods = f"whose periods are those of {self.cell_size} stripes"
-            message = (
-                f"cell_size {model.cell_size} contradicts the material {self.name!r}, {periods}"
-            )
+            message = f"cell_size {model.cell_size} contradicts the material {self.name!r}"
             raise invalid(where, f"{message}; leave it out, or take {self.cell_size}")
         if model.hinge_stiffness == "per_length" and any(each.row_width for each in self.stripes):
-            widths = "whose stripes give the width of a row"
-            message = f"hinge_stiffness per_length contradicts the material {self.name!r}, {widths}"
-            raise invalid(where, f"{message}; leave it out, or take per_edge")
+            message = f"hinge_stiffness per_length contradicts the material {self.name!r}"
+            raise invalid(where, f"{message}, which gives row widths; take per_edge")
 
     @classmethod
     def read(cls, path: str | Path) -> "Material":
@@ -252,10 +245,7 @@ class MaterialFile(StrictModel):
 
 
 def check_added(path: Path, knit: Knit, n: int, cell_size: CellSize, per_width: bool) -> None:
-    """InputError if the stripes of a material file contradict one that is to be added there.
-
-    ``per_width`` says whether that has the width of a row.
-    """
+    """InputError if a stripe, perhaps with the width of a row, contradicts those of the file."""
     if not path.exists():
         return
     there = read_checked(MaterialFile, path)
@@ -264,10 +254,9 @@ def check_added(path: Path, knit: Knit, n: int, cell_size: CellSize, per_width: 
         raise invalid(str(path), f"{message}; calibrate all for cell_size {there.cell_size}")
     for other in there.material(path.stem).stripes:
         if (other.knit, other.n) != (knit, n) and (other.row_width is not None) != per_width:
-            widths = ("has", "none") if other.row_width else ("lacks", "one")
-            message = f"{widths[0]} the width of a row, and {knit} {n} has {widths[1]}"
-            where = f"{path}: {other.knit} {other.n}"
-            raise invalid(where, f"{message}; give both swatches a width, or write two files")
+            lacking = f"{knit} {n}" if other.row_width else f"{other.knit} {other.n}"
+            message = f"{lacking} has no width of a row; give both swatches one, or write two files"
+            raise invalid(f"{path}: {other.knit} {other.n} and {knit} {n}", message)
 
 
 def add_stripe(
@@ -298,7 +287,6 @@ def _rounded(number: float) -> float:
 def _add_row(
     table: dict[str, Any], stripe: Stripe, source: str, covariance: Covariance | None = None
 ) -> None:
-    """Add the row of a stripe to the table of a material file."""
     row = StripeRow.of(stripe).model_dump(exclude_none=True)
     own = table.setdefault(stripe.knit, {"source": source, "unit": dict(UNITS), "n": {}})
     if own["source"] != source:
@@ -342,12 +330,12 @@ def with_material(parameters: Parameters, material: Material) -> Parameters:
         "gauge": gauge,
         "model": model,
         "sheet": replace(parameters.sheet, **cloth),
+        "yarn": material.on_machine,
     }
     for name, number in (scaled | material.numbers).items():
         if name not in STITCH:
             table = SCALED.get(name, "dynamics")
             tables[table] = replace(tables.get(table, getattr(parameters, table)), **{name: number})
-    tables["yarn"] = material.on_machine
     return replace(parameters, material=material.name, scaled=scaled, **tables)
 
 
@@ -365,8 +353,7 @@ def with_material_file(
 ) -> tuple[Parameters, WorkflowText]:
     """The parameters with the material of a file that a workflow names, and the workflow.
 
-    Lengths of a workflow's file that another material replaces are those of the paper's yarn, and
-    scaled like the parameters; lengths of overrides, or beside the material in the file, are not.
+    If an override names it, lengths in the workflow's file are the paper's, and scaled.
     """
     material = read_checked(MaterialFile, path, text.source(MATERIAL)).material(path.stem)
     changed = with_material(parameters, material)

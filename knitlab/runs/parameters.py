@@ -80,9 +80,7 @@ class SpringCurveRow(StrictModel):
 class StripeRow(StrictModel):
     """Fitted values of one stripe (paper, Tables 1 and 2), and the law of its springs.
 
-    A source of its own replaces that of the table. The covariance of the mean stripe is that of
-    ``ln k_s``, ``ln k_t`` and ``theta_0``, by the scatter of ``repeats`` if these are given, with
-    normal deviates unless it has ``degrees_of_freedom``.
+    The covariance is that of ``ln k_s``, ``ln k_t`` and ``theta_0`` of the mean stripe.
     """
 
     stiffening_strain: PositiveFloat | None = None
@@ -124,7 +122,7 @@ class StripeRow(StrictModel):
     @model_validator(mode="after")
     def _has_a_covariance(self) -> "StripeRow":
         if self.covariance is None and (self.degrees_of_freedom or self.repeats):
-            raise ValueError("has degrees_of_freedom or repeats of no covariance; give it too")
+            raise ValueError("has degrees_of_freedom or repeats but no covariance; give it too")
         return self
 
     @model_validator(mode="after")
@@ -138,8 +136,7 @@ class StripeRow(StrictModel):
 
 def _stitches(text: str) -> str:
     if not re.fullmatch("[1-9][0-9]{0,3}", text):
-        message = "a stripe is named by its number of stitches, from 1 to 9999"
-        raise ValueError(f"{message}, but is {shown(text)}")
+        raise ValueError(f"a stripe is named by its stitches, 1 to 9999, but is {shown(text)}")
     return text
 
 
@@ -154,8 +151,7 @@ class StripeTable(StrictModel):
 class StripeTables(StrictModel):
     """The stripes of one yarn: ``stripes.toml``, or those of a material.
 
-    With ``interpolate`` there are also stripes of every number of stitches between two of a table:
-    their periods and angles are interpolated linearly, their stiffnesses geometrically.
+    With ``interpolate`` there are also stripes of every number of stitches between two of a table.
     """
 
     rib: StripeTable | None = None
@@ -191,10 +187,10 @@ class StripeTables(StrictModel):
         interpolated: dict[str, Any] = {}
         for name in QUANTITIES:
             first, last = getattr(rows[smaller], name), getattr(rows[larger], name)
-            value = first + (last - first) * fraction
             if name in ("k_s", "k_t"):
-                value = first * (last / first) ** fraction
-            interpolated[name] = value
+                interpolated[name] = first * (last / first) ** fraction
+            else:
+                interpolated[name] = first + (last - first) * fraction
         for name in ("row_width", "stretch_along"):
             ends = [getattr(rows[n], name) for n in (smaller, larger)]
             if None not in ends:
@@ -270,10 +266,7 @@ class DesignSets(RootModel[dict[Name, DesignSet]]):
 
 @dataclass(frozen=True)
 class Parameters:
-    """Everything under ``params/``, and the source of each value by the name of its setting.
-
-    ``material`` names one in place of the paper's yarn, ``scaled`` are lengths that it scaled.
-    """
+    """Everything under ``params/``, and the source of each value by the name of its setting."""
 
     stripes: StripeTables
     sheet: Sheet
@@ -288,8 +281,8 @@ class Parameters:
     designs: DesignSets
     patterns: dict[str, tuple[PatternTable, Path]]  # with the folder that its paths are relative to
     sources: dict[str, str]
-    material: str | None = None
-    scaled: Mapping[str, float] = field(default_factory=dict)
+    material: str | None = None  # name of one in place of the paper's yarn
+    scaled: Mapping[str, float] = field(default_factory=dict)  # lengths that it scaled
     yarn: YarnOnMachine | None = None  # of the material
 
     def with_tables(self, **given: object) -> "Parameters":
@@ -339,7 +332,7 @@ def read_parameters(folder: Path) -> Parameters:
         with mistakes:
             read[name] = read_checked(schema, folder / f"{name}.toml")
     if "stripes" in read and "designs" in read:
-        # Sets can be checked against the stripes even if another file has faults.
+        # Sets can be checked against the stripes even if another file has mistakes.
         mistakes.all += [
             Mistake(f"{folder / 'designs.toml'}: {name}", message)
             for name, members in read["designs"].root.items()
@@ -378,7 +371,7 @@ def defaults() -> Parameters:
         ``stripes.stripe(knit, n)`` gives one; and the named ``layouts`` of electrodes.
 
     Raises:
-        InputError: with every fault of the files.
+        InputError: with every mistake in the files.
 
     Example:
         >>> from dataclasses import replace

@@ -83,7 +83,7 @@ class PatternTable(StrictModel):
     def grading(
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
-        """Sizes and stripes of rows and columns, None if all are alike; BadPattern has faults."""
+        """Sizes and stripes of rows and columns, None if all are alike; BadPattern has mistakes."""
         names = ("column_n_stripe", "row_n_stripe", *SIZES_OF_LINES[0], *SIZES_OF_LINES[1])
         if all(getattr(self, name) is None for name in names):
             return None
@@ -98,9 +98,8 @@ class PatternTable(StrictModel):
                 if rest or not count:
                     near = sorted({max(1, count) * period, (count + 1) * period})
                     are = f"{size} {lines.unit} are {2 * size / period:g} stripes of n_stripe {n}"
-                    rule = "a patch holds an even number of them"
                     hint = f"take {' or '.join(map(str, near))}"
-                    messages.append(f"{line}: {are}, and {rule}; {hint}")
+                    messages.append(f"{line}: {are}, not an even number; {hint}")
                 periods.append(max(1, count))
                 try:
                     stripes.append(stripe(lines.knit, lines.stitches * n))

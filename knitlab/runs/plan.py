@@ -23,8 +23,7 @@ from knitlab.observables.schema import SAMPLE
 from knitlab.runs import workflow_text
 from knitlab.runs.batches import Batch, Shard, batched, split
 from knitlab.runs.case_settings import CaseSettings, Designs, overridden
-from knitlab.runs.cases import KINDS, cases, electrode_problems
-from knitlab.runs.checkerboards import with_pattern_files
+from knitlab.runs.cases import KINDS, cases, electrode_problems, with_pattern_files
 from knitlab.runs.declared_fields import FACTOR
 from knitlab.runs.material import MATERIAL, with_material_file
 from knitlab.runs.parameters import Parameters, read_parameters
@@ -194,8 +193,7 @@ def _misplaced_electrodes(planned: dict[str, Case], text: WorkflowText) -> list[
 def _stripes_digest(parameters: Parameters, workflow: Workflow, swept: set[str]) -> str:
     changes = workflow.model.model_dump(include=set(CHANGES) - swept)
     # For linear springs the digest is that of a version without other laws.
-    for name in [name for name in SPRING_LAW_CHANGES if changes.get(name) is None]:
-        changes.pop(name, None)
+    changes = {k: v for k, v in changes.items() if k not in SPRING_LAW_CHANGES or v is not None}
     tables = parameters.stripes.model_dump(exclude_none=True)
     return text_digest(json.dumps([tables, changes]))
 

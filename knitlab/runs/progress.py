@@ -55,9 +55,8 @@ class ProgressBar:
     def reached(self, case_id: str, states: float) -> None:
         """Record how many states of a case are done; a fraction is part of a state."""
         case = self._cases[case_id]
-        advance = METHODS[case.method].work(case, states) - METHODS[case.method].work(
-            case, self._states[case_id]
-        )
+        work = METHODS[case.method].work
+        advance = work(case, states) - work(case, self._states[case_id])
         if advance > 0:
             self._states[case_id] = states
             # Round-off must not move the bar past its end.

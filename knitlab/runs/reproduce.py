@@ -60,9 +60,8 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     if len(matches) > 1 and case_id not in matches:
         some = ", ".join(list(matches)[:MAX_CASES_NAMED])
         more = ", …" if len(matches) > MAX_CASES_NAMED else ""
-        raise invalid(
-            case_id, f"{len(matches)} cases begin so ({some}{more}); give more characters"
-        )
+        message = f"{len(matches)} cases begin so ({some}{more}); give more characters"
+        raise invalid(case_id, message)
     name = case_id if case_id in matches else next(iter(matches))
     folder, record = matches[name]
     return RecordedCase(case_of_record(record, name), name, folder)

@@ -1,7 +1,4 @@
-"""A results folder: its recorded plan, the state of every case, and its failures.
-
-Needs no JAX.
-"""
+"""A results folder: its recorded plan, the state of every case, and its failures. Needs no JAX."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -114,10 +111,7 @@ def cube_designs(cube: xr.Dataset | None) -> dict[Labels, CubeDesign]:
 def case_states(
     designs: Mapping[str, Labels], folder: Path, known: Mapping[Labels, CubeDesign], check: bool
 ) -> dict[str, CaseState]:
-    """State of every planned case in a folder, some of which are known from its cube.
-
-    ``check`` reads every case file and compares it with its checksum.
-    """
+    """State of every planned case; ``check`` compares every case file with its checksum."""
     files, states = stored_cases(folder), {}
     for case_id, labels in designs.items():
         design = known.get(labels)

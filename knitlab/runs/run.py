@@ -108,15 +108,14 @@ class Run:
             lines.append(f"{entry['status']}: {label}: {entry['reason']}")
         for case_id, state in self.states_before.items():
             if state is CaseState.damaged:
-                path = case_path(folder, case_id)
-                lines.append(f"damaged: {path} was not as it had been written")
+                lines.append(f"damaged: {case_path(folder, case_id)} was not as written")
         if self.rebuilt:
-            kept = f"it is kept as {DAMAGED_CUBE}"
-            lines.append(f"damaged: {folder / CUBE} was not as it had been written; {kept}")
+            path = folder / CUBE
+            lines.append(f"damaged: {path} was not as written; it is kept as {DAMAGED_CUBE}")
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
-            kept = f"stale: {stale} cases were computed by another model and are kept"
+            kept = f"stale: {stale} cases of another model are kept"
             lines.append(f"{kept}; a refresh recomputes them")
         if stale := len(self.left_in(CaseState.stale_parameters)):
             listed = "; ".join(self.changed) or "of single designs"
@@ -134,8 +133,6 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
 
     A batch that raises or whose worker dies is tried again, then each of its cases on its own; a
     case that still has no result is ``failed``. The last of several shards to end writes the cube.
-    InputError if another run or plan holds the folder, its cube has other dimensions, or a batch
-    needs more memory than there is; CannotWrite if the folder is full, finished cases are kept.
     """
     if options.scheduler is not None:
         workers.connected(options.scheduler).close()  # before anything is written
@@ -147,7 +144,12 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             old = previous_cube(plan, results / CUBE)
             # Another shard that has its lock may still wait to write its plan.
             if (results / PLAN).exists() and _others_run(results, shard):
-                _check_same_plan(plan, results)
+                recorded = results_folder.read_plan(results)
+                same_model = stored_model(recorded.get("code", "")) == MODEL
+                if not same_model or recorded["cases"].keys() != plan.cases.keys():
+                    message = "has other cases or another model than this plan, and its shards run"
+                    hint = "wait for them, or name another results folder"
+                    raise invalid(str(results / PLAN), f"{message}; {hint}")
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
@@ -164,7 +166,12 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             cube, failures = _join(plan, results, old, states, done)
             joined = True
         else:
-            cube, failures = _cube_of_share(plan, share, results, states, done)
+            # Without cases in the share, the cube has all designs, as pending.
+            after = states | dict.fromkeys(done.ended, CaseState.pending)
+            nothing = dict.fromkeys(plan.cases, CaseState.damaged)
+            designs, known = (share, after) if share.cases else (plan, nothing)
+            cube = build_cube(designs, results, None, known, done.failed)
+            failures = _failures(share, results, cube, done)
             with brief_lock(results):
                 others = earlier_failures(results).items()
                 kept = [entry for case_id, entry in others if case_id not in share.cases]
@@ -193,16 +200,6 @@ def _others_run(results: Path, shard: Shard | None) -> bool:
     if shard is None:
         return False
     return any(other != (shard.number, shard.count) for other in running_shards(results))
-
-
-def _check_same_plan(plan: Plan, results: Path) -> None:
-    """InputError if the shards that run in a folder have another plan."""
-    recorded = results_folder.read_plan(results)
-    same_model = stored_model(recorded.get("code", "")) == MODEL
-    if not same_model or recorded["cases"].keys() != plan.cases.keys():
-        message = "is that of the shards that run in this folder, and has other cases or another"
-        hint = "wait for them, or name another results folder"
-        raise invalid(str(results / PLAN), f"{message} model; {hint}")
 
 
 @dataclass
@@ -294,19 +291,6 @@ def _join(
     write_cube(cube, results / CUBE)
     results_folder.write_failures(results, failures)
     return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
-
-
-def _cube_of_share(
-    plan: Plan, share: Plan, results: Path, states: dict[str, CaseState], done: _Simulated
-) -> tuple[xr.Dataset, tuple[Failure, ...]]:
-    """The cube of the share of a shard and its failures; all designs if the share has no cases."""
-    if share.cases:
-        after = states | dict.fromkeys(done.ended, CaseState.pending)
-        cube = build_cube(share, results, None, after, done.failed)
-    else:
-        nothing = dict.fromkeys(plan.cases, CaseState.damaged)
-        cube = build_cube(plan, results, None, nothing, done.failed)
-    return cube, _failures(share, results, cube, done)
 
 
 def _failures(plan: Plan, results: Path, cube: xr.Dataset, done: _Simulated) -> tuple[Failure, ...]:

@@ -1,7 +1,4 @@
-"""Simulation of a batch, the task that a worker runs: its tensile tests, and their case files.
-
-The tests of cases of one mesh shape, and of their perturbed copies, are simulated together.
-"""
+"""Simulation of a batch, the task that a worker runs: its tensile tests, and their case files."""
 
 import json
 import time
@@ -21,10 +18,9 @@ from knitlab.solvers.perturbed_copies import perturbed_tests
 
 
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
-    """Relax and stretch the fabrics of one mesh shape together, and write their case files.
+    """Simulate cases of one mesh shape together, and write their case files.
 
-    Cases that differ in their electrodes alone share a test. ``progress`` is called with a case's
-    identifier and how many of its states are done.
+    Cases that differ in their electrodes alone share a test.
     """
     for case, dataset in _simulated(cases, progress):
         write_case_file(results, case.case_id, dataset)

@@ -22,10 +22,9 @@ MEANING = {"swatch": "a new swatch", "mean": "the mean stripe"}
 
 
 def uncertain_stripes(material: str | Path | Material, subject: str | None = None) -> Stripes:
-    """Rib and garter of a material or its file by n_stripe; InputError as of `stripe_covariance`.
+    """Rib and garter of a material or its file by n_stripe, with their covariance.
 
-    By default they are those of a new swatch if the scatter of repeats is known of every stripe of
-    the material, otherwise those of the mean stripe, as their note says.
+    By default it is that of a new swatch if the scatter of repeats is known of every stripe.
     """
     read = material if isinstance(material, Material) else Material.read(material)
     chosen = uncertain_subject(read, subject)
@@ -75,11 +74,7 @@ def _without_scatter(material: Material) -> list[str]:
 def stripe_covariance(
     material: Material, knit: Knit, n: int, subject: Subject
 ) -> tuple[Stripe, list[str], Float[np.ndarray, "number number"], float]:
-    """A stripe, its uncertain numbers, and the covariance of these: of ln p, or of θ0.
-
-    It is that of the mean stripe or of a new swatch, and of Student's t, whose degrees of freedom
-    are returned too. InputError if the material lacks them, or they are not a covariance.
-    """
+    """A stripe, its uncertain numbers, their covariance (of ln p, or θ0) and degrees of freedom."""
     where = f"material {material.name}: {knit} {n}"
     stripe = next((each for each in material.stripes if (each.knit, each.n) == (knit, n)), None)
     if stripe is None:
@@ -98,7 +93,7 @@ def stripe_covariance(
         {*names, *(name for row in table.values() for name in row)} - {*known}
     ):
         listed = shortened(", ".join(map(repr, unknown_names)))
-        raise invalid(where, f"is of {listed}; give numbers of {', '.join(known)}")
+        raise invalid(where, f"names {listed}; give numbers of {', '.join(known)}")
     if any({*row} != {*names} for row in table.values()) or not names:
         raise invalid(where, f"has rows that are not each of {', '.join(names)}; complete them")
     matrix = np.array([[table[one][other] for other in names] for one in names], float)
@@ -117,7 +112,7 @@ def uncertain_stripe(material: Material, knit: Knit, n: int, subject: Subject) -
     """A stripe with the covariance of relative changes; InputError as :func:`stripe_covariance`."""
     stripe, names, matrix, freedom = stripe_covariance(material, knit, n, subject)
     if STIFFENING in names:
-        message = f"is also of {STIFFENING}, for which cubes have no sensitivities"
+        message = f"has {STIFFENING}, for which cubes have no sensitivities"
         raise invalid(f"material {material.name}: {knit} {n}: covariance", f"{message}; sample it")
     relative = np.array([1 / stripe.theta_0 if name == "theta_0" else 1.0 for name in names])
     places = [NUMBERS.index(name) for name in names]

@@ -22,8 +22,7 @@ from knitlab.runs.workflow import SETTINGS
 from knitlab.runs.workflow_file import workflow_file
 from knitlab.runs.workflow_text import PAIRED, read_workflow
 
-LEAST_FREEDOM = 2.0
-"""Degrees of freedom below which samples are too far apart to be simulated."""
+MIN_FREEDOM = 2.0  # degrees of freedom below which samples are too far apart to be simulated
 
 
 def student_hypercube(
@@ -66,9 +65,9 @@ def sampled_numbers(
     names, middles, matrices, freedoms = list[str](), list[float](), [], []
     for knit, n in knits:
         stripe, own, matrix, freedom = stripe_covariance(material, knit, n, subject)
-        if freedom < LEAST_FREEDOM:
+        if freedom < MIN_FREEDOM:
             message = f"has {freedom:g} degrees of freedom, whose samples have no bounds"
-            hint = f"calibrate {math.ceil(LEAST_FREEDOM) + 1} repeats or more"
+            hint = f"calibrate {math.ceil(MIN_FREEDOM) + 1} repeats or more"
             raise invalid(f"material {material.name}: {knit} {n}: covariance", f"{message}; {hint}")
         names += [f"{knit}_{name}" for name in own]
         middles += [getattr(stripe, name) for name in own]
@@ -119,7 +118,7 @@ def write_samples(
     if files := table["design"].get("pattern_files"):
         table["design"]["pattern_files"] = [str((base.parent / file).resolve()) for file in files]
     table.setdefault("model", {})["material"] = str(material.resolve())
-    # Siblings would add their own changes of the same numbers.
+    # Perturbed copies would add their own changes of the same numbers.
     table.setdefault("protocol", {})["robustness"] = 0
     title = f"Samples of {MEANING[chosen]} of {material.name}: {table.get('title', base.stem)}"
     table |= {"title": title, "figures": []}

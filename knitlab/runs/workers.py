@@ -68,7 +68,7 @@ class BatchError:
 
     @classmethod
     def of(cls, error: BaseException) -> "BatchError":
-        """Describe an exception by its type, message and innermost frame."""
+        """The type, message and innermost frame of an exception."""
         frames = traceback.extract_tb(error.__traceback__)
         line = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
         return cls(

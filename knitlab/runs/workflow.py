@@ -49,7 +49,7 @@ Sizes = Annotated[tuple[Count, ...], Field(min_length=1, max_length=300, strict=
 
 MOST_STEPS = 1000  # largest number of strain steps of a test
 MOST_CYCLES = 1000  # of a test
-MOST_SIBLINGS = 100  # largest number of siblings of a design
+MOST_COPIES = 100  # perturbed copies of a design
 
 
 def _known_figure(name: str) -> str:
@@ -134,12 +134,9 @@ class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
-    ``strain_max``. ``load`` is how the fabric is strained, with the ratio of a biaxial and the
-    angle of an off-axis load, and ``cycle`` the number of the cycle between zero and the largest
-    strain that is measured; lists of these are dimensions. ``sensitivities`` adds the derivatives
-    of Poisson's ratio and force with respect to the stripe parameters, ``unloading`` the states of
-    unloading at the same strains, and ``robustness`` the spread of results over this number of
-    slightly perturbed copies of each design, which are tested in equilibrium only.
+    ``strain_max``. Lists of ``load``, ``load_ratio``, ``load_angle`` and ``cycle`` are dimensions.
+    ``sensitivities`` adds derivatives with respect to the stripe parameters, ``unloading`` the
+    states of unloading, ``robustness`` the spread over this number of perturbed copies.
     """
 
     method: MethodName = "equilibrium"
@@ -154,7 +151,7 @@ class ProtocolSection(StrictModel):
     cycle: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
     sensitivities: bool = False
     unloading: bool = False
-    robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
+    robustness: Annotated[int, Field(ge=0, le=MOST_COPIES)] = 0
 
     @model_validator(mode="after")
     def _is_a_possible_test(self) -> "ProtocolSection":
@@ -162,8 +159,7 @@ class ProtocolSection(StrictModel):
         for name in METHODS[self.method].refused:
             if getattr(self, name):
                 able = " or ".join(each for each in METHODS if name not in METHODS[each].refused)
-                message = f"method = {self.method} gives no {name}; take method = {able}"
-                raise ValueError(message)
+                raise ValueError(f"method = {self.method} gives no {name}; take method = {able}")
         if largest > MAX_STRAIN:
             fraction = f"strains are fractions, so that {largest:g} % is {largest / 100:g}"
             raise ValueError(f"strain_max = {largest:g} is {largest:.0%}; {fraction}")
@@ -172,8 +168,7 @@ class ProtocolSection(StrictModel):
             message = f"is not a whole multiple of strain_step = {step:g}; change one"
             raise ValueError(f"strain_max = {largest:g} {message}")
         if steps > MOST_STEPS:
-            most = f"strains; give at most {MOST_STEPS}"
-            raise ValueError(f"strain_max / strain_step gives {steps:.3g} {most}")
+            raise ValueError(f"gives {steps:.3g} strains; give at most {MOST_STEPS}")
         return self
 
     @property

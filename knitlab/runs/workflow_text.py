@@ -27,9 +27,7 @@ from knitlab.runs.workflow import (
 from knitlab.runs.workflow_file import Overrides, read_overrides
 from knitlab.solvers.case import Label
 
-KEYS = dict.fromkeys(Workflow.model_fields, "") | {
-    name: setting.section for name, setting in SETTINGS.items()
-}
+KEYS = dict.fromkeys(Workflow.model_fields, "") | {k: each.section for k, each in SETTINGS.items()}
 """Keys of a workflow, with the table of each."""
 PAIRED = "paired"  # the table of a workflow whose lists change together
 LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
@@ -43,12 +41,14 @@ def coordinate(name: str) -> Variable:
     if name == SAMPLE:
         return Variable((SAMPLE,), "number of a set of paired settings")
     setting = SETTINGS[name]
-    long_name = {
-        SAMPLE_SIZE: "unit cells of the sample, along y and x",
-        PATTERN: "named pattern of patches",
-        **{name: f"{name} of the electrodes" for name in LAYOUT_SETTINGS},
-    }.get(name, name)
-    if quantity := setting.factor_on:
+    long_name = name
+    if name == SAMPLE_SIZE:
+        long_name = "unit cells of the sample, along y and x"
+    elif name == PATTERN:
+        long_name = "named pattern of patches"
+    elif name in LAYOUT_SETTINGS:
+        long_name = f"{name} of the electrodes"
+    elif quantity := setting.factor_on:
         long_name = f"factor on {quantity}"
     return Variable((name,), long_name, setting.unit)
 
@@ -193,9 +193,8 @@ def _refused_pairs(path: Path, pairs: dict[str, Any], table: dict[str, Any]) -> 
         if name not in able:
             mistakes.append(Mistake(where, unknown(name, able, "setting that can be paired")))
         elif len(lengths) > 1 or 0 in lengths:
-            mistakes.append(
-                Mistake(where, "is not a list as long as the others; give one value each")
-            )
+            message = "is not a list as long as the others; give one value each"
+            mistakes.append(Mistake(where, message))
         elif name in table.setdefault(section := SETTINGS[name].section, {}):
             mistakes.append(Mistake(where, f"has one value in [{section}] too; give it once"))
     return mistakes

@@ -1,10 +1,8 @@
 """Friction and cycles of a workflow: dimensions, what is refused, what a cube derives."""
 
 import numpy as np
-import pytest
 import xarray as xr
 
-import knitlab as kl
 from knitlab.cubes.derived import with_derived
 from knitlab.runs.batches import seconds
 from knitlab.runs.plan import make_plan
@@ -26,26 +24,6 @@ def test_numbers_that_friction_does_not_use_name_no_case():
     assert plain.cases.keys() == other.cases.keys()
     used = make_plan("periodic", (*ONE, "fold_slide=0.2", "fold_friction=0.1"))
     assert plain.cases.keys() != used.cases.keys()
-
-
-@pytest.mark.parametrize(
-    ("settings", "problem"),
-    [
-        (("fold_friction=-1",), "fold_friction.*greater than or equal to 0"),
-        (("cycle=0",), "cycle.*greater than or equal to 1"),
-        (("cycle=2", "method=dynamics"), "found by equilibria; take method = equilibrium"),
-        (("fold_drift=0.1", "sensitivities=true"), "has no sensitivities"),
-        (("fold_friction=0.1", "boundary=clamped", "drag=0.1"), "not combined with drag"),
-    ],
-)
-def test_what_has_no_meaning_is_refused(settings, problem):
-    with pytest.raises(kl.InputError, match=problem):
-        make_plan("periodic", (*ONE, *settings))
-
-
-def test_a_second_cycle_without_friction_is_said_to_be_as_the_first():
-    (sentence,) = make_plan("periodic", (*ONE, "cycle=2")).warnings
-    assert sentence.startswith("cycle = 2 is as the first without friction, unless the fabric")
 
 
 def test_a_set_is_where_the_force_of_unloading_vanishes():

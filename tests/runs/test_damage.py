@@ -166,11 +166,7 @@ def test_variables_of_other_programs_are_left_out(folder, undamaged, dims, tmp_p
 @pytest.mark.parametrize(
     "change",
     [
-        {"cases": None},
-        {"workflow": None},
         {"dims": []},
-        {"inputs": [1]},
-        {"excluded": [None]},
         {"gauge": {}},
         {"cases": {"a": {"design": None}}},
         "[" * 100_000,
@@ -187,12 +183,6 @@ def test_a_plan_that_does_not_match_the_schema_is_named_and_replaced(folder, cha
     with pytest.raises(InputError, match=r"plan\.json"):
         merge_folders([folder], tmp_path / "merged")
     assert not ran(folder).failures
-
-
-@pytest.mark.parametrize("line", ["[null]", '{"case_id": 5}', '"x"'])
-def test_a_foreign_line_among_the_failures_is_ignored(folder, line, undamaged):
-    (folder / "failures.jsonl").write_text(line + "\n")
-    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
 
 
 def with_unknown_status(cube):
@@ -230,14 +220,6 @@ def test_a_cube_that_does_not_match_the_schema_is_named_and_built_again(
     xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
     (remark,) = run.remarks(run.cube["status"].dims, folder)
     assert "cube-damaged.nc" in remark
-
-
-def test_a_cube_without_the_name_of_its_workflow_is_merged_as_its_folder(folder, tmp_path):
-    (folder / "plan.json").unlink()
-    cube = xr.load_dataset(folder / "cube.nc")
-    del cube.attrs["workflow"]
-    cube.to_netcdf(folder / "cube.nc")
-    assert merge_folders([folder], tmp_path / "merged").folder.name == "periodic"
 
 
 def test_a_cube_without_unit_cells_is_of_another_version(folder, tmp_path):

@@ -1,18 +1,13 @@
 """The gauge of a cube: sizes in cloth that follow it without a new simulation."""
 
 import json
-import shutil
 
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 
 import knitlab
-from knitlab.cli import main
 from knitlab.cubes.derived import with_derived
-from knitlab.io.errors import InputError
-from knitlab.io.shipped import shipped
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState
@@ -85,14 +80,6 @@ def test_a_plan_records_the_gauge_and_its_cases_do_not(tmp_path):
     assert frozen == {"stitch_width": 2.0, "stitch_height": plan.gauge.stitch_height}
 
 
-def test_a_workflow_may_give_its_gauge(tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text(
-        'title = "mine"\n[design]\nn_stripe = [4]\nn_subunit = [16]\n[gauge]\nstitch_width = 0.7\n'
-    )
-    assert make_plan(str(path)).gauge.stitch_width == 0.7
-
-
 def test_periodic_fabric_has_cells_in_cloth_but_no_width_or_length(tmp_path):
     cube = ran(tmp_path, "boundary=clamped,periodic", "scale=0.3").cube
     for name in SIZES:
@@ -111,22 +98,3 @@ def test_a_query_shows_sizes_in_cloth_as_the_first_millimetres(tmp_path):
     cube = with_derived(ran(tmp_path).cube)
     shown = [name for name in cube.knitlab.query() if cube[name].attrs.get("units") == "mm"]
     assert {*shown[: len(SIZES)]} == {*SIZES}
-
-
-@pytest.mark.parametrize("text", ["stitch_width=0", "stitch_width=-1", "stitch_height=0.5,0.6"])
-def test_a_bad_gauge_is_refused(text):
-    with pytest.raises(InputError, match=f"settings {text}: ") as caught:
-        make_plan("paper", (text,))
-    assert len(caught.value.mistakes) == 1
-
-
-def test_a_bad_gauge_file_is_one_message_with_its_path_and_exit_code_2(tmp_path, monkeypatch):
-    folder = tmp_path / "params"
-    shutil.copytree(shipped("params"), folder)
-    path = folder / "gauge.toml"
-    path.write_text(path.read_text().replace("value = 1.35", "value = 0.0"))
-    monkeypatch.setattr("knitlab.runs.plan.shipped", lambda _: folder)
-    ran = CliRunner().invoke(main, ("plan", "paper", "--results", str(tmp_path)))
-    assert ran.exit_code == 2
-    assert ran.output.count(f"{path}: stitch_width.value: ") == 1
-    assert len(ran.output.splitlines()) == 1

@@ -113,21 +113,6 @@ def test_factors_multiply_values_and_both_knits():
     assert planned(*design, "k_s_factor=1").cases == planned(*design).cases
 
 
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("k_t_factor=0.8,-1", r"k_t_factor=0.8,-1: value 2: "),
-        ("hinges=all,none", "value 2: .*'fold_lines'"),
-        ("z_max=4,4", "twice"),
-        ("theta_0_factor=9", "below pi"),
-        ("unit_cells=[[1,1],[0,1]]", "value 2: "),
-    ],
-)
-def test_a_bad_value_of_a_swept_setting_is_named(override, message):
-    with pytest.raises(InputError, match=message):
-        planned("n_stripe=4", "n_subunit=16", override)
-
-
 def test_a_cube_of_other_dimensions_is_not_mixed_in(tmp_path):
     ran(planned(*PAIRS), tmp_path)
     with pytest.raises(InputError, match="n_subunit, z_max"):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import knitlab as kl
-from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.loads.biaxial import Biaxial
 from knitlab.solvers.loads.warp import Warp
@@ -30,44 +29,6 @@ def test_a_pull_along_the_warp_keeps_its_identifier():
     (one,) = make_plan("periodic", PERIODIC).cases
     (other,) = make_plan("periodic", (*PERIODIC, "load=warp", "load_angle=30")).cases
     assert one == other
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        (["load=of_axis"], "'warp', 'weft', 'biaxial', 'shear' or 'off_axis'"),
-        (["load=biaxial"], "needs load_ratio"),
-        (["load=biaxial", "load_ratio=nan"], "finite"),
-        (["load=biaxial", "load_ratio=1,1e9"], r"× load_ratio = 4.5e\+08 is the strain"),
-        (["load=warp,biaxial", "load_ratio=-0.9", "strain_max=1.2"], r"× load_ratio = -1\.08 is"),
-        (["method=dynamics", "fold_drift=0.1"], "fold_drift=0.1: is found by equilibria"),
-        (["load=off_axis"], "needs load_angle"),
-        (["load=off_axis", "load_angle=270"], "less than 180"),
-        (["load=off_axis", "load_angle=30", "boundary=clamped"], "clamps cannot pull"),
-        (["load=weft", "sensitivities=true"], "has no sensitivities"),
-        (["load=shear", "method=dynamics"], "take method = equilibrium"),
-        (["load=shear", "layout=checkerboard"], "no electrodes"),
-    ],
-)
-def test_loads_that_a_boundary_cannot_carry_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
-        make_plan("periodic", (*PERIODIC, *settings))
-
-
-def test_a_drag_of_equilibria_is_said_to_be_ignored_by_dynamics():
-    settings = ("n_stripe=4", "n_subunit=16", "strain_max=0.03", "drag=1")
-    plan = make_plan("preview", settings)
-    assert any("drag = 1 is ignored by dynamics" in sentence for sentence in plan.warnings)
-
-
-def test_stripes_are_pulled_across_their_ridges():
-    with pytest.raises(InputError, match="across their ridges"):
-        make_plan("stripes", ("load=weft",))
-
-
-def test_a_ratio_without_a_biaxial_load_is_said_to_be_ignored():
-    (sentence,) = make_plan("periodic", (*PERIODIC, "load_ratio=2")).warnings
-    assert sentence == "load_ratio is ignored by load = warp; take load = biaxial"
 
 
 @pytest.mark.slow

@@ -5,12 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import knitlab as kl
-from knitlab.cli import main
 from knitlab.io.errors import InputError
 from knitlab.runs.material import SCALED, add_stripe, with_material
 from knitlab.runs.parameters import StripeTables
@@ -93,17 +91,13 @@ def test_model_options_that_contradict_the_material_are_refused(tmp_path, settin
         kl.simulate(kl.Design(4, 16), STRAINS, material=material, model=model)
 
 
-def test_a_stripe_of_the_other_convention_is_not_added(tmp_path):
-    add_stripe(tmp_path / "a.toml", RIB, "first")
-    with pytest.raises(InputError, match="relaxed"):
-        add_stripe(tmp_path / "a.toml", GARTER, "second", cell_size="flat")
-
-
 def test_stripes_over_width_and_of_rows_are_not_mixed(tmp_path):
     wide = replace(RIB, row_width=3.0)
-    with pytest.raises(InputError, match=r"row_width of garter 8"):
+    with pytest.raises(InputError, match="row_width for garter 8"):
         kl.Material((wide, GARTER))
     add_stripe(tmp_path / "a.toml", wide, "first")
+    with pytest.raises(InputError, match="relaxed"):
+        add_stripe(tmp_path / "a.toml", replace(GARTER, row_width=3.0), "second", cell_size="flat")
     with pytest.raises(InputError, match=r"a.toml: rib 4.*garter 8.*width"):
         add_stripe(tmp_path / "a.toml", GARTER, "second")
     # It may take the place of the only one.
@@ -147,22 +141,15 @@ def test_the_papers_stripes_are_not_used_beside_a_material(tmp_path, workflow, g
     path = written(tmp_path / "a.toml", longer(RIB, 7.0), longer(GARTER, 7.0))
     with pytest.raises(InputError, match=problem):
         make_plan(workflow, given | {"material": path})
-
-
-def test_one_knit_alone_is_not_completed_from_the_paper(tmp_path):
-    path = written(tmp_path / "rib.toml", RIB)
-    with pytest.raises(InputError, match=r"garter stripe of 8.*'acrylic'"):
-        make_plan("periodic", {"n_stripe": 4, "n_subunit": 16, "material": path})
-    # Pure rib needs no garter.
-    made = make_plan("stripes", {"knit": "rib", "material": path})
-    assert {case.weft.n for case in made.cases.values()} == {4}
-
-
-def test_of_a_named_set_only_designs_with_stripes_are_planned(tmp_path):
-    path = written(tmp_path / "a.toml", RIB, GARTER)
     plan = make_plan("periodic", {"material": path})
     assert {case.design["n_stripe"] for case in plan.cases.values()} == {4}
     assert all("acrylic" in reason for reason in plan.excluded.values())
+    ribs = written(tmp_path / "rib.toml", RIB)
+    with pytest.raises(InputError, match=r"garter stripe of 8.*'acrylic'"):
+        make_plan("periodic", {"n_stripe": 4, "n_subunit": 16, "material": ribs})
+    # Pure rib needs no garter.
+    made = make_plan("stripes", {"knit": "rib", "material": ribs})
+    assert {case.weft.n for case in made.cases.values()} == {4}
 
 
 def test_plain_knit_of_the_paper_is_not_used_either(tmp_path):
@@ -273,33 +260,6 @@ def test_a_stripe_is_named_by_its_number_of_stitches(tmp_path, n):
     for make in (lambda: kl.Material.read(path), lambda: kl.Material((replace(RIB, n=n),))):
         with pytest.raises(InputError, match=r"1 to 9999|Stripe: n"):
             make()
-
-
-def test_a_key_of_a_file_is_shown_as_one_short_line(tmp_path):
-    path = tmp_path / "a\n\x1b[31mb.toml"
-    path.write_text(f'"a\\nb\\u202e" = 1\n"{"y" * 100_000}" = 2\n')
-    said = CliRunner().invoke(main, ["plan", "periodic", "--material", str(path)])
-    assert said.exit_code == 2
-    lines = said.stderr.splitlines()
-    assert len(lines) == 2
-    assert r"a\n\x1b[31mb.toml: a\nb\u202e: " in lines[0]
-    assert len(lines[1]) < 1000
-
-
-def test_nothing_but_the_lengths_and_stripes_of_the_parameters_changes():
-    changed = with_material(PAPER, kl.Material((RIB, GARTER)))
-    for name in ("solver", "dynamics", "designs", "patterns", "layouts"):
-        assert getattr(changed, name) == getattr(PAPER, name)
-    assert changed.sheet.k_wall == PAPER.sheet.k_wall
-
-
-def test_the_command_line_takes_a_material_wherever_settings_are_taken(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    written(tmp_path / "a, b.toml", RIB, GARTER, z_max=5.0)
-    words = ["plan", "periodic", "--material", "a, b.toml", "--set", "n_subunit=16"]
-    done = CliRunner().invoke(main, words)
-    assert done.exit_code == 0, done.output
-    assert "1 cases" in done.output
 
 
 def test_a_wrong_length_of_a_workflow_is_named_and_not_scaled(tmp_path):

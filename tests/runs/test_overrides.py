@@ -1,12 +1,8 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import PLAN, read_plan
-from knitlab.runs.workflow_file import read_overrides
 
 SETTINGS = {"n_stripe": 4, "n_subunit": [16], "boundary": "clamped"}
 
@@ -43,24 +39,3 @@ def test_a_plan_keeps_the_values_of_its_overrides_by_the_names_of_their_settings
     values = {"n_stripe": 4, "strain_max": 0.06, "k_t_factor": [0.8, 1.0]}
     assert read_plan(tmp_path)["overrides"] == plan.overrides == values
     assert make_plan("periodic", [f"{name}={value}" for name, value in values.items()]) == plan
-
-
-def test_a_path_is_converted_to_text():
-    ((override,), mistakes) = read_overrides({"material": Path("a/b.toml")})
-    assert (override.value, mistakes) == ("a/b.toml", [])
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"n_strip": 4}, "n_strip=4: .*'n_stripe'"),
-        ({"k_wall": -1.0}, "k_wall=-1.0: "),
-        ({"cell_size": ["flat", "loose"]}, "cell_size=.*: value 2: .*'flat'"),
-        ({"n_stripe": 4.5}, "n_stripe=4.5: value 1: .*integer"),
-        ({"z_max": None}, "z_max: .*None"),
-        ({"z_max": [1.0, {}]}, r"z_max: .*\[1.0, {}\]"),
-    ],
-)
-def test_an_invalid_python_value_is_named_with_its_key(settings, message):
-    with pytest.raises(InputError, match=message):
-        make_plan("periodic", settings)

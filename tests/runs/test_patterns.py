@@ -43,17 +43,9 @@ def test_the_checkerboard_by_name_is_the_default_design():
 def test_several_patterns_are_a_dimension_of_the_cube():
     plan = make_plan("periodic", (*DESIGN, "pattern=checkerboard,basket,miura"))
     assert plan.dims == ("n_stripe", "n_subunit", "pattern")
-    assert [each.design["pattern"] for each in plan.cases.values()] == [
-        "checkerboard",
-        "basket",
-        "miura",
-    ]
+    names = [each.design["pattern"] for each in plan.cases.values()]
+    assert names == ["checkerboard", "basket", "miura"]
     assert len(set(plan.cases)) == 3
-
-
-def test_an_unknown_name_is_reported_with_the_nearest():
-    with pytest.raises(InputError, match="there is no pattern 'checkerbord'; did you mean 'checke"):
-        case("pattern=checkerbord")
 
 
 @pytest.mark.parametrize("name", ["checkerboard", "basket", "ribbed_bands", "framed", "miura"])
@@ -97,38 +89,26 @@ def test_a_patch_with_an_odd_number_of_stripes_is_refused_with_its_place(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"),
+    ("text", "named"),
     [
-        ('rows = ["GR", "R"]', "is not a rectangle"),
-        ('rows = ["GX"]', "row 1 from the top, column 2: 'X' is not a knit; use R for rib"),
-        ('rows = ["GR"]\ncolumn_periods = [1]', "gives 1 values, but the pattern has 2 columns"),
-        ('rows = ["GR"]\ncolumn_n_stripe = [4, 5]', "column 2: there is no rib stripe of 5"),
-        ('rows = ["GR"]\nrow_n_stripe = [3]', "16 is not|are 5.33333 stripes of n_stripe 3"),
-        ('rows = ["GR"]\ncell = [1, 3]', "does not fill the pattern of 1 by 2 patches"),
-        ("row_periods = [1]", "has no patches; give one of rows, map and image"),
-        ('rows = ["GR"]\nmap = "a.txt"', "has rows and map; give one"),
-        ('rows = ["GR"]\ncolours = {red = "R"}', "an image needs colours"),
-        (
-            'rows = ["GR"]\nrow_periods = [1]\nrow_courses = [16]',
-            "has both row_courses and row_periods",
-        ),
-        (
-            'rows = ["PP"]\nfolds = [{along = "wale", at = 1, theta_0 = 4.0}]',
-            "less than 3.14",
-        ),
-        ('rows = ["PP"]\nfolds = [{along = "wale", at = 1, angle = 1}]', "is not a known key"),
-        ('rows = ["PP"]\nfolds = [{along = "wale", at = 9, theta_0 = 1.0}]', "fold 1: at = 9 lies"),
-        ('map = "missing.txt"', "missing.txt: cannot be read"),
+        ('rows = ["GR", "R"]', ["rectangle"]),
+        ('rows = ["GX"]', ["row 1", "column 2", "'X'"]),
+        ('rows = ["GR"]\ncolumn_periods = [1]', ["1 values", "2 columns"]),
+        ('rows = ["GR"]\ncolumn_n_stripe = [4, 5]', ["column 2", "rib stripe of 5"]),
+        ('rows = ["GR"]\nrow_n_stripe = [3]', ["n_stripe 3"]),
+        ('rows = ["GR"]\ncell = [1, 3]', ["cell = [1, 3]", "1 by 2 patches"]),
+        ("row_periods = [1]", ["rows, map and image"]),
+        ('rows = ["GR"]\nmap = "a.txt"', ["rows and map"]),
+        ('rows = ["GR"]\ncolours = {red = "R"}', ["image", "colours"]),
+        ('rows = ["GR"]\nrow_periods = [1]\nrow_courses = [16]', ["row_courses", "row_periods"]),
+        ('rows = ["PP"]\nfolds = [{along = "wale", at = 9, theta_0 = 1.0}]', ["fold 1", "at = 9"]),
+        ('map = "missing.txt"', ["missing.txt"]),
+        ('rows = ["GR"]\n[GR]\nrows = ["GR"]', ["'GR'", "row of patches"]),
     ],
 )
-def test_patterns_that_cannot_be_knitted_are_refused_with_their_place(tmp_path, text, problem):
-    import re
-
-    assert re.search(problem, refused(tmp_path, f"[own]\n{text}\n"))
-
-
-def test_a_name_that_reads_as_a_row_is_refused(tmp_path):
-    assert "reads as a row of patches" in refused(tmp_path, '[GR]\nrows = ["GR"]\n')
+def test_patterns_that_cannot_be_knitted_are_refused_with_their_place(tmp_path, text, named):
+    said = refused(tmp_path, f"[own]\n{text}\n")
+    assert all(part in said for part in named), said
 
 
 @given(st.lists(st.text("RGP", min_size=3, max_size=3), min_size=1, max_size=4))

@@ -66,35 +66,6 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
     assert "multiple of 2 × n_stripe = 12" in plan.excluded[6, 32]
 
 
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (("n_stripe=5", "n_subunit=20"), "n_stripe = 5"),
-        (("n_stripe=4", "n_subunit=18"), "n_subunit = 18"),
-        (("n_stripe=4,6", "n_subunit=10,14"), "multiple"),
-        (("n_stripe=10",), "'preview' has no n_stripe = 10"),
-        (("set=papers",), "'papers'"),
-        (("cell_size=loose",), "settings cell_size=loose: .*'flat'"),
-        (("k_wall=-1",), "settings k_wall=-1: "),
-        (("strain_step=0",), "settings strain_step=0: "),
-        (("strain_step=1e-9",), "1000"),
-        (("strain_max=0.1",), "strain_step = 0.03"),
-        (("set=papers", "n_stripe=4", "n_subunit=16"), "'papers'"),
-        (("unit_cells=3",), "settings unit_cells=3: value 2: "),
-        (("n_strip=4",), "'n_strip'.*'n_stripe'"),
-        (("design.z_max=4",), r"\[model\].*model\.z_max"),
-        (("n_stripe",), "KEY=VALUE"),
-        (("pattern=RG,R",), "rectangle"),
-        (("drag=-1",), "settings drag=-1: "),
-        (("drag=1e-5",), "boundary = clamped"),
-        (("drag=1e-5", "boundary=clamped", "sensitivities=true"), "drag=1e-5: .*sensitivities"),
-    ],
-)
-def test_a_bad_override_is_named(overrides, message):
-    with pytest.raises(InputError, match=message):
-        make_plan("periodic", overrides)
-
-
 def test_further_strains_join_the_even_ones():
     plan = make_plan(
         "periodic", ("strain_max=0.3", "strain_step=0.1", "further_strains=0.23,0.1,0.4")
@@ -135,11 +106,6 @@ def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
     plan = make_plan(path)
     assert plan.workflow == "mine"
     assert designs(plan) == [(4, 16)]
-
-
-def test_a_missing_workflow_is_reported_with_the_nearest():
-    with pytest.raises(InputError, match=r"'previews'.*'preview'"):
-        make_plan("previews")
 
 
 @pytest.mark.parametrize(

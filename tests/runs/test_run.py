@@ -29,12 +29,9 @@ def test_invalid_numbers_are_refused_with_the_name_of_their_argument():
         RunOptions(workers=-1, retries=-2, case_timeout=0)
     named = [entry.path for entry in caught.value.mistakes]
     assert named == ["workers -1", "retries -2", "case_timeout 0"]
-
-
-@pytest.mark.parametrize("seconds", [float("inf"), float("nan"), 1e300])
-def test_a_time_that_no_timer_takes_is_refused(seconds):
-    with pytest.raises(InputError, match=r"case_timeout.*1,000,000 s"):
-        RunOptions(case_timeout=seconds)
+    for seconds in (float("inf"), float("nan"), 1e300):
+        with pytest.raises(InputError, match=r"case_timeout.*1,000,000 s"):
+            RunOptions(case_timeout=seconds)
 
 
 def test_a_single_batch_needs_no_worker_unless_one_is_asked_for():

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import knitlab
-from knitlab.cubes.cube_file import open_cube, write_cube
+from knitlab.cubes.cube_file import open_cube
 from knitlab.io.errors import InputError
 from knitlab.io.provenance import provenance
 from knitlab.observables.status import Status
@@ -111,12 +111,3 @@ def test_designs_of_other_model_options_are_not_added_whatever_their_sample(tmp_
     ran(tmp_path, "n_subunit=32")
     with pytest.raises(InputError, match=r"holds 1 designs computed otherwise \(options\.\w+ was"):
         ran(tmp_path, "n_subunit=16", change)
-
-
-def test_a_cube_of_another_version_is_refused(tmp_path):
-    now = ran(tmp_path, "n_subunit=16").cube
-    write_cube(now.drop_vars(["unit_cells_y", "unit_cells_x"]), tmp_path / "cube.nc")
-    with pytest.raises(
-        InputError, match=r"cube\.nc: is of another version of knitlab; name another"
-    ):
-        ran(tmp_path, "n_subunit=24")

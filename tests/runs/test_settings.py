@@ -4,10 +4,9 @@ from dataclasses import asdict
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.model.stripe import SPRING_LAWS, STRIPE_QUANTITIES, YARN_FIELDS, Stripe
-from knitlab.runs.declared_fields import declared, unit_of
+from knitlab.runs.declared_fields import declared
 from knitlab.runs.parameters import TABLES, Model, read_parameters
 from knitlab.runs.plan import make_plan
 from knitlab.runs.workflow import SECTIONS, SETTINGS
@@ -84,11 +83,6 @@ def test_a_declared_range_holds(name, value):
         TypeAdapter(SETTINGS[name].kind).validate_python(value, strict=True)
 
 
-def test_a_setting_without_unit_is_dimensionless():
-    assert unit_of(float) == "1"
-    assert SETTINGS["z_max_factor"].unit == "1"
-
-
 @pytest.mark.parametrize(
     ("override", "units", "long_name"),
     [
@@ -113,25 +107,3 @@ def test_what_is_swept_is_not_among_the_common_settings():
     assert "weft" not in plan.common
     sheet = make_plan("periodic", DESIGN).common["sheet"]
     assert (sheet["z_max"], sheet["k_wall"]) == (6.0, 100.0)
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("k_wall=-1,2", "settings k_wall=-1,2: value 1: .*greater than 0"),
-        ("k_wall=1,-2", "settings k_wall=1,-2: value 2: .*greater than 0"),
-        ("unit_cells=[[1, 0], [2, 2]]", "value 1: .*greater than 0"),
-        ("width=wide", "settings width=wide: a width is a number of stitches above 0 or 'stripe'"),
-        ("stitch_width=1,2", r"stitch_width=1,2: is a list, \[1, 2\]; give one value"),
-        ("period_factor=[]", r"is a list, \[\]; give one value"),
-        ("mask=AB..", "settings mask=AB..: the mask has 1 rows of 4 letters"),
-        (
-            "layout=none",
-            "settings layout=none: there is no layout 'none'; choose from checkerboard",
-        ),
-    ],
-)
-def test_a_bad_value_is_named_once_with_its_override(override, message):
-    with pytest.raises(InputError, match=message) as caught:
-        make_plan("periodic", (*DESIGN, override))
-    assert len(caught.value.mistakes) == 1
