@@ -1,5 +1,6 @@
 """Fabrics that several tests share, made of the shipped stripe tables."""
 
+from copy import copy
 from dataclasses import replace
 
 import equinox as eqx
@@ -131,6 +132,14 @@ def cell_of(fabric: Fabric) -> np.ndarray:
 def equations(net: Network, fabric: Fabric, contact: Barrier | None = None) -> System:
     """What the solvers solve for a fabric."""
     return System(net.shape, fabric, contact=contact)
+
+
+def unchecked(settings: Solver, **values: float) -> Solver:
+    """Settings with values that users cannot give."""
+    changed = copy(settings)
+    for name, value in values.items():
+        object.__setattr__(changed, name, value)
+    return changed
 
 
 def staged(fabric: Fabric, stage: Stage) -> Fabric:

@@ -87,6 +87,11 @@ class Found:
         return f"<Found: {len(self.table)} designs, {len(self.reached)} targets>"
 
     @property
+    def passed_over(self) -> dict[str, int]:
+        """Deprecated: :attr:`excluded`."""
+        return self.excluded
+
+    @property
     def marked_table(self) -> pd.DataFrame:
         """The table with its marks as the last column, if there are any."""
         return with_marks(self.table, self.marks)

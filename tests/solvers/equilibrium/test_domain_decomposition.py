@@ -36,7 +36,7 @@ def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
     net, fabric, loading = sample
     limit = step_length / float(fabric.cell_sides.min())
     free = free_stiffness(net.shape, loading.free)
-    return SearchRules(free, replace(settings, step_limit=limit), convexified=False)
+    return SearchRules(free, unchecked(settings, step_limit=limit), convexified=False)
 
 
 def whole_equilibrium(sample, start, rules) -> State:
