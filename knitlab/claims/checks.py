@@ -1,9 +1,8 @@
 """Checks of claims: every sample on its own, trends, extremes, orders, correlations and lines.
 
 Each is registered by :func:`check`, or by :func:`sample_check` if it measures one sample at a time.
-Its arguments, besides the cube or the sample, are the keys of a claim in ``params/claims.toml``:
-``about`` selects the samples, ``of`` names the variable. Samples without a complete test are
-ignored; NotMeasured if too few are left.
+Its arguments are the keys of a claim in ``params/claims.toml``. NotMeasured if too few samples have
+a complete test.
 """
 
 from collections.abc import Callable, Sequence
@@ -57,10 +56,7 @@ def check(test: Check) -> Check:
 
 
 def sample_check(*variables: str) -> Callable[[Measure], Measure]:
-    """Register a check that measures each sample alone: the worst of them decides.
-
-    ``variables`` are those that the samples must have, or the arguments that name them.
-    """
+    """Register a check of each sample with these variables, or arguments that name them."""
 
     def register(measure: Measure) -> Measure:
         @wraps(measure)
@@ -104,10 +100,7 @@ def value_within(
     highest: float = np.inf,
     slack: float = 0.0,
 ) -> Measured:
-    """A value, or a curve over the applied strain, is between two limits, with some slack.
-
-    A value equal to a limit of 0 is outside.
-    """
+    """A value, or a curve, is between two limits, with some slack; a limit of 0 is excluded."""
     values = sample[of].values[np.isfinite(sample[of].values)]
     if not values.size:
         return None
@@ -148,10 +141,7 @@ def fall_confined(
     part: Fraction,
     slack: PositiveFloat,
 ) -> Measured:
-    """The fall of a curve begins, or ends, at an applied strain: but for a ``part`` of the fall.
-
-    It falls from its highest value to its lowest value after that.
-    """
+    """The fall from the peak begins, or ends, at a strain, but for a ``part`` of the fall."""
     curve = sample[of].dropna("applied_strain")
     fall = curve[int(curve.values.argmax()) :] if curve.size else curve
     fall = fall[: int(fall.values.argmin()) + 1] if fall.size else fall
@@ -168,10 +158,7 @@ def fall_confined(
 def follows(
     sample: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat
 ) -> Measured:
-    """A strain rises with the applied strain and stays close to it.
-
-    ``tolerance`` is of the largest departure, over the largest applied strain.
-    """
+    """A strain rises with the applied strain, within ``tolerance`` of its largest."""
     curve = sample[of].dropna("applied_strain")
     if curve.size < MIN_POINTS:
         return None
@@ -251,10 +238,7 @@ def stripe_order(
     direction: Direction,
     stiffened: Fraction = 0.5,
 ) -> CheckResult:
-    """The initial slope, or the strain of stiffening, rises or falls with the stitches across.
-
-    A stripe has stiffened where its slope first reaches the fraction ``stiffened`` of the largest.
-    """
+    """The initial slope, or the strain at a fraction of the largest, changes with stitches."""
     samples = Samples.of(cube, about, "row_force")
     values = dict[Labels, float]()
     for labels, stripe in samples.complete.items():
@@ -350,10 +334,7 @@ def weakest_significant(count: int, significant: float) -> float:
 def sample_order(
     cubes: Sequence[xr.Dataset], of: str, less: SampleList, more: SampleList
 ) -> CheckResult:
-    """A value is lower for each of some samples than for each of others.
-
-    They are (n_stripe, n_subunit) or (knit, n); of several cubes, that nearest the paper's is used.
-    """
+    """A value is lower for each of some samples than for others, in the cubes like the paper's."""
     measured = {
         (number, labels): value
         for number, cube in enumerate(cubes)
@@ -398,7 +379,7 @@ def common_slope(
     slopes = np.array([line.slope for line in lines.values()])
     difference = float(np.ptp(slopes) / abs(slopes.mean()))
     probability = common_slope_probability(list(lines.values()))
-    text = f"{_slopes(lines)}; apart by {difference:.0%}, p of one slope {probability:.2g}"
+    text = f"{_slopes(lines)}; they differ by {difference:.0%} (p = {probability:.2g})"
     return _result_of_lines(lines, n_stripe, below(difference, spread), text)
 
 
@@ -420,10 +401,6 @@ def departs_most(
 def _lines(
     cube: xr.Dataset, n_stripe: Families, of: str, fewest: int, needed: int | None = None
 ) -> Lines:
-    """The lines of n_stripe with enough complete tests.
-
-    NotMeasured if there are not ``fewest`` of them, and the needed one.
-    """
     values = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of).values(of)
     points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
     enough = {n: np.array(each) for n, each in points.items() if len(each) >= MIN_POINTS}

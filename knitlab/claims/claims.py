@@ -23,11 +23,7 @@ RELAXED_TOPICS: tuple[Topic, ...] = ("relaxed shape", "wavelengths")
 
 
 class Claim(StrictModel):
-    """A statement of the paper, its place there, and its test in :data:`CHECKS`.
-
-    ``measured_along`` is the direction of the test, if the statement is about both, and ``knitlab``
-    has the arguments that are not the paper's. Further fields are the arguments of the test.
-    """
+    """A statement of the paper, and its test in :data:`CHECKS`, with its arguments as fields."""
 
     name: str
     text: str = Field(min_length=1)
@@ -67,10 +63,7 @@ class Claim(StrictModel):
         return "cubes" in inspect.signature(CHECKS[self.test]).parameters
 
     def check(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> CheckResult:
-        """Check the claim on a cube at one value of every swept setting, or on several to compare.
-
-        ``factor`` is on the arguments that were chosen for knitlab.
-        """
+        """Check cubes, with a factor on the arguments that were chosen for knitlab."""
         scaled = {name: factor * number for name, number in self.knitlab.items()}
         where = cubes if self.compares_cubes else cubes[0]
         try:
@@ -102,7 +95,6 @@ def read_claims(path: Path | None = None) -> list[Claim]:
 
 @cache
 def _schema(test: str) -> type[Claim]:
-    """The schema of the claims with a test, whose arguments besides cubes are its further keys."""
     _, *parameters = inspect.signature(CHECKS[test]).parameters.values()
     fields: dict[str, Any] = {
         each.name: (each.annotation, ... if each.default is each.empty else each.default)

@@ -53,12 +53,7 @@ class Judgement:
 def judged(
     claims: Sequence[Claim], cubes: Sequence[Path], selections: Mapping[str, Any] = {}
 ) -> list[Judgement]:
-    """Judge claims by cubes, or by results folders that hold one.
-
-    If several cubes measure a claim, the one whose samples are nearest the paper's decides, or the
-    first of equal ones; claims about relaxed fabric are decided by fabric at rest, if there is any.
-    InputError if selections leave several values of a swept setting.
-    """
+    """Judge claims by cubes or folders; the one whose samples are nearest the paper's decides."""
     opened = [(path, open_cube(path)) for path in cubes]
     all_swept = sorted({dim for _, cube in opened for dim in swept_dims(cube)})
     hint = f"select along {', '.join(all_swept)}" if all_swept else "leave it out: there are none"
@@ -99,7 +94,6 @@ def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
 
 
 def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
-    """The judgement by all cubes together; it names only those that were used."""
     result = claim.check([cube for _, cube in slices])
     used = list(zip(result.cubes, result.at, strict=True))
     samples = tuple(

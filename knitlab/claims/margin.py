@@ -86,10 +86,7 @@ class NotMeasured(Exception):
 def above(
     value: float, limit: float, *, strict: bool = False, scale: float | None = None
 ) -> float | None:
-    """Margin of a value that must be at least a limit, or more than it if ``strict``.
-
-    The scale is by default the size of the limit, or 1 if that is 0; ``None`` if one is not finite.
-    """
+    """Margin of a value over a limit, by default over its size; None if a number is not finite."""
     scale = (abs(limit) or 1.0) if scale is None else scale
     if not all(map(math.isfinite, (value, limit, scale))):
         return None

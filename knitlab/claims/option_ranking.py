@@ -54,15 +54,9 @@ class RankedOptions:
 
 
 def ranked_options(cubes: Sequence[xr.Dataset], claims: Sequence[Claim]) -> list[RankedOptions]:
-    """Rank the model options of cubes by :attr:`RankedOptions.score`, the best first.
-
-    Options are judged by all slices that were computed with them; slices of pure stripes serve all
-    options that do not differ in :data:`STRIPE_OPTIONS`.
-    """
-    boards, stripes = (
-        defaultdict[Options, list[Slice]](list),
-        defaultdict[Options, list[Slice]](list),
-    )
+    """Rank the model options of cubes by :attr:`RankedOptions.score`, the best first."""
+    boards = defaultdict[Options, list[Slice]](list)
+    stripes = defaultdict[Options, list[Slice]](list)
     for cube in cubes:
         dims = swept_dims(cube)
         for indices in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):

@@ -153,17 +153,13 @@ class JudgedSamples:
 
 
 def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
-    """Sort key for cubes by how like the paper's their samples ``at`` are.
-
-    Clamped samples come first, then more before fewer, then larger ones by their mean unit cells.
-    """
+    """Sort key for cubes: clamped samples first, then more of them, then larger ones."""
     sizes = [np.prod(_unit_cells(cube, labels) or 0) for labels in at]
     another = any(_boundary_of(cube, labels) != "clamped" for labels in at)
     return another, -len(at), -float(np.mean(sizes)) if sizes else 0.0
 
 
 def _boundary_of(cube: xr.Dataset, labels: Labels) -> str:
-    """The boundary of one sample; an experiment's is clamped. Empty if the cube has none."""
     if is_measured(cube):
         return "clamped"
     along = dict(zip(base_dims(cube), labels, strict=True))

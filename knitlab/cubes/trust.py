@@ -34,12 +34,8 @@ class Mark(NamedTuple):
 
 
 MARKS = {
-    "intersecting": Mark(
-        "†", "the simulated fabric passes through itself there, which no real one can"
-    ),
-    "snapped": Mark(
-        "§", "the fabric snaps on the way there: another shape would have other values"
-    ),
+    "intersecting": Mark("†", "the fabric passes through itself here; real fabric cannot"),
+    "snapped": Mark("§", "the fabric has snapped before this strain"),
     "moving": Mark(
         "¶", "not settled yet: it would change if it relaxed longer or was pulled more slowly"
     ),

@@ -184,5 +184,4 @@ def worst_conflict(wanted: Sequence[Target], trials: pd.DataFrame) -> Conflict |
         return None
     one, other = max(joint, key=lambda pair: joint[pair])
     texts = (wanted[one].text, wanted[other].text)
-    numbers = trials["candidate"]
-    return Conflict(scaled[:, [one, other]], texts, numbers.reset_index(drop=True))
+    return Conflict(scaled[:, [one, other]], texts, trials["candidate"].reset_index(drop=True))

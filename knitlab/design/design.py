@@ -88,10 +88,7 @@ def run_design(
     minutes: float | None = None,
     show_progress: bool = False,
 ) -> Designed:
-    """Search for designs that meet the targets, and test them; see :func:`knitlab.design`.
-
-    Raises InputError, or KeyboardInterrupt if it is interrupted; finished simulations are reused.
-    """
+    """Search for designs that meet the targets, and test them; see :func:`knitlab.design`."""
     began = time.time()
     if own and workers:
         raise invalid("workers", "cannot compute your own measures; give workers = 0")
@@ -112,8 +109,10 @@ def run_design(
         starts = _starts(objective, space, folder / TRIALS, run, budget)
         with atomic_write(path) as temporary:
             temporary.write_bytes(text)
-        designs = starts.designs[: max(budget - starts.simulations, 1)]
-        shares = _shares(max(budget - starts.simulations, 1), len(designs))
+        left = max(budget - starts.simulations, 1)
+        designs = starts.designs[:left]
+        # The numbers of simulations of two searches differ by at most one.
+        shares = [left // len(designs) + (k < left % len(designs)) for k in range(len(designs))]
         at_once = max(workers, 1)
         seconds = np.inf if minutes is None else 60 * minutes / -(-len(designs) // at_once)
         searches = [
@@ -123,7 +122,12 @@ def run_design(
             for number, (design, share) in enumerate(zip(designs, shares, strict=True))
         ]
         results = tuple(_searched(searches, folder, workers, show_progress))
-        winners = _winners(space, results)
+        winners = []
+        for number, result in enumerate(results, start=1):
+            if (best := result.winner) is not None:
+                case, gauge = space.case(result.design, np.array(best.point))
+                labels = space.labels(result.design)
+                winners.append(Candidate(number, labels, best.values, case, gauge))
         if not winners:
             message = "no start converges; try other designs, bounds or settings"
             raise invalid(request.name, message)
@@ -150,22 +154,6 @@ def run_design(
         tuple(write_workflow(folder, request, space, winner) for winner in winners),
         starts.unknown,
     )
-
-
-def _shares(budget: int, searches: int) -> list[int]:
-    """The simulations of each search; their numbers differ by at most one."""
-    return [budget // searches + (number < budget % searches) for number in range(searches)]
-
-
-def _winners(space: SearchSpace, results: Sequence[SearchResult]) -> list[Candidate]:
-    """The best trial of each search that has one."""
-    winners = []
-    for number, result in enumerate(results, start=1):
-        if (best := result.winner) is not None:
-            case, gauge = space.case(result.design, np.array(best.point))
-            labels = space.labels(result.design)
-            winners.append(Candidate(number, labels, best.values, case, gauge))
-    return winners
 
 
 class _Starts(NamedTuple):
@@ -244,7 +232,7 @@ def summary(designed: Designed) -> Iterator[str]:
         how = " then ".join(search.methods) or "as it is"
         yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
         if crossings is not None and crossings[number] > 0:
-            yield "  passes through itself where its ratio is lowest, as no real fabric can"
+            yield "  passes through itself at its lowest ratio; real fabric cannot"
         if search.held_by:
             yield f"  at the bound {', '.join(search.held_by)}"
         determined = search.determined_to
@@ -276,6 +264,6 @@ def _missed(designed: Designed) -> Iterator[str]:
         yield f"held back by {', '.join(nearest.held_by)}: widen it, or relax a target"
     elif (conflict := designed.conflict) is not None:
         one, other = conflict.targets
-        yield f"{one!r} and {other!r} conflict; no bound holds it back"
+        yield f"{one!r} and {other!r} conflict; relax one of them"
     else:
-        yield "no bound holds it back: let more vary, add designs, or raise the budget"
+        yield "no bound is active: vary more parameters, add designs, or raise the budget"

@@ -53,13 +53,9 @@ class Variable:
         return parameter in (quantity, f"rib_{quantity}", f"garter_{quantity}")
 
 
-def _listed(given: Any) -> Any:
-    return (given,) if isinstance(given, str | Mapping | Target) else given
-
-
 Given = Annotated[
     tuple[str | dict[str, Any] | Target, ...],
-    BeforeValidator(_listed),
+    BeforeValidator(lambda given: (given,) if isinstance(given, str | Mapping | Target) else given),
     Field(strict=False, max_length=MAX_TARGETS),
 ]
 
@@ -153,8 +149,7 @@ def checked_request(
             if isinstance(value, list) and not SETTINGS[setting].takes_list:
                 raise invalid(where, "is a list; give one value, or let it vary")
     raise_if_any(mistakes.all)
-    checked = {key: tuple(targets) for key, targets in read.items()}
-    given = {**dict(file), **checked, "name": name}
+    given = {**dict(file), **{key: tuple(targets) for key, targets in read.items()}, "name": name}
     return DesignRequest(**given, choices=choices, variables=tuple(variables))
 
 

@@ -221,8 +221,7 @@ class DesignSearch:
         variables = len(self.space.names)
         best = self._best()
         mean = np.full(variables, 0.5) if best is None else np.array(self.records[best].point)
-        bounds = np.tile([0.0, 1.0], (variables, 1))
-        strategy = CMA(mean, SPREAD_OF_FIRST, bounds=bounds, seed=0)
+        strategy = CMA(mean, SPREAD_OF_FIRST, bounds=np.tile([0.0, 1.0], (variables, 1)), seed=0)
         while not strategy.should_stop():
             population = [strategy.ask() for _ in range(strategy.population_size)]
             strategy.tell([(point, cost(point)) for point in population])

@@ -171,7 +171,6 @@ def shape_measure(
 def run_trial(folder: Path, case: Case, gauge: Gauge, own: ShapeFunctions = ()) -> Trial:
     """Simulate a case, or read its file in a folder if the same code has simulated it before."""
     name = case.case_id
-    kept = case_file.is_undamaged(folder, name)
-    if not kept or case_file.read_code(folder, name) != MODEL:
+    if not case_file.is_undamaged(folder, name) or case_file.read_code(folder, name) != MODEL:
         case_file.write_case_file(folder, name, simulated(case, lambda name, states: None))
     return Trial(case, gauge, case_file.read_case(folder, name), own)

@@ -29,7 +29,7 @@ OPENINGS = {
     "narrow": "This holds, but only just",
     "near": "Be careful, this is narrowly missed",
     "gross": "Do not rely on this",
-    "not measured": "Nothing is known here about this",
+    "not measured": "Not measured here",
 }
 HEADINGS = {
     Grade.holds: "What holds",
@@ -61,12 +61,9 @@ def reliance(one: Judgement) -> str:
 
 def _quoted(one: Judgement) -> str:
     result = one.result
-    notes = [
-        signed(result.margin),
-        result.count if result.judged < result.wanted else "",
-        f"but it {contrary(one.contrary, _shown)}" if one.contrary else "",
-    ]
-    noted = ", ".join(filter(None, notes))
+    count = result.count if result.judged < result.wanted else ""
+    contradicted = f"but it {contrary(one.contrary, _shown)}" if one.contrary else ""
+    noted = ", ".join(filter(None, (signed(result.margin), count, contradicted)))
     return f"“{one.claim.quoted}” ({noted})" if noted else f"“{one.claim.quoted}”"
 
 
@@ -108,17 +105,14 @@ def _row(one: Judgement, letters: Mapping[str, str], figure: str) -> dict[str, s
         "figure": figure,
     }
     if result.grade in (Grade.near_miss, Grade.fails):
-        cells["why not, as far as it is known"] = claim.why_not or ""
+        cells["likely reason"] = claim.why_not or ""
     return cells
 
 
 def write_page(
     judgements: Sequence[Judgement], page: Path, selections: Mapping[str, Any] = {}
 ) -> tuple[list[Path], list[Mistake]]:
-    """Write the claims as a page of Markdown, with its figures in a folder beside it.
-
-    Returned are the files, and why some figures could not be drawn.
-    """
+    """Write the page and its figures in a folder beside it; the files, and what cannot be drawn."""
     folder, figures, mistakes = page.with_suffix(""), dict[Key, Path](), list[Mistake]()
     keys = [_key(one) for one in judgements if one.result.margin is not None and one.claim.figure]
     for kind, cubes in dict.fromkeys(keys):
@@ -138,12 +132,8 @@ def _blocks(judgements: Sequence[Judgement], links: Mapping[Key, str]) -> list[s
     options = dict.fromkeys(sample.options for sample in samples if sample.options)
     names = ("".join(each) for count in (1, 2) for each in product(ascii_uppercase, repeat=count))
     letters = dict(zip(options, names, strict=False))
-    blocks = [
-        "# The paper's claims",
-        summary(judgements),
-        "## What you may rely on, and what not",
-        EXPLAINED,
-    ]
+    blocks = ["# The paper's claims", summary(judgements)]
+    blocks += ["## What you may rely on, and what not", EXPLAINED]
     for topic, sentences in introduction(judgements).items():
         items = [f"- **{opening}:** {quoted}" for opening, quoted in sentences]
         blocks += [f"### {topic.capitalize()}", "\n".join(items)]

@@ -34,10 +34,7 @@ class Row(NamedTuple):
 def draw_curves(
     cubes: Sequence[xr.Dataset], rows: Mapping[str, Row], legend: tuple[str, str]
 ) -> Figure:
-    """Curves of all designs: a row for each variable, a column for each n_stripe, colour for P.
-
-    ``legend`` is a variable, and the corner of its panels that has room for their legend.
-    """
+    """Curves of designs, with a legend in a corner of a variable's panels; colour encodes P."""
     designs = [one for cube in cubes for one in planned_designs(cube) if int(one["status"]) in RUN]
     if not designs:
         raise invalid("designs", "none of this selection has been simulated; run it first")

@@ -28,11 +28,7 @@ def draw_map(
     text: Callable[[float, xr.Dataset], str],
     signed: bool = False,
 ) -> set[Status]:
-    """Draw a map of cells over n_stripe and P, with its colour bar; the statuses that it marks.
-
-    A measured design has a dashed frame; if it is simulated too, the measurement is the strip at
-    the bottom of its cell. Several experiments on one design are refused.
-    """
+    """Draw a map of cells over n_stripe and P with its colour bar; the statuses that it marks."""
     values = [cube[name].values.ravel() for cube in cubes if name in cube]
     colours = style.value_colours(np.concatenate([np.empty(0), *values]), signed)
     cell_designs = defaultdict[tuple[int, float], list[xr.Dataset]](list)

@@ -42,10 +42,7 @@ def draw_figure(
     selections: Mapping[str, Any] = {},
     options: Mapping[str, str] = {},
 ) -> Path:
-    """Draw a figure of cubes, or of their results folders, unless the file holds it already.
-
-    InputError if a cube, a selection, an option or the suffix is invalid.
-    """
+    """Draw a figure of cubes, or of their results folders, unless the file holds it already."""
     figure_kind(name)
     check_figure_suffix(output)
     cubes = [cube_file.open_cube(path) for path in cube_paths]
@@ -56,10 +53,7 @@ def draw_figure(
 
 
 def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[Mistake]]:
-    """Draw a workflow's figures into its results folder, unless they are up to date.
-
-    Returned are the files, and why some could not be drawn. CannotWrite if one cannot be written.
-    """
+    """Draw a workflow's figures into its folder; the files, and why some could not be drawn."""
     files, cube = list[Path](), cube_file.open_cube(folder)
     requested, mistakes = figure_files.requested_figures(names, cube, folder)
     for each in requested:
@@ -77,10 +71,7 @@ def draw(
     selections: Mapping[str, Any] = {},
     options: Mapping[str, Any] = {},
 ) -> Figure:
-    """Draw one figure from cubes or single cases in memory; otherwise as :func:`draw_figure`.
-
-    Node positions are those of a case, or of case files beside the file that a cube was read from.
-    """
+    """Draw one figure from cubes or cases in memory; a cube's case files are those beside it."""
     kind = figure_kind(name)
     if not cubes:
         raise invalid(name, "shows a cube; give one")
@@ -131,7 +122,6 @@ def _refuse_others(selections: Mapping[str, Any], known: Sequence[str], name: st
 
 
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
-    """Check that a figure can show the dimensions of cubes, and those that were measured."""
     for cube in cubes:
         if kind.dims not in (None, dims := base_dims(cube)):
             able = _names(lambda other: other.dims in (None, dims))
@@ -148,7 +138,6 @@ def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> No
 def _draw_cases(
     kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
 ) -> Figure:
-    """Draw the selected strains of cases, of which their files must hold the shapes."""
     sliced = [select(case, selections) for case in cases]
     for case, shown in zip(cases, sliced, strict=True):
         kept = case[STRAIN].values[has_shape(case)]

@@ -1,4 +1,4 @@
-"""Files of figures: those that a workflow asks for, whether they are up to date, and writing them.
+"""Files of figures: which a workflow asks for, whether they are up to date, and writing them.
 
 Matplotlib is imported only to write, so that a run with nothing to do is fast.
 """
@@ -46,10 +46,7 @@ class RequestedFigure:
 def requested_figures(
     names: Sequence[str], cube: xr.Dataset, folder: Path
 ) -> tuple[list[RequestedFigure], list[Mistake]]:
-    """The figures of a workflow, one for each value of swept settings unless it compares them.
-
-    Those of many values are left out, with a mistake.
-    """
+    """The figures of a workflow, one for each swept value unless it compares them, and mistakes."""
     swept, mistakes = swept_dims(cube), list[Mistake]()
     number = math.prod(cube.sizes[dim] for dim in swept)
     # Without swept settings matplotlib, which the kinds import, is not needed to know the files.

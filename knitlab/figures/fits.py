@@ -26,10 +26,7 @@ def calibration_figure(
     linear: "Calibration | None" = None,
     swatches: Sequence["Swatch"] = (),
 ) -> Figure:
-    """Curve and fit above, residuals below; also those of linear springs if they are not fitted.
-
-    A curve along the ridges is beside that across. Simulated swatches are drawn over their records.
-    """
+    """Curve, fit and residuals, across the ridges and along them; linear springs, and swatches."""
     panels = 1 if fitted.along is None else 2
     figure = Figure(figsize=(ONE_COLUMN * (1.2 if panels == 1 else 2), 3.6), layout="constrained")
     axes = figure.subplots(2, panels, sharex="col", height_ratios=(3, 1), squeeze=False)

@@ -27,11 +27,7 @@ COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of
 
 
 def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) -> Figure:
-    """A row of panels for each target: what is wanted in green, and the nearest designs.
-
-    With ``bands`` the range over perturbed copies of a design is shaded, and curves have a panel
-    for each design, as bands would cover each other.
-    """
+    """A row of panels for each target: what is wanted, and the nearest designs, or their bands."""
     names = []
     for _, design in nearest.table.head(MAX_SHOWN).iterrows():
         labels = f"({', '.join(str(design[name]) for name in NAMED_BY if name in design)})"
@@ -111,10 +107,7 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
 def pareto_figure(
     distances: Float[np.ndarray, "trial 2"], labels: tuple[str, str], candidates: pd.Series
 ) -> Figure:
-    """Trials by their distances from two targets, over their tolerances, and the Pareto front.
-
-    ``candidates`` has the number of the candidate whose search each trial belongs to.
-    """
+    """Trials by their distances from two targets, and the Pareto front; by candidate's number."""
     figure, axes = subplots(3.0, width=ONE_COLUMN * 1.4)
     for number in sorted(candidates.unique()):
         in_search = (candidates == number).to_numpy()

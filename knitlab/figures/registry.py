@@ -1,7 +1,4 @@
-"""The registry of figures: each is a function in the file of ``kinds`` that has its name.
-
-The decorator :func:`figure` declares what the function needs; nothing else names the figure.
-"""
+"""The registry of figures: each is a function in the file of ``kinds`` that has its name."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,11 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FigureKind:
-    """A function that draws, and what it is given.
-
-    It takes a cube, or a case if ``needs`` names a variable; several cubes or cases if ``several``
-    or ``designs`` say so.
-    """
+    """A function that draws a cube, or a case if ``needs`` names a variable, and its inputs."""
 
     draw: "Callable[..., Figure]"
     dims: tuple[str, ...] | None = DESIGN_DIMS  # of the cubes that it can show; None for any
@@ -66,10 +59,7 @@ def figure(**declared: Any) -> Callable[[Draw], Draw]:
 
 
 def figure_kind(name: str) -> FigureKind:
-    """The figure with a name, of which only its own file is imported; InputError if there is none.
-
-    Matplotlib is imported with the file.
-    """
+    """The figure with a name; only its own file, and matplotlib with it, is imported."""
     if name not in FIGURE_NAMES:
         raise invalid("kind", unknown(name, FIGURE_NAMES, "figure"))
     import_module(f"knitlab.figures.kinds.{name}")

@@ -39,11 +39,7 @@ def cross_talk_figure(table: xr.Dataset) -> Figure:
 
 
 def selectivity_figure(selectivity: xr.Dataset) -> Figure:
-    """Gauge factors of strain along and across, and of bending: maps of designs, or bars of few.
-
-    Of cloth that follows a skin, at the first selected strain. The selectivity, along over across,
-    is stated beside the first.
-    """
+    """Gauge factors of strain and bending at the first strain: maps of designs, or bars of few."""
     along = selectivity.attrs["along"]
     across = "weft" if along == "warp" else "warp"
     first = selectivity.isel({STRAIN: 0}).sel(sides="held")
@@ -72,8 +68,6 @@ def selectivity_figure(selectivity: xr.Dataset) -> Figure:
 
 
 def _maps(state: xr.Dataset) -> Figure:
-    """A map over n_stripe and n_subunit for each value, the first with the selectivity."""
-
     def text(value: float, design: xr.Dataset) -> str:
         shown = f"\nS {number(float(design['selectivity']))}" if axes is grid[0, 0] else ""
         return number(value) + shown
@@ -88,7 +82,6 @@ def _maps(state: xr.Dataset) -> Figure:
 
 
 def _bars(state: xr.Dataset) -> Figure:
-    """Bars of the values of designs, strains on the left and curvatures on the right."""
     dims = [str(dim) for dim in state["selectivity"].dims]
     flat = state.stack(design=dims) if dims else state.expand_dims("design")
     flat = flat.isel(design=np.flatnonzero(np.isfinite(flat["selectivity"])))

@@ -50,10 +50,7 @@ def branches_figure(points: xr.Dataset) -> Figure:
 
 
 def shapes_figure(shapes: xr.Dataset) -> Figure:
-    """The lowest relaxed shape of a design, how others differ, and the energies between them.
-
-    Differences are from that shape as it is shifted, turned over or mirrored to be nearest.
-    """
+    """The lowest relaxed shape, how others differ from it at the nearest, and energies between."""
     few = shapes.isel(shape=slice(SHOWN), to=slice(SHOWN))
     count = few.sizes["shape"]
     size = (TWO_COLUMNS, 4.6) if count > 1 else (ONE_COLUMN, 2.6)
@@ -78,8 +75,7 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
         panel.set_title(
             f"shape {int(one['shape'])}\n+{more:.3g} µJ, {int(one['starts'])} starts", fontsize=7
         )
-    hidden = shapes.sizes["shape"] - count
-    left = f"; {hidden} more" if hidden else ""
+    left = f"; {shapes.sizes['shape'] - count} more" if shapes.sizes["shape"] > count else ""
     figure.suptitle(f"relaxed shapes of {shapes.attrs['design']}{left}", fontsize="small")
     if count > 1:
         axes, barrier = figure.add_subplot(grid[1, :]), MICROJOULES * few["barrier"]
@@ -89,8 +85,7 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
         # Light enough for black text.
         light = ScalarMappable(Normalize(0, 2 * max(float(barrier.max()), 1e-9)), "Blues")
         number_table(axes, barrier, "shape", "to", light)
-        title = "estimated energy to go from one to another [µJ]"
-        axes.set(ylabel="from", title=title)
+        axes.set(ylabel="from", title="estimated energy to go from one to another [µJ]")
     return figure
 
 

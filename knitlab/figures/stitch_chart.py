@@ -42,10 +42,7 @@ Both are estimates."""
 
 @print_style()
 def stitch_chart_figure(chart: StitchChart, leads: Sequence["Lead"] = ()) -> Figure:
-    """Every stitch of a chart, seen from the front, and the ends of the yarn of its electrodes.
-
-    Of a large chart, one repeat is drawn.
-    """
+    """Every stitch of a chart, or of one repeat of a large one, and the ends of its electrodes."""
     rows, columns = drawn_block(chart)
     stitch = min(0.16, (TWO_COLUMNS - MARGIN) / (columns.stop - columns.start))
     # A stitch is drawn twice as wide as high, as it is.
@@ -71,8 +68,7 @@ def drawn_block(chart: StitchChart) -> tuple[slice, slice]:
     if chart.courses <= MAX_DRAWN[0] and chart.wales <= MAX_DRAWN[1]:
         return slice(0, chart.courses), slice(0, chart.wales)
     (height, width), (along_y, along_x) = chart.repeat, chart.repeats
-    blocks = chart.plated.reshape(along_y, height, along_x, width)
-    plated = (blocks > 0).sum(axis=(1, 3))
+    plated = (chart.plated.reshape(along_y, height, along_x, width) > 0).sum(axis=(1, 3))
     row, column = np.unravel_index(np.argmax(plated), plated.shape)
     y, x = int(row) * height, int(column) * width
     return slice(y, y + height), slice(x, x + width)
@@ -124,10 +120,8 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence["L
 
 def legend_handles(chart: StitchChart, leads: Sequence["Lead"] = ()) -> list[Patch | Line2D]:
     """What the marks of a chart mean."""
-    colours = {
-        "knit on the front bed: face stitch (knit)": FRONT,
-        "knit on the back bed: reverse stitch (purl)": BACK,
-    }
+    colours = {"knit on the front bed: face stitch (knit)": FRONT}
+    colours["knit on the back bed: reverse stitch (purl)"] = BACK
     for electrode in chart.electrodes:
         face = chart.plated_face[electrode - 1]
         label = f"electrode {electrode_name(electrode)}, outlined: conductor on the {face}"

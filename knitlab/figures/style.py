@@ -83,10 +83,7 @@ def name_rows(axes: Axes, names: Sequence[str], **letters: Any) -> None:
 
 
 def frame_polar(axes: PolarAxes, title: str, names: Sequence[str]) -> None:
-    """Circles for the values of all lines, one at zero if some are negative, and directions.
-
-    ``names`` are those of 0°, 45° and 90°.
-    """
+    """Circles for the values of all lines, and directions; ``names`` are those of 0°, 45°, 90°."""
     values = np.concatenate([np.asarray(line.get_ydata()) for line in axes.lines])
     low, high = min(values.min(), 0), max(values.max(), 0)
     if low < 0:

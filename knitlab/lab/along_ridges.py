@@ -24,10 +24,7 @@ Points = Float[np.ndarray, " point"]
 
 @dataclass(frozen=True)
 class AlongRidges:
-    """Springs along the ridges, and the force of their sheet beside the measured one.
-
-    Forces are over the width of the relaxed sheet [N/mm], or on one column of cells [N].
-    """
+    """Springs along the ridges, and forces over width [N/mm], or on one column of cells [N]."""
 
     stretch: float  # force over flat width and strain, diagonals not counted [N/mm]
     curve: SpringCurve
@@ -42,11 +39,9 @@ class AlongRidges:
 
 
 def springs_along(sheet: PureStripe, record: TensionRecord) -> AlongRidges:
-    """The springs along the ridges that give a sheet its measured force along them.
+    """The springs along the ridges that give a sheet its measured force along them, by iteration.
 
-    Diagonals have the law of the softer springs of a cell and take part of the force. The part of
-    the springs is found at some strains by iteration. Measured forces that do not increase with
-    strain are evened out, because a spring's force must increase.
+    Diagonals have the law of a cell's softer springs. Forces that do not increase are evened out.
     """
     order = np.argsort(record.strain, kind="stable")
     strain, force = record.strain[order], record.mean_force[order]
@@ -63,8 +58,7 @@ def springs_along(sheet: PureStripe, record: TensionRecord) -> AlongRidges:
         own = PchipInterpolator(at, springs, extrapolate=True)
         # As in the network, the softer springs are those of the smaller stiffness at rest.
         diagonals = across if k_s <= _stretch(at, springs)[0] else own
-        length = _lengths(diagonals, k_s, height)
-        diagonal = np.hypot(length, height)
+        diagonal = np.hypot(_lengths(diagonals, k_s, height), height)
         share = 2 * np.sqrt(2) * diagonals(diagonal / np.sqrt(2) - 1) * height / diagonal
         springs = _increasing(at, (springs + whole - share) / 2)
     stretch, curve = _stretch(at, springs)
@@ -87,7 +81,6 @@ def check_along(strain: Points, force: Points) -> None:
 
 
 def _stretch(strain: Points, force: Points) -> tuple[float, SpringCurve]:
-    """The slope at rest, and the curve."""
     curve = SpringCurve(tuple(strain.tolist()), tuple(force.tolist()))
     return float(force[-1] / curve.spline(strain[-1])), curve
 

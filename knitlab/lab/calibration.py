@@ -81,11 +81,7 @@ Unknowns = Float[np.ndarray, " fitted"]
 
 @dataclass(frozen=True, kw_only=True)
 class SheetFit:
-    """Fitted parameters of an endless pure sheet, with standard errors by name.
-
-    They are k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs, the stiffening
-    strain [1]. Forces are on one row [N] or, if ``per_width``, over the width [N/mm].
-    """
+    """Fitted parameters of an endless pure sheet, by forces on one row [N] or over width [N/mm]."""
 
     period: float  # relaxed peak-to-peak distance of the stripe, as given [mm]
     values: dict[str, float]
@@ -105,18 +101,13 @@ class SheetFit:
         return "N/mm" if self.per_width else "N"
 
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
-        """The fitted stripe, for a design with this model option.
-
-        Its period is that of the relaxed stripe if ``cell_size`` is ``"relaxed"``; if it is
-        ``"flat"``, that of the flat stripe, which is longer by 1/sin(θ0/2).
-        """
+        """The fitted stripe; its period is that of the ``flat`` or of the ``relaxed`` stripe."""
         flat, along = CELLS_PER_PERIOD * self.flat_cell, self.along
-        parameters = {name: self.values[name] for name in self.values if name in UNITS}
         return Stripe(
             knit,
             n,
             flat if cell_size == "flat" else self.period,
-            **dict[str, Any](parameters),
+            **dict[str, Any]({name: self.values[name] for name in self.values if name in UNITS}),
             spring_curve=self.law if isinstance(self.law, SpringCurve) else None,
             # A row of the pure sheet is as wide as its cells are long.
             row_width=self.flat_cell if self.per_width else None,
@@ -164,18 +155,12 @@ class Calibration(SheetFit):
 
     @property
     def covariance(self) -> StripeCovariance:
-        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name.
+        """Covariance of the logarithms of the numbers, but of θ0 itself, of the mean stripe.
 
-        It is that of the mean stripe, with the repeats and degrees of freedom behind it. Fits over
-        width have rows as wide as a flat cell, which is longer in swatches of smaller θ0. The
-        covariance is of k_s and k_t in rows as wide as that of the mean stripe.
+        It is of k_s and k_t in rows as wide as those of the mean stripe, also of fits over width.
         """
-        errors = np.array(
-            [
-                error / (1.0 if name == "theta_0" else self.values[name])
-                for name, error in self.standard_errors.items()
-            ]
-        )
+        scales = self.values | {"theta_0": 1.0}
+        errors = np.array([self.standard_errors[name] / scales[name] for name in self.values])
         rows = self.correlations * np.outer(errors, errors)
         if self.per_width:
             slopes = np.eye(len(rows))
@@ -234,12 +219,10 @@ class Calibration(SheetFit):
     def source(self, record: str, cell_size: CellSize) -> str:
         """The source of the stripe that was fitted to the record of this name, for its table."""
         errors = [f"{name} {each:.2g} {UNITS[name]}" for name, each in self.standard_errors.items()]
-        convention = f"relaxed period {self.period:g} mm, for cell_size {cell_size}"
-        sources = (
-            f"knitlab calibrate {record}, {convention}",
-            f"standard errors {', '.join(errors)}",
+        fit = f"knitlab calibrate {record}, relaxed period {self.period:g} mm, for cell_size"
+        return "; ".join(
+            (f"{fit} {cell_size}", f"standard errors {', '.join(errors)}", *self.warnings)
         )
-        return "; ".join((*sources, *self.warnings))
 
     def comparison_report(self, linear: "Calibration") -> list[str]:
         """Which of this law and linear springs the curve supports, in lines of text."""
@@ -269,11 +252,9 @@ class Calibration(SheetFit):
 def calibrate(
     period: float, record: TensionRecord, law: Law = "linear", along: TensionRecord | None = None
 ) -> Calibration:
-    """Fit a stripe to tension curves across its ridges and, if there is one, along them.
+    """Fit a stripe to tension curves across its ridges and, if there is one, along them, in turn.
 
-    Diagonals couple the springs along the ridges and those across, so that the two are fitted in
-    turn until they settle. Without a record along them, springs along the ridges are those across,
-    as in a pure sheet of the paper. InputError if a record has too few points, or no tension.
+    Without a record along them, springs along the ridges are those across, as in the paper.
     """
     if not isinstance(law, SpringCurve) and law not in ("linear", "stiffening"):
         raise invalid("law", f"is {law!r}; give linear, stiffening or the curve of a spring")
@@ -319,13 +300,10 @@ def _fit_across(
     along: AlongRidges | None = None,
     begin: Mapping[str, float] | None = None,
 ) -> Calibration:
-    """Fit k_s, k_t and θ0 of a sheet to its tension curve by bounded least squares.
+    """Fit a sheet to its tension curve by bounded least squares, from several starts.
 
-    For stiffening springs the stiffening strain is fitted too. The best fit of several starts is
-    used. Two repeats or more are fitted one by one: the parameters are the means of their fits (of
-    logarithms, and of the angle), and errors and correlations follow from the scatter. With one
-    curve, errors are those of the linearised fit, with the noise and its correlation along the
-    curve taken from the residuals.
+    Of repeats, parameters are means (of logarithms, and of the angle), and errors follow from the
+    scatter. Errors of one curve follow from its residuals and their correlation.
     """
     strain, mean, per_width = record.strain, record.mean_force, record.per_width
     fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
@@ -347,10 +325,8 @@ def _fit_across(
             jac=lambda x: np.asarray(_force_slopes(*laws, x, *given)) / scale,
             bounds=bounds,
             x_scale="jac",
-            ftol=1e-12,
-            xtol=1e-12,
-            gtol=1e-12,
             max_nfev=300,
+            **dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12),
         )
 
     if begin is not None:
@@ -423,7 +399,6 @@ def _unknowns(values: Float[np.ndarray, "*any fitted"]) -> Float[np.ndarray, "*a
 
 
 def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "start 4"]:
-    """Starts around the stiffness estimated from the curve's size and from its first half."""
     half = strain <= (strain[0] + strain[-1]) / 2
     opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
     starts = []
@@ -440,11 +415,7 @@ def _starts(period: float, strain: Points, force: Points) -> Float[np.ndarray, "
 def _undetermined(
     fit: OptimizeResult, errors: FitErrors
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Parameters that a curve does not determine, and sentences on what is wrong with a fit.
-
-    A parameter is undetermined if it is on a bound, if its error is large, from the noise or from
-    the error of any model, or if another parameter has nearly the same effect.
-    """
+    """Parameters on a bound, with a large error, or like another; and sentences on these."""
     warnings, unknown = [], dict[str, None]()
     # Whether a curve separates two parameters does not depend on the scatter of a few repeats.
     separable = FitErrors(covariance_of_unit_noise(fit.jac), math.inf).correlations

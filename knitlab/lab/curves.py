@@ -170,7 +170,6 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
 
 
 def _continued(system: System, case: Case, near: SimulatedTest) -> list[State]:
-    """States next to those of a test, up to the first that does not converge."""
     settings = case.equilibrium_solver
     relaxed = relax(system, replace(settings, soft_wall=1.0), near.configurations[0])
     loading = loading_of(system.shape, relaxed.configuration)

@@ -1,12 +1,9 @@
 """Fit to a whole fabric: stripe parameters with which a simulated test matches a measured one.
 
-The tables are a Gaussian prior of least squares, so that a parameter departs from its table value
-only if the match improves. Derivatives are exact, by an adjoint solve for each quantity and strain.
-
-A fabric has many equilibria. Every test of a search starts from the states of the previous one, so
-that it stays on one branch and its curves change smoothly. The result is then tested from the flat
-sheet, as in a sweep; if that test reaches other states, the search continues from those. If no
-branch matches the test, the search is repeated from stripe parameters drawn from the prior.
+The tables are a Gaussian prior of least squares with exact derivatives. Every test of a search
+starts from the states of the previous one, so that it stays on one branch. The result is tested
+from the flat sheet; if that reaches other states, the search continues from those. If no branch
+matches, the search is repeated from stripe parameters drawn from the prior.
 """
 
 import itertools
@@ -212,7 +209,7 @@ class _Search:
         return test
 
     def _simulated(self, case: Case, near: SimulatedTest | None) -> SimulatedTest | None:
-        """A test, or the kept one of an interrupted fit, as a search repeats its tests exactly."""
+        """A test, or the kept one of an interrupted fit, which a search repeats exactly."""
         self.tests += 1
         if self.kept is None:
             return simulated_test(case, near)
@@ -240,8 +237,7 @@ class _Search:
             if confirmed is None or self.is_same(fitted, confirmed) or self.is_met(chi_squared):
                 break
         prior = result.fun[-len(point) :]
-        cost = chi_squared + float(prior @ prior)
-        return _Optimum(result, fitted, confirmed, chi_squared, cost)
+        return _Optimum(result, fitted, confirmed, chi_squared, chi_squared + float(prior @ prior))
 
     def residuals(self, logarithms: Logarithms) -> Float[np.ndarray, " row"]:
         test = self.test(logarithms)
@@ -262,7 +258,6 @@ class _Search:
         return np.concatenate([rows, np.eye(len(FITTED)) / self.prior_std])
 
     def is_same(self, one: SimulatedTest, other: SimulatedTest) -> bool:
-        """Whether two tests have the same states."""
         difference = self.target.misfit(one.values) - self.target.misfit(other.values)
         return bool(np.abs(difference).max() < SAME_STATES)
 
@@ -293,8 +288,7 @@ class _Search:
     def _warnings(self, best: _Optimum, chi_squared: float) -> Iterator[str]:
         if not best.result.success:
             yield f"the search did not converge in {self.tests} tests; do not use it"
-        room = np.abs(best.result.x - self.bounds).min(axis=0)
-        for name, left in zip(FITTED, room, strict=True):
+        for name, left in zip(FITTED, np.abs(best.result.x - self.bounds).min(axis=0), strict=True):
             if left < AT_BOUND:
                 yield f"{name} is at a bound of the search"
         if self.without_derivatives:

@@ -20,10 +20,7 @@ TRIED_CORRELATIONS = np.tanh(np.linspace(0, 2.65, 54))
 
 @dataclass(frozen=True)
 class FitErrors:
-    """Errors of the parameters of a fit; their intervals are those of Student's t.
-
-    ``autocorrelation`` is that of neighbouring residuals, if errors come from these.
-    """
+    """Errors of fitted parameters, with Student's intervals, and how neighbours are correlated."""
 
     covariance: Matrix
     degrees_of_freedom: float
@@ -65,10 +62,7 @@ def covariance_of_unit_noise(jacobian: Float[np.ndarray, "point fitted"]) -> Mat
 def covariance_by_groups(
     jacobian: Float[np.ndarray, "point fitted"], residuals: Points, sizes: Sequence[int]
 ) -> Matrix:
-    """Covariance of a least-squares fit to groups of points that differ as wholes.
-
-    The scores of groups of these sizes are independent, not those of points.
-    """
+    """Covariance of a fit to groups of points, of these sizes, that differ as wholes."""
     inverse, ends, count = covariance_of_unit_noise(jacobian), np.cumsum(sizes)[:-1], len(sizes)
     groups = zip(np.split(jacobian, ends), np.split(residuals, ends), strict=True)
     scores = np.array([slopes.T @ left for slopes, left in groups])
@@ -80,12 +74,9 @@ def errors_by_residuals(
 ) -> FitErrors:
     """Errors of a least-squares fit by its residuals, whose neighbours may be correlated.
 
-    Residuals at points in order are taken as V_ij = σ² ρ^|i−j|. The covariance B V Bᵀ, with the
-    pseudoinverse B of the Jacobian, is averaged over ρ, weighted by the restricted likelihood of
-    ρ (Harville, JASA 72, 320, 1977). Fitting does not bias this likelihood, but it does bias the
-    correlation of residuals. A priori, ρ = 0 is as likely as all other values up to 0.99 together.
-    Variances v are geometric means. The scatter of ln v over ρ reduces the n − p degrees of
-    freedom: 2/ν = 2/(n − p) + var(ln v), as for the variance of a sample.
+    Residuals in order are taken as V_ij = σ² ρ^|i−j|. The covariance B V Bᵀ, with the Jacobian's
+    pseudoinverse B, is averaged over ρ by its restricted likelihood (Harville, JASA 72, 320, 1977).
+    Variances v are geometric means; 2/ν = 2/(n − p) + var(ln v) gives the degrees of freedom.
     """
     count, fitted = jacobian.shape
     span, inverse = _inverse(jacobian)
@@ -134,15 +125,11 @@ def _inverse(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two fits of one curve by least squares, compared by AICc.
+    """Two fits of one curve, compared by AICc (Hurvich and Tsai, Biometrika 76, 297, 1989).
 
-    AICc = n ln(S/n) + 2K + 2K(K + 1)/(n − K − 1), with the sum S of squares of n residuals and K
-    parameters, including the noise (Hurvich and Tsai, Biometrika 76, 297, 1989). This assumes
-    independent residuals, but the error of a model varies smoothly: a curve of many points then
-    seems to justify any parameter. AICc is therefore also computed from the innovations
-    r_i − ρ r_(i−1), with the autocorrelation ρ of neighbours as a parameter more.
-
-    A gain is the AICc of the simpler fit minus that of the other; ρ is given in the same order.
+    Errors of a model vary smoothly, so that many points seem to justify any parameter. AICc is
+    therefore also computed from the innovations r_i − ρ r_(i−1), with ρ as one more parameter. A
+    gain is the AICc of the simpler fit minus that of the other; ρ is given in the same order.
     """
 
     autocorrelation: tuple[float, float]
@@ -218,11 +205,7 @@ def linear_fit(x: Points, y: Points) -> LinearFit:
 
 
 def common_slope_probability(lines: Sequence[LinearFit]) -> float:
-    """Probability of slopes as different as these if all lines had one slope (F test).
-
-    Variances are assumed equal. Simulated points hardly scatter, so that slopes that are equal for
-    all practical purposes differ significantly.
-    """
+    """Probability of slopes as different as these if all lines had one slope (F test)."""
     separate = sum(float((line.residuals**2).sum()) for line in lines)
     moments = [(line.x - line.x.mean(), line.y - line.y.mean()) for line in lines]
     slope = sum(float(x @ y) for x, y in moments) / sum(float(x @ x) for x, _ in moments)

@@ -40,11 +40,7 @@ Parameters = Float[np.ndarray, " fitted"]  # some of FITTED, k_s and k_t also as
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionFit(SheetFit):
-    """Stripe and friction whose sheet reproduces the cycles, with standard errors by name.
-
-    Errors are the larger of those of independent points and of passages that differ as wholes.
-    ``fold_friction`` is in rad; the other parameters are those of a calibration.
-    """
+    """Stripe and friction whose sheet reproduces cycles; errors by points or passages."""
 
     cycles: LoadingCycles
     fitted: tuple[Float[np.ndarray, " _"], ...]  # forces of every passage
@@ -99,12 +95,7 @@ class FrictionFit(SheetFit):
 
 
 def fit_friction(period: float, cycles: LoadingCycles) -> FrictionFit:
-    """Fit a stripe, its friction and its drift together to all passages, in their order.
-
-    Between two loadings the fabric is unloaded; where it has no force it is slack. The fit begins
-    at a calibration of the first loading. ValueError if fewer than two passages are given, which
-    contain no information about friction.
-    """
+    """Fit a stripe, its friction and drift to passages; ValueError if there are fewer than two."""
     passages, per_width = cycles.passages, cycles.per_width
     if len(passages) < 2:
         raise ValueError("there is one loading alone; give unloading, or repeats of one swatch")
@@ -180,11 +171,7 @@ class _Fold:
         return np.clip(turned, -self.yields, self.yields)
 
     def angles(self, length: Points) -> Points:
-        """Angles at half lengths of a fold along the pull, of both its springs in balance [rad].
-
-        Newton's method, within an interval that holds the angle; where a step leaves the interval,
-        it is halved.
-        """
+        """Angles at half lengths, both springs in balance, by Newton's method and halving [rad]."""
         low, high = np.full(len(length), 0.01), np.full(len(length), np.pi - WORN_OUT)
         # Where springs hardly stretch.
         angle = 2 * np.arcsin(np.minimum(length / self.cell, ALMOST_OPEN))
@@ -210,8 +197,7 @@ class _Fold:
     def slack(self) -> float:
         """The angle without force, where spring and friction balance [rad]."""
         turned = self.k_t * self.rest + self.stiffness * self.angle - self.moment
-        sticking = turned / (self.k_t + self.stiffness)
-        spring = self.k_t * (self.rest - sticking)
+        spring = self.k_t * (self.rest - (turned / (self.k_t + self.stiffness)))
         return self.rest - min(max(spring, -self.yields), self.yields) / self.k_t
 
     def forces(self, length: Points, angle: Points) -> Points:
@@ -227,12 +213,7 @@ class _Fold:
 def cell_pull(
     length: Float[np.ndarray, "*any"],
 ) -> tuple[Float[np.ndarray, "*any"], Float[np.ndarray, "*any"]]:
-    """Force across the ridges of a square cell whose height is free, and its slope.
-
-    The force is over k_s and the flat side, and ``length`` over the flat side. Springs are linear
-    and equal, diagonals too. Between the ends of its table the force is exact to 1e-13, beyond them
-    it is continued as a line.
-    """
+    """Force over k_s and side of a square cell at a length over its side, and its slope."""
     spline, slope = _pulls()
     inside = np.clip(length, *TABLE)
     steep = slope(inside)
@@ -241,7 +222,6 @@ def cell_pull(
 
 @cache
 def _pulls() -> tuple[CubicSpline, PPoly]:
-    """The forces of cells in balance, tabulated, and their slope."""
     length = np.linspace(*TABLE, TABULATED)
     height = np.ones_like(length)
     for _ in range(NEWTON_STEPS):
@@ -256,15 +236,11 @@ def _pulls() -> tuple[CubicSpline, PPoly]:
 def sheet_forces(
     period: float, parameters: Parameters, passages: Sequence[Passage], per_width: bool = False
 ) -> Iterator[Float[np.ndarray, " _"]]:
-    """Forces of a sheet with the :data:`FITTED` parameters at the strains of every passage.
-
-    A fold is a scalar return mapping in closed form, as no fold turns back within a passage.
-    """
+    """Forces of a sheet with the :data:`FITTED` parameters at the strains of every passage."""
     k_s, k_t, rest, friction, drift = parameters.tolist()
     quarter = period / 4
     yields, cell = k_t * friction, quarter / sin(rest / 2)
-    slide = yields / Friction().fold_slide
-    fold, peaks = _Fold(k_s, k_t, rest, cell, yields, slide, rest), 0
+    fold, peaks = _Fold(k_s, k_t, rest, cell, yields, yields / Friction().fold_slide, rest), 0
     for number, passage in enumerate(passages):
         length = quarter * (1 + passage.strain)
         if passage.loading and number and passages[number - 1].loading:

@@ -39,8 +39,7 @@ class Pulls:
 
     def strain(self, time: Record) -> Record:
         """Applied strain at times of the machine's clock; NaN before and after its log."""
-        extension = np.interp(time, self.time, self.extension, left=np.nan, right=np.nan)
-        return extension / self.length
+        return np.interp(time, self.time, self.extension, left=np.nan, right=np.nan) / self.length
 
     @property
     def summary(self) -> str:
@@ -143,10 +142,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float, int]:
-    """Columns of a log in :data:`COLUMN_UNITS`, when a trigger rose, and how many rows are bad.
-
-    A row is bad if a reading is an overload, or the status of a meter is not 0.
-    """
+    """Columns in :data:`COLUMN_UNITS`, when a trigger rose, and how many rows are bad."""
     names, is_meter = (*COLUMN_UNITS, "trigger", STATUS), isinstance(table, CapacitanceTable)
     columns = {name: column for name in names if (column := getattr(table, name, None))}
     units = {column.column: getattr(column, "unit", None) for column in columns.values()}

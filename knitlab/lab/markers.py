@@ -173,10 +173,8 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
 def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSample:
     """The same markers, rotated so that the pull is along y.
 
-    If one clamp moves, the middle of the sample drifts along the pull: the sample is symmetric
-    under rotation by 180°, so that the mean displacement of a marker and its opposite is along the
-    pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
-    along the pull, but less exactly. So the drift is used where it agrees with the separation.
+    The mean displacement of a marker and its opposite is along the pull if one clamp moves. Rows of
+    markers always separate along the pull, but less exactly; so the drift is used where both agree.
     """
     drift, separation, _ = marked.motion(strain)
     if not separation.any():
@@ -203,10 +201,7 @@ def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSampl
 
 
 def check_pull(path: Path, marked: MarkedSample, strain: Strains) -> None:
-    """Refuse a sample whose middle moves along its weft, to which also its columns are pulled.
-
-    So it is if coordinates are in the order (row, column), and the sample about as long as wide.
-    """
+    """Refuse a sample that moves along its weft, as with coordinates in the order (row, column)."""
     drift, separation, across = marked.motion(strain)
     size = np.linalg.norm(separation)
     drifts_across = np.linalg.norm(drift) > MIN_DRIFT * size and abs(drift[0]) > abs(drift[1])
@@ -221,7 +216,6 @@ def _median(vectors: Float[np.ndarray, "*any 2"]) -> Vector:
 
 
 def _separation(moved: Float[np.ndarray, "frame line marker 2"]) -> Vector:
-    """Motion of the last line of markers from the first, by all pairs of lines."""
     one, other = np.triu_indices(moved.shape[1], 1)
     separation = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
     return _median(separation) * (moved.shape[1] - 1)
@@ -263,8 +257,7 @@ def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
     """Trajectories in pixels along the x and y of the fabric, by the description [mm]."""
     axes = np.array([IN_PICTURE[table.weft], IN_PICTURE[table.warp]])
     # In pixels y points down, so that an anticlockwise rotation has the opposite sense.
-    rotation = _clockwise(np.radians(table.turned))
-    return table.pixel.to("mm") * tracks @ (axes @ rotation.T).T
+    return table.pixel.to("mm") * tracks @ (axes @ _clockwise(np.radians(table.turned)).T).T
 
 
 def _clockwise(angle: float) -> Float[np.ndarray, "2 2"]:
@@ -274,7 +267,6 @@ def _clockwise(angle: float) -> Float[np.ndarray, "2 2"]:
 def _marker_grid(
     path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None
 ) -> MarkerGrid:
-    """The grid of markers, found in the first frame of ``path`` or read from a table of places."""
     try:
         if places is None:
             return find_grid(first)

@@ -1,7 +1,4 @@
-"""The start of a tensile record: an offset of its load cell, or a preload.
-
-Both show as a force at zero strain. If it is above the noise, the user must say which it is.
-"""
+"""The start of a tensile record: a force at zero strain is an offset of the cell, or a preload."""
 
 import math
 from collections.abc import Mapping
@@ -46,13 +43,10 @@ class Correction:
 
 
 def loading_start(strain: Points, force: Points) -> Start | None:
-    """The start of a first loading, at strains of at least 0; None if it is not recorded.
+    """The start of a first loading; None if it is not recorded.
 
-    The force at zero strain is the mean of the readings there, if there are three or more. With
-    fewer, it is that of a parabola through the first readings. Readings at zero strain take its
-    place if they disagree with it beyond the noise, as with friction, which lets a curve rise
-    steeply at first. The noise is that of the readings at zero strain, or, with fewer than three,
-    that of the parabola. Without any, it is at least the difference of the parabola from a line.
+    The force is the mean of three or more readings at zero strain; with fewer, that of a parabola
+    through the first readings, unless those at zero strain disagree with it beyond the noise.
     """
     if len(strain) < MIN_POINTS or strain.min() > FIRST * strain.max():
         return None
@@ -87,7 +81,6 @@ class _Polynomial(NamedTuple):
 
 
 def _polynomial(at: Points, values: Points, degree: int) -> _Polynomial:
-    """A polynomial through readings, by least squares."""
     powers = at[:, None] ** np.arange(degree + 1)
     coefficients = np.linalg.lstsq(powers, values)[0]
     freedom = len(at) - degree - 1
@@ -105,11 +98,7 @@ def start_correction(
     preload: float | None,
     unit: str,
 ) -> Correction:
-    """Corrections of repeats, by the starts of their first loadings and what the user says.
-
-    All forces are in one unit. InputError if a force at zero strain is above the noise and the user
-    does not say what it is, or if it contradicts what the user says.
-    """
+    """Corrections of repeats, in one unit of force, by their starts and what the user says."""
     is_number = isinstance(zero, int | float) and math.isfinite(zero)
     if not (zero in (None, "none", "start") or is_number):
         raise invalid("zero", f"is {shown(zero)}; give none, start, or a number of newtons")
@@ -160,7 +149,6 @@ def start_correction(
 
 
 def _refuse_ambiguous(where: str, starts: Mapping[str, Start], unit: str) -> None:
-    """InputError if the force at zero strain of a repeat, or its mean, is above the noise."""
     checked = dict(starts)
     if len(starts) > 1:  # an offset is common to all repeats
         forces, noises, slopes = np.array([*starts.values()]).T
@@ -187,7 +175,6 @@ def _named(where: str, name: str, starts: Mapping[str, object]) -> str:
 
 
 def _amount(forces: list[float], slope: float, unit: str) -> str:
-    """Forces of repeats in words, with the strain that has their mean as its force."""
     least, most = min(forces), max(forces)
     amount = f"{least:.3g} to {most:.3g}" if most - least > 0.01 * abs(most) else f"{most:.3g}"
     as_strain = f" ({_percent(float(np.mean(forces)) / slope)} strain by the first slope)"
@@ -195,10 +182,7 @@ def _amount(forces: list[float], slope: float, unit: str) -> str:
 
 
 def _stretched(preload: float, slope: float) -> float:
-    """Strain of the relaxed length at which a record began, by its slope from there.
-
-    The slope refers to strains of the preloaded length.
-    """
+    """Strain of the relaxed length at which a record began; the slope is by the preloaded one."""
     return preload / (slope - preload)
 
 

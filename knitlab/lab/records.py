@@ -1,8 +1,4 @@
-"""Records of a testing machine or a camera: separated into cycles, and resampled at given strains.
-
-At every strain a parabola is fitted to the records nearby, which averages their noise and estimates
-it.
-"""
+"""Records of a machine or a camera: separated into cycles, and resampled by local parabolas."""
 
 import math
 from dataclasses import dataclass
@@ -28,11 +24,7 @@ Record = Float[np.ndarray, " record"]
 
 @dataclass(frozen=True)
 class Cycle:
-    """Times at which a cycle starts, turns to unloading and ends; at ``turn`` without unloading.
-
-    ``holds`` are the times between which the machine stands still during the cycle, while the force
-    relaxes. They are neither loading nor unloading.
-    """
+    """Times at which a cycle starts, turns and ends; in ``holds`` the machine stands still."""
 
     start: float
     turn: float
@@ -57,8 +49,7 @@ class Cycle:
 def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
     """The cycles of a test in order, from its extension at ascending times.
 
-    A reversal by less than ``least_turn`` of the full range is ignored, and so are records before
-    the first loading and a final loading by less than that. Rest before a loading belongs to it.
+    A reversal by less than ``least_turn`` of the range is none. Rest is part of the next loading.
     """
     span = np.ptp(extension)
     if not span > 0:
@@ -77,10 +68,7 @@ def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
 
 
 def _holds(extension: Record) -> list[tuple[int, int]]:
-    """First and last records of the spans in which a machine stands still but for noise.
-
-    Over such a span, loading at its usual speed would move many times the noise and the resolution.
-    """
+    """First and last records of spans in which the usual speed would exceed the noise by far."""
     steps = np.abs(np.diff(extension))
     if len(steps) < 2 or not steps.any():
         return []
@@ -126,10 +114,7 @@ def _turns(extension: Record, least: float) -> list[int]:
 
 
 class Resampled(NamedTuple):
-    """Values at given strains, NaN if no record is near, their standard errors, and the noise.
-
-    Errors, and noise, the standard deviation of a record, are NaN if there are too few records.
-    """
+    """Values at strains, standard errors, and the noise of a record; NaN without records."""
 
     values: Float[np.ndarray, "strain *series"]
     errors: Float[np.ndarray, "strain *series"]
@@ -139,11 +124,10 @@ class Resampled(NamedTuple):
 def resampled(
     at: Float[np.ndarray, " strain"], strain: Record, values: Float[np.ndarray, "record *series"]
 ) -> Resampled:
-    """Records resampled at given ascending strains, with standard errors.
+    """Records resampled at ascending strains, each series by itself, with standard errors.
 
-    A parabola is fitted to the records within half the distance to the next strains, for every
-    series separately, as records may be missing (NaN) in one only; to few records, a line or a
-    mean. Else the value is interpolated between the nearest records on both sides, without error.
+    A parabola is fitted to the records near a strain; to few, a line or a mean. Else the value is
+    interpolated, without error.
     """
     middles = (at[1:] + at[:-1]) / 2
     ends = np.concatenate([[2 * at[0] - middles[0]], middles, [2 * at[-1] - middles[-1]]])
@@ -161,7 +145,6 @@ def resampled(
 def _at_zero(
     offset: Record, series: Float[np.ndarray, "record series"]
 ) -> Float[np.ndarray, "3 series"]:
-    """Values at zero of polynomials fitted to series, their standard errors, and the noise."""
     known = np.isfinite(series)
     value = np.where(known, series, 0.0)
     fits = np.full((3, series.shape[1]), np.nan)
@@ -172,8 +155,7 @@ def _at_zero(
     covered = np.maximum(first, -last) <= DRAWN_OUT * np.ptp(offset)
     for degree, fewest in MIN_POINTS.items():
         powers = offset[:, None] ** np.arange(degree + 1)
-        normal = np.einsum("np,nq,ns->spq", powers, powers, known)
-        curvatures, vectors = np.linalg.eigh(normal)
+        curvatures, vectors = np.linalg.eigh(np.einsum("np,nq,ns->spq", powers, powers, known))
         fitted = covered & np.isnan(fits[0]) & (known.sum(axis=0) >= fewest)
         fitted &= curvatures[:, 0] > MIN_CURVATURE * curvatures[:, -1]
         # A mean is only for records at rest, all at one strain.

@@ -1,8 +1,4 @@
-"""Simulation of a calibrated swatch: how far the network is from the records of the fit.
-
-The network of an endless pure sheet is relaxed and pulled like any other fabric, so that this does
-not depend on the three unknowns to which the fit reduces the sheet.
-"""
+"""Simulation of a calibrated swatch: how far the network is from the records of the fit."""
 
 import warnings
 from dataclasses import dataclass
@@ -119,14 +115,12 @@ def simulated_swatches(calibration: Calibration) -> list[Swatch]:
 
 
 def _forces(stripe: Stripe, strain: Points, direction: Direction) -> Points:
-    """Forces on one row, or one column, of an endless sheet [N]."""
     known = defaults()
-    walls = Sheet(z_max=OUT_OF_REACH * stripe.period, k_wall=known.sheet.k_wall)
     case = Case(
         design={"n_stripe": stripe.n},
         weft=stripe,
         warp=stripe,
-        sheet=walls,
+        sheet=Sheet(z_max=OUT_OF_REACH * stripe.period, k_wall=known.sheet.k_wall),
         options=ENDLESS,
         pattern=("G",),
         periods=1,

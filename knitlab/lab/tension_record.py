@@ -212,8 +212,6 @@ def read_cycles(
 
 
 class _Records(NamedTuple):
-    """All records of a file, without offset, at strains of the relaxed length."""
-
     repeats: dict[str, tuple[Record, Record]]  # strain, and force or force over width
     per_width: bool
     summary: tuple[str, ...]  # of the corrections
@@ -227,7 +225,6 @@ def _read(
     *,
     one_swatch: bool = False,
 ) -> _Records:
-    """Read and correct the records of a file; those of one swatch by its first loading."""
     columns = _columns(path, lengths)
     if one_swatch and len(columns.repeats) > 1 and columns.repeat_name not in OF_ONE_SWATCH:
         message = "has several swatches, and cycles are of one; give one, in a column repeat"
@@ -259,10 +256,6 @@ class _Columns(NamedTuple):
 
 
 def _columns(path: Path, lengths: dict[str, float | None]) -> _Columns:
-    """Strain and load of every repeat.
-
-    ``lengths`` are those by which columns are divided or, stress, multiplied [mm].
-    """
     headers, table, _ = read_table(path, EXAMPLE)
     columns: dict[str, tuple[int, str, str]] = {}
     mistakes = []
@@ -327,7 +320,7 @@ def _kind(name: str, unit: str) -> str | None:
 
 
 def _loading(strain: Record, cycle: int = 1, column: str = "") -> Bool[np.ndarray, " record"]:
-    """Which records are of the loading branch of a cycle; those at rest before the first, too."""
+    """Which records are of the loading of a cycle, and those at rest before the first."""
     number = np.arange(len(strain), dtype=float)
     found = cycles(number, strain, MIN_TURN)
     if cycle > max(1, len(found)):
@@ -341,7 +334,6 @@ def _loading(strain: Record, cycle: int = 1, column: str = "") -> Bool[np.ndarra
 
 
 def _middles(start: float, end: float, count: int) -> Points:
-    """The middles of equal intervals of strain."""
     edges = np.linspace(start, end, count + 1)
     return (edges[1:] + edges[:-1]) / 2
 

@@ -34,18 +34,14 @@ def cross_talk(
     others: Others,
     polarised: float = 0.0,
 ) -> xr.Dataset:
-    """The cross-talk of sensors, pulled along an axis one by one; or NoDerivative.
-
-    Readings in the relaxed state [pF], of one period if periodic, and what it is along ``pulled``.
-    """
+    """The cross-talk of sensors that are pulled along an axis one by one; or NoDerivative."""
     shape = electrodes.shape
     free = all_free(shape)
     start = np.asarray(relaxed.flattened())
     parts = [sensor_part(electrodes, pair) for pair in sensors]
     ends = [[_line(shape, axis, part, end) for end in (0, 1)] for part in parts]
     forces = np.array([high - low for low, high in ends])
-    response = LinearResponse(shape, free).at(case.assemble()[1], start, contact_of(case))
-    moves = response.to(forces)
+    moves = LinearResponse(shape, free).at(case.assemble()[1], start, contact_of(case)).to(forces)
     # Of lines that are pulled apart, the force on nodes is also the measure of the elongation.
     strains = (moves @ forces.T) / (forces @ start)
     moves /= np.diag(strains)[:, None]

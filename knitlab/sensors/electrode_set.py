@@ -67,10 +67,9 @@ class ElectrodeSet:
 
     def chart(self, level: int, bare: bool = False) -> PanelChart:
         """Panels of all electrodes; with number ``len(names)``, those of the cloth between them."""
-        groups = [*map(self._divided, self.groups), *([self._bare] if bare else [])]
         charts = [
             panel_chart(Electrodes((group, ()), ALONG[self.along]), self.shape, level)
-            for group in groups
+            for group in [*map(self._divided, self.groups), *([self._bare] if bare else [])]
         ]
         number = np.repeat(np.arange(len(charts)), [len(chart.cell) for chart in charts])
         cells, corners = ([getattr(c, name) for c in charts] for name in ("cell", "corners"))
@@ -106,10 +105,10 @@ class ElectrodeSet:
 
 
 def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -> ElectrodeSet:
-    """The named electrodes, or every ridge of the layout's face; InputError if they are impossible.
+    """The named electrodes, or every ridge of the layout's face.
 
-    ``w2`` is the second ridge along a wale, ``c1`` the first along a course, counted in the whole
-    fabric on the face of the layout, and ``left:right/bottom:top`` a rectangle of grid cells.
+    ``w2`` is the second ridge along a wale of the fabric, ``c1`` the first along a course, and
+    ``left:right/bottom:top`` a rectangle of grid cells.
     """
     shape = case.mesh_shape
     layout = capacitor.layout
@@ -133,7 +132,6 @@ def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -
 
 
 def _mistakes(chosen: ElectrodeSet, capacitor: Capacitor) -> Iterator[str]:
-    """What is wrong with electrodes on their fabric."""
     ends = 0.0, float((chosen.shape.cells_x, chosen.shape.cells_y)[chosen.along])
     named = list(zip(chosen.names, chosen.groups, strict=True))
     for (name, group), (other_name, other) in combinations(named, 2):
@@ -148,7 +146,6 @@ def _mistakes(chosen: ElectrodeSet, capacitor: Capacitor) -> Iterator[str]:
 
 
 def _ridge(name: re.Match[str], case: Case, layout: ElectrodeLayout) -> Strip:
-    """A ridge along a wale (w) or a course (c), as an electrode of the layout's width and span."""
     along: Along = "wale" if name[1] == "w" else "course"
     layout = replace(layout, along=along, within="fabric")
     lines = ridge_lines(layout, case.sample, case.options)
@@ -160,7 +157,6 @@ def _ridge(name: re.Match[str], case: Case, layout: ElectrodeLayout) -> Strip:
 
 
 def _rectangle(name: re.Match[str], case: Case, layout: ElectrodeLayout) -> Strip | None:
-    """A rectangle of grid cells, ``left:right/bottom:top``."""
     left, right, bottom, top = map(float, name.groups())
     return Strip(left, right, bottom, top) if left < right and bottom < top else None
 

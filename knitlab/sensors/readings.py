@@ -31,11 +31,7 @@ Others = Literal["floating", "grounded"]
 def electrode_matrices(
     panels: Panels, electrode: Int[np.ndarray, " panel"], count: int, around: Surroundings
 ) -> Matrices:
-    """Maxwell's matrices of ``count`` electrodes in vacuum [pF].
-
-    Of periodic electrodes without a plane, only charges that sum to zero have potentials, and the
-    rows of the matrix sum to zero.
-    """
+    """Maxwell's matrices in vacuum [pF]; of periodic electrodes without a plane, rows sum to 0."""
     matrices = maxwell_matrices(panels, electrode, count, around)
     return matrices if around.axis is None or around.ground is not None else neutral(matrices)
 
@@ -43,10 +39,7 @@ def electrode_matrices(
 def capacitance_matrices(
     electrodes: ElectrodeSet, states: Configuration, capacitor: Capacitor, polarised: float = 0.0
 ) -> Matrices:
-    """Maxwell's matrices in several states without leads, NaN where electrodes touch [pF].
-
-    Those of one period if periodic. Electrodes that lie on each other by design are insulated.
-    """
+    """Maxwell's matrices in several states, NaN where electrodes touch, of one period [pF]."""
     around = surroundings(states, electrodes.axis, capacitor, polarised)
     count = len(electrodes.names)
 
@@ -68,11 +61,7 @@ def capacitance_matrices(
 def readings(
     matrices: Matrices, sensors: Sequence[tuple[int, int]], others: Others
 ) -> Float[np.ndarray, "state sensor"]:
-    """What a meter between two electrodes shows, with all other electrodes held so [pF].
-
-    ``floating`` ones carry no charge, ``grounded`` ones are connected to the guard of the meter,
-    which then shows the mutual capacitance alone.
-    """
+    """What a meter between two electrodes shows; others carry no charge or are grounded [pF]."""
     found = []
     for one, other in sensors:
         if others == "grounded":

@@ -1,8 +1,7 @@
 """What the reading of a knitted capacitor says of strain and bending along and across the cloth.
 
-A small strain or curvature of periodic fabric moves its nodes as ``plate.condensation`` has it:
-with the mean deformation, and besides as the unit cell relaxes. Capacitances of the shapes on
-either side of a state give the derivative of the logarithm of the capacitance.
+Nodes move with a mean deformation, and as the unit cell relaxes. Capacitances on either side of a
+state give the derivative of their logarithm.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,18 +56,12 @@ Moves = Float[np.ndarray, "6 node_y node_x 3"]
 def case_selectivity(
     case_file: xr.Dataset, selections: Mapping[str, Any], along: str
 ) -> xr.Dataset:
-    """The selectivity of a periodic case with electrodes, relaxed or at selected strains.
-
-    Lengths are those of the case. Where its layers touch, nothing is known, as bending leaves
-    contact out. InputError if it is clamped, has no electrodes, or a grounded plane.
-    """
+    """The selectivity of a periodic case, relaxed or at strains; NaN where layers touch."""
     case, capacitor = sensor_case(case_file)
     if case.options.boundary != "periodic":
-        hint = "simulate it with boundary = periodic"
-        raise invalid(case.label, f"is a clamped sample; {hint}")
+        raise invalid(case.label, "is a clamped sample; simulate it with boundary = periodic")
     if capacitor.ground != "none":
-        hint = "simulate it with ground = none"
-        raise invalid(case.label, f"has a plane, which does not bend with the cloth; {hint}")
+        raise invalid(case.label, "has a plane, which cannot bend; simulate it with ground = none")
     solver = _Solver(case, capacitor)
     measured = case_file["capacitance"].values
     indices = list[int]()
@@ -108,8 +101,7 @@ def case_selectivity(
     }
     axes = {"sides": list(SIDES), "direction": list(DIRECTIONS)}
     found = dataset_of_states(case_file, indices, VARIABLES, values, axes)
-    about = {"units": "1", "long_name": "whether it is known, or why not"}
-    found[STATUS] = STRAIN, status, about
+    found[STATUS] = STRAIN, status, {"units": "1", "long_name": "whether it is known, or why not"}
     found.attrs |= {"title": f"selectivity of sensors along the {along}", "along": along}
     return found
 
@@ -141,10 +133,9 @@ class _Solver:
         self._plates = PlateSolver(case.mesh_shape)
 
     def gauges(self, state: Configuration) -> Float[np.ndarray, "2 4"] | None:
-        """Changes of ln C by :data:`CHANGES`, held and free; None of an unstable state.
+        """Changes of ln C by :data:`CHANGES`, with sides held and free; None of an unstable state.
 
-        ``held`` has all other strains and curvatures zero. ``free`` cloth, flat or of the stated
-        curvature, gets longer or shorter along the other direction, and along both if it is bent.
+        ``free`` cloth gets longer or shorter across, and along both directions if it is bent.
         """
         plate, moves = self._plates.response(self._fabric, state)
         if np.isnan(moves).any():

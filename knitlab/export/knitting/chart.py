@@ -100,8 +100,7 @@ class StitchChart:
         stitches = self.stitches
         for course, wale in np.argwhere(stitches != knitted).tolist():
             here = stitches[course, wale]
-            there = knitted[course, wale]
-            return f"course {course + 1}, wale {wale + 1} is {there}, not {here}"
+            return f"course {course + 1}, wale {wale + 1} is {knitted[course, wale]}, not {here}"
         return None
 
     def table(self, marks: Iterable[tuple[int, int, str]] = ()) -> str:

@@ -26,10 +26,7 @@ Stitches = Bool[np.ndarray, "course wale"]  # whether knit, seen from the front,
 def read_stitches(
     path: Path, first: Edge = "bottom", carrier: int | None = None
 ) -> tuple[Stitches, str]:
-    """The stitches of a file, and a remark on them; InputError if there is no chart.
-
-    ``first`` is the edge that is knitted first, of rows and images; ``carrier`` is of programs.
-    """
+    """The stitches of a file, whose ``first`` edge is knitted first, and a remark on them."""
     suffix = path.suffix.lower()
     if suffix in PROGRAMS:
         return _stitches_of_program(path, carrier)
@@ -37,26 +34,18 @@ def read_stitches(
     return (rows[::-1] if first == "bottom" else rows), ""
 
 
-def _symbols_of_row(line: str) -> str:
-    return "".join(letter for letter in line if letter not in SEPARATORS)
-
-
-def _symbols_of_table_row(line: str) -> str:
-    """The symbols of a row of knitlab's own table: after the course, kA for a plated stitch."""
-    return "".join(word.strip()[:1] for word in line.split(",")[1:])
-
-
 def _rows_of_text(path: Path) -> Stitches:
     rows: list[list[bool]] = []
-    symbols_of = _symbols_of_row
+    is_table = False
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         where = f"{path}: line {number}"
         if line.startswith("course,"):
-            symbols_of = _symbols_of_table_row
+            is_table = True  # of knitlab: after the course, kA for a plated stitch
             continue
         if not line.strip() or line.startswith("#"):
             continue
-        symbols = symbols_of(line)
+        letters = (word.strip()[:1] for word in line.split(",")[1:]) if is_table else line
+        symbols = "".join(letter for letter in letters if letter not in SEPARATORS)
         for stitch, symbol in enumerate(symbols, start=1):
             if symbol not in KNITS + PURLS:
                 message = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
@@ -88,7 +77,6 @@ READERS: dict[str, Callable[[Path], Stitches]] = dict.fromkeys(IMAGES, _rows_of_
 
 
 def _stitches_of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
-    """The stitches of a carrier, or the one that knits most of a program, up to its bind-off."""
     text = read_text(path)
     lines = text.split("\n")
     # A program of knitlab says where its chart begins and ends.
@@ -142,8 +130,7 @@ def _knitted(
 ) -> tuple[list[tuple[Needle, tuple[str, ...]]], int, int]:
     """The stitches of counted lines until loops are joined, with their carriers, and two lines.
 
-    The last line that knits where the other bed holds a loop of the wale, and that from which on a
-    bind-off or a decrease joins loops; 0 if there is none. No rule of a machine is checked.
+    The last line at which both beds knit, and that at which a bind-off joins loops; 0 for none.
     """
     loops: Counter[Needle] = Counter()
     stitches: list[tuple[Needle, tuple[str, ...]]] = []

@@ -1,6 +1,6 @@
-"""Checks of a program of knitlab: a machine's state, followed operation by operation.
+"""Checks of a program: a machine's state, followed operation by operation.
 
-What it finds, and what is left to the back end of a machine, is listed in ``docs/how-to/knit.md``.
+What they find, and what is left to the back end of a machine: ``docs/how-to/knit.md``.
 """
 
 from dataclasses import dataclass, field
@@ -33,7 +33,6 @@ def check(text: str, machine: Machine) -> tuple[list[Mistake], list[FormedStitch
 
 
 def _header_mistakes(text: str, machine: Machine) -> list[Mistake]:
-    """What the back end refuses in a header, or takes for another machine."""
     lines = text.split("\n")
     mistakes = []
     if not lines[0].startswith(";!knitout-"):
@@ -98,7 +97,6 @@ class _State:
         self.mistakes.append(Mistake(f"line {self.now.line}: {self.now}", message))
 
     def _opposite(self, needle: Needle) -> Needle:
-        """The needle of the other bed that a needle can transfer to."""
         shift = -self.racking if needle.front else self.racking
         return Needle(not needle.front, needle.number + shift)
 

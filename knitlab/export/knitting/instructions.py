@@ -1,8 +1,7 @@
 """A stitch chart in the words of hand knitting: row by row, with repeats.
 
-Rows go to and fro. On the right side, the front, a row is knitted from the right wale to the left;
-on the wrong side from the left to the right, where a stitch that shows as a knit is purled. Rounds
-are all knitted on the right side.
+On the right side, the front, a row is knitted from the right wale to the left; on the wrong side
+from the left to the right, where a knit is purled. Rounds are all knitted on the right side.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,8 +26,7 @@ def instructions(chart: StitchChart, in_the_round: bool = False) -> str:
     lines = [" ".join(chart.title.split()), "", terms]
     for number in chart.electrodes:
         name = electrode_name(number)
-        face = chart.plated_face[number - 1]
-        side = "right" if face == "front" else "wrong"
+        side = "right" if chart.plated_face[number - 1] == "front" else "wrong"
         lines.append(f"with {name}: hold conductor {name} with the yarn, on the {side} side.")
     join = ", join in the round" if in_the_round else ""
     lines += ["", f"Cast on {chart.wales} sts{join}."]
@@ -53,7 +51,6 @@ def instructions(chart: StitchChart, in_the_round: bool = False) -> str:
 
 
 def _rows(row: str, numbers: range) -> str:
-    """Rows by their numbers, with their side if they go to and fro."""
     side = "" if row == "round" else f" ({'RS' if numbers[0] % 2 else 'WS'})"
     if len(numbers) <= MAX_LISTED:
         listed = ", ".join(map(str, numbers[:-1]))
@@ -83,7 +80,6 @@ def row_in_words(stitches: Sequence[Stitch]) -> str:
 
 
 def _terms(stitches: Sequence[Stitch]) -> list[str]:
-    """Runs of like stitches, such as k4 or p2 with A."""
     terms = []
     for (knitted, electrode), of in groupby(stitches):
         conductor = f" with {electrode_name(electrode)}" if electrode else ""
@@ -106,7 +102,6 @@ def _brackets(terms: list[str]) -> Iterator[str]:
 
 
 def _times(terms: list[str], start: int, size: int) -> int:
-    """How often a group stands next to itself."""
     group = terms[start : start + size]
     times = 1
     while terms[start + size * times : start + size * (times + 1)] == group:

@@ -1,10 +1,8 @@
 """Knitout of a stitch chart: cast-on, waste, body and end, as a documented subset of version 0.6.
 
-The subset is ``inhook``, ``releasehook``, ``outhook``, ``tuck``, ``knit``, ``xfer``, ``rack`` and
-``drop``, with the extensions ``x-stitch-number`` and ``x-speed-number``. Needles are numbered from
-1 at the left. Courses are knitted leftwards and rightwards in turn, beginning leftwards, since the
-inserting hook brings yarn in from the right. Of a machine without hooks, ``in`` and ``out`` are in
-place of these three, and all begins rightwards, since its carriers park at the left.
+Needles are numbered from 1 at the left. Courses go leftwards and rightwards in turn, leftwards
+first, since the inserting hook brings yarn in from the right. A machine without hooks takes ``in``
+and ``out``, and begins rightwards, since its carriers park at the left.
 """
 
 from collections.abc import Iterator, Sequence
@@ -63,8 +61,6 @@ def _word(yarn: str | None) -> str:
 
 
 class _Program:
-    """The lines of a program, and the state of the machine after them."""
-
     def __init__(self, chart: StitchChart, machine: Machine) -> None:
         self.chart = chart
         self.machine = machine

@@ -1,8 +1,7 @@
 """Lead-outs of electrodes: where a program brings the yarn of each in, and takes it out.
 
-The yarn of an electrode is one piece, from its first stitch to its last; its two ends contact it.
-An end at an edge of the fabric leaves there. An end inside must be led to an edge over the back;
-the model does not contain this piece of yarn.
+An end at an edge of the fabric leaves there. An end inside must be led to an edge over the back,
+which the model does not contain.
 """
 
 from bisect import bisect
@@ -58,13 +57,11 @@ def leads(program: str, chart: StitchChart, machine: Machine) -> list[Lead]:
 
 
 def _formed(program: str) -> Iterator[tuple[int, tuple[int, ...], int]]:
-    """Course, carriers and wale of every stitch of the chart, from 0, in order."""
     starts = [k for k, line in enumerate(program.split("\n"), 1) if line.startswith(COURSE)]
     for operation in operations(program):
         if operation.opcode in DIRECTED and operation.line > starts[0]:
             course = bisect(starts, operation.line) - 1
-            carriers = tuple(map(int, operation.carriers))
-            yield course, carriers, operation.needles[0].number - 1
+            yield course, tuple(map(int, operation.carriers)), operation.needles[0].number - 1
 
 
 def _way_out(chart: StitchChart, electrode: int, course: int, wale: int) -> tuple[Edge, int]:

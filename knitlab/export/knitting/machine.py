@@ -105,8 +105,7 @@ class Machine:
     def names_conductor_first(self, front: bool, face: Face) -> bool:
         """Whether a plated stitch of a bed names its conductor first, to have it on a face."""
         # The face of a front loop is on the front of the fabric.
-        on_face_of_loop = (face == "front") == front
-        return on_face_of_loop == (self.plating == "face_first")
+        return ((face == "front") == front) == (self.plating == "face_first")
 
     def carrier_of(self, electrode: int) -> int:
         """Carrier of the conductor of an electrode, by its number from 1."""
@@ -121,11 +120,7 @@ def paper_yarn() -> YarnOnMachine:
 def read_machine(
     changes: Mapping[str, Any] | None = None, yarn: YarnOnMachine | None = None
 ) -> Machine:
-    """A machine of ``params/machine.toml``, set up for a yarn, by default that of the paper.
-
-    The changes name its model, else the yarn, else the paper. Stitch sizes of a yarn apply only to
-    its own machine. InputError has everything wrong in the changes.
-    """
+    """A machine of ``params/machine.toml`` with changes, set up for a yarn or that of the paper."""
     tables = read_toml(shipped("params") / "machine.toml")
     changes = dict(changes or {})
     paper = paper_yarn()
@@ -200,10 +195,7 @@ def _combination_mistakes(machine: Machine) -> list[Mistake]:
     used = {name: getattr(machine, name) for name in names}
     used["electrode A"], used["electrode B"] = machine.electrode_carriers
     mistakes = [
-        Mistake(
-            f"machine {name}",
-            f"is carrier {number}, but there are {count}; choose one of these",
-        )
+        Mistake(f"machine {name}", f"is carrier {number}, but there are {count}; choose one")
         for name, number in used.items()
         if number > count
     ]

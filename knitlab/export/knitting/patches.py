@@ -1,10 +1,8 @@
 """From any stitch chart to a pattern: its patches, their stripes, and what is neither.
 
-All courses of a row of patches are alike, or change between two kinds of course if it has garter;
-so do all wales of a column with rib. Each axis is therefore cut into bands by itself: a back stripe
-that repeats, with an equal front stripe before it, is a period, and where no stripes are, courses
-that are equal make one band. Then each patch is the one of rib, garter and plain knit that has the
-fewest stitches of another kind, and these are named.
+Each axis is cut into bands: a back stripe that repeats after an equal front stripe is a period, and
+equal courses without stripes are one band. Each patch is then the rib, garter or plain knit that
+leaves the fewest stitches of another kind, and these are named.
 """
 
 import re
@@ -92,7 +90,6 @@ class ReadChart:
 
     @cached_property
     def _known(self) -> list[int]:
-        """Values of n_stripe that the stripe tables have."""
         return defaults().stripes.sizes("rib")
 
     def _n(self, band: Band) -> int | None:
@@ -167,14 +164,10 @@ class ReadChart:
         )
 
     def save_pattern(self, path: str | Path) -> Path:
-        """Write the pattern as a ``.toml`` file for ``[design] pattern_files``, named as the file.
-
-        Raises InputError if a size or a stripe does not fit, or the file cannot be written.
-        """
+        """Write the pattern as a ``.toml`` file for ``[design] pattern_files``, with its name."""
         path = Path(path)
         check_suffix(path, TOML, "a pattern")
-        table = {pattern_name(path): self.pattern().model_dump(exclude_defaults=True)}
-        write_toml(path, table)
+        write_toml(path, {pattern_name(path): self.pattern().model_dump(exclude_defaults=True)})
         return path
 
     def _patches_in_words(
@@ -284,7 +277,6 @@ def _read(
 
 
 def _knits(row: Band, column: Band, back_first: bool) -> Iterator[tuple[str, np.ndarray]]:
-    """The stitches of a patch as every knit that it may be, by letter."""
     shape = row.size, column.size
     yield "P", np.ones(shape, bool)
     if column.stripe is not None:
@@ -327,7 +319,6 @@ def find_bands(
 def _kinds(
     lines: Bool[np.ndarray, "line stitch"], tolerance: int
 ) -> tuple[list[int], list[Bool[np.ndarray, " stitch"]]]:
-    """The kind of every line, and an example of each; lines may differ in a few stitches."""
     if not tolerance:
         _, firsts, exact = np.unique(lines, axis=0, return_index=True, return_inverse=True)
         return exact.ravel().tolist(), list(lines[firsts])

@@ -1,7 +1,7 @@
 """A program read line by line: its operations, carriage passes and floats.
 
-One pass is stitches of the same carriers in one direction (paper, "Knit capacitors"), or transfers
-from one bed at one racking. Between two passes in one direction the carriage comes back empty.
+A pass is stitches of the same carriers in one direction, or transfers from one bed at one racking.
+Between two passes in one direction the carriage comes back empty.
 """
 
 import re

@@ -1,7 +1,6 @@
 """The round trip: a program must knit the chart that it was written from.
 
-It is followed by knitlab's own check, and run by ``knitout-interpreter``, an optional extra, in a
-copy without what its grammar refuses: extensions, headers of yarns, and machines but one.
+It is checked by knitlab and, without what its grammar refuses, run by ``knitout-interpreter``.
 """
 
 import warnings
@@ -74,11 +73,7 @@ def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Mac
 def chart_stitches(
     graph: Sequence[FormedStitch], size: tuple[int, int], machine: Machine
 ) -> np.ndarray:
-    """Read a knit graph as the stitches of a chart, in words, (course, wale); else NotAChart.
-
-    Every wale must be one chain of stitches of the body's yarn, each pulled through the one before
-    at the same position, and every course must be finished before the next begins.
-    """
+    """A knit graph as stitches of a chart, in words, if each wale is one chain; else NotAChart."""
     courses, wales = size
     chains: dict[int, list[int]] = defaultdict(list)
     for number, stitch in enumerate(graph):

@@ -183,10 +183,7 @@ def _millimetres(size: tuple[float, float]) -> str:
 
 
 def implausible_size(gauge: Gauge, machine: Machine) -> str | None:
-    """How the size of a stitch contradicts the machine or the shape of a stitch; None if neither.
-
-    If the width contradicts the needles, the shape, which depends on it, is not checked.
-    """
+    """How the size of a stitch contradicts the machine, or the shape of a stitch; or None."""
     width = gauge.stitch_width
     height = gauge.stitch_height
     pitch = machine.pitch

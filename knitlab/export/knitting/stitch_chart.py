@@ -1,17 +1,10 @@
 """Stitch charts: which needle bed knits every stitch of a case, and which stitches are plated.
 
-A stripe is n wales of rib or 2n courses of garter. Stripes are counted from the border of their
-patch, which holds an even number of them, and alternate between the beds, front first; of garter
-with ``garter_start = "mountain"`` back first. Plain knit is knitted on the front bed.
-
-That follows from how plain knit curls, to its back at its sides and to its face at its ends: a
-front stripe of rib is a mountain, one of garter a valley. With ``fold_phase = "stripe_centre"`` the
-folds of the model run along the middles of these stripes and point to these sides. With
-``"stripe_border"`` they run half a stripe later, where the model's stripes meet; the chart is the
-same, and a conductor on such a fold is plated on the stripe that makes it, half a stripe before.
-
-Single folds of plain patterns lie between panels of 1 × 1 rib, which does not curl, as lines on one
-bed: a line on the front bed is a mountain along a wale and a valley along a course, as stripes are.
+A stripe is n wales of rib or 2n courses of garter, counted from the border of its patch, front bed
+first; of garter with ``garter_start = "mountain"`` back first. A front stripe of rib is a mountain,
+one of garter a valley. With ``fold_phase = "stripe_border"`` the model's folds lie half a stripe
+later, and their conductors are plated half a stripe before. Single folds are lines on one bed
+between panels of 1 × 1 rib, which does not curl.
 """
 
 import math
@@ -40,13 +33,9 @@ def stitch_chart(
     needles: int | None = None,
     face: Face | None = None,
 ) -> StitchChart:
-    """The stitches of a case, or InputError if it cannot be knitted.
+    """The stitches of a case, repeated ``repeats`` times along (warp, weft) or to fill needles.
 
-    Its pattern repeats ``repeats`` times along the warp (y) and the weft (x) of the model, by
-    default as often as in the case; or it fills some needles with as many whole repeats as fit.
-    A pure stripe has its ridges along x in the model; a chart has those of rib along the wales.
-    Conductors lie on ``face`` of the fabric; by default on that to which their ridges point, and in
-    a drawing on both faces A on the front and B on the back.
+    Conductors lie on ``face``; by default where their ridges point, or A in front and B behind.
     """
     if case.folds and set(case.sample.knit.ravel()) != {"P"}:
         message = f"has {len(case.folds)} single folds beside rib or garter, which fold anyway"
@@ -69,8 +58,7 @@ def stitch_chart(
         raise invalid(f"repeats {case.unit_cells}", message)
     rows, columns = _patch_lines(case)
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
-    back_first = case.options.garter_start == "mountain" and not case.pure
-    garter = (rows.first != back_first)[:, None]
+    garter = (rows.first != (case.options.garter_start == "mountain" and not case.pure))[:, None]
     front = np.where(knit == "G", garter, np.where(knit == "R", columns.first, True))
     if case.folds:
         front = _panels(case, rows, columns)
@@ -96,8 +84,6 @@ def is_turned(case: Case) -> bool:
 
 
 class _PatchLines(NamedTuple):
-    """The rows of patches of a fabric in courses, or its columns in wales."""
-
     borders: Int[np.ndarray, " border"]
     patch: Int[np.ndarray, " stitch"]  # row or column that a course or wale lies in
     first: Bool[np.ndarray, " stitch"]  # whether in the first, third, … stripe of that
@@ -147,7 +133,6 @@ def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
 
 
 def _panels(case: Case, rows: _PatchLines, columns: _PatchLines) -> Bool[np.ndarray, "course wale"]:
-    """Panels of 1 × 1 rib with a line on one bed for each single fold."""
     front = np.tile(np.arange(columns.size) % 2 == 0, (rows.size, 1))
     # Those along courses go through where they cross others.
     folds = sorted(case.sample.grid_folds(), key=lambda each: each[0].along == "course")
@@ -176,8 +161,7 @@ def _plated_stitches(
         electrodes = case.electrodes
     except BadLayout as error:
         raise InputError(Mistake("layout", message) for message in error.messages) from error
-    on_ridges = not case.capacitor.layout.mask
-    late = on_ridges and case.options.fold_phase == "stripe_border"
+    late = (not case.capacitor.layout.mask) and case.options.fold_phase == "stripe_border"
     shift = np.zeros(2)
     shift[1 - electrodes.axis] = late * case.sample.cells_per_period / 4
     for number, strips in enumerate(electrodes.strips, start=1):

@@ -35,10 +35,7 @@ UNIT_CELL_STRAINS = ("strain_xx", "strain_yy")
 def fabric_meshes(
     case_file: xr.Dataset, strains: Sequence[int], repeats: tuple[int, int] = (1, 1)
 ) -> list[SurfaceMesh]:
-    """The surface of a fabric at reached strains, by their indices, with its fields.
-
-    Periodic fabric is repeated along (y, x). InputError if the repeats do not fit the fabric.
-    """
+    """The surface of a fabric at reached strains; periodic fabric is repeated along (y, x)."""
     from knitlab.cubes.recorded_case import recorded_case
 
     case = recorded_case(case_file)
@@ -100,7 +97,6 @@ def closed_nodes(
 
 
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
-    """Fields of grid cells that never change; patches count from the bottom left along courses."""
     along_y, along_x = case.unit_cells
     pattern = replace(case, unit_cells=(repeats[0] * along_y, repeats[1] * along_x)).sample
     across = pattern.knit.shape[1]
@@ -137,11 +133,7 @@ def _side_lengths(
 def _fold_angles(
     case: "Case", case_file: xr.Dataset, closed: tuple[int, ...]
 ) -> Float[np.ndarray, "strain node_y node_x"]:
-    """Signed fold angle of the fold lines at every node, positive for a mountain [rad].
-
-    The mean over the edges of fold lines that meet at a node, 0 where none does; on a fabric that
-    is repeated and closed to this number of nodes.
-    """
+    """Mean fold angle of the fold lines that meet at a node, a mountain positive, else 0 [rad]."""
     from knitlab.model.energy import fold_angles
 
     layout = case.layout

@@ -133,10 +133,7 @@ def _write_glb(shapes: Shapes, path: Path) -> None:
 
 
 def _write_series(shapes: Shapes, path: Path) -> list[Path]:
-    """A ``.vtu`` for each strain in a folder, and ParaView's ``.pvd`` file, whose times these are.
-
-    Meshes of an earlier series are removed.
-    """
+    """A ``.vtu`` for each strain in a folder, and a ``.pvd`` with their strains as times."""
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
     files = []
@@ -159,10 +156,7 @@ FORMATS[".pvd"] = MeshFormat(_write_series, is_series=True)
 
 @mesh_format(".fold", is_series=True)
 def _write_fold(shapes: Shapes, path: Path) -> None:
-    """A FOLD file, version 1.2, with a frame for each strain.
-
-    Frames after the first inherit its faces and edges. All edges are creases, with their angles.
-    """
+    """A FOLD file, version 1.2, with a frame for each strain; all edges are creases."""
     edges, faces = shapes.first.edges()
     frames: list[dict[str, Any]] = []
     for mesh, strain in zip(shapes.meshes, shapes.strains, strict=True):

@@ -91,10 +91,7 @@ def grid_surface(
     node_fields: Mapping[str, np.ndarray] = {},
     face_fields: Mapping[str, np.ndarray] = {},
 ) -> SurfaceMesh:
-    """The surface of a grid of nodes [mm]: a quad for each grid cell, technical face outside.
-
-    Fields are values on the grid of nodes (node_y, node_x) and on that of cells (cell_y, cell_x).
-    """
+    """The surface of a grid of nodes [mm] with fields on its nodes and cells: a quad for each."""
     number = np.arange(nodes.shape[0] * nodes.shape[1]).reshape(nodes.shape[:2])
     corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     return SurfaceMesh(
@@ -106,11 +103,7 @@ def grid_surface(
 
 
 def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
-    """The solid of a sheet: half of its thickness [mm] lies on either side, along mitred normals.
-
-    A wall along the rim has the fields of the face beside it. InputError if the thickness is not
-    above 0, or above :func:`largest_thickness`.
-    """
+    """The solid of a sheet, half of its thickness [mm] on either side, along mitred normals."""
     if not thickness > 0:
         raise invalid(f"thickness {thickness:g}", "must be above 0 mm")
     most = largest_thickness(sheet)
@@ -136,30 +129,21 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
 
 
 def mitred_normals(sheet: SurfaceMesh) -> Float[np.ndarray, "node 3"]:
-    """How far nodes move where the faces around them move by 1 along their normals [1].
-
-    Along the mean of the normals, as far as serves these faces best; across a fold between two
-    planes that is exact, up to :data:`MITRE_LIMIT`.
-    """
+    """How far nodes move where faces move by 1 along their normals, up to MITRE_LIMIT."""
     normals = sheet.normals()
     node = sheet.faces.ravel()
     face = np.repeat(np.arange(len(normals)), 4)
     total = np.zeros_like(sheet.nodes)
     np.add.at(total, node, normals[face])
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    direction = total / np.maximum(length, MIN_LENGTH)
+    direction = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), MIN_LENGTH)
     cosine = (normals[face] * direction[node]).sum(axis=1)
     sums, squares = (np.bincount(node, cosine**power, len(total)) for power in (1, 2))
-    reach = np.clip(sums / np.maximum(squares, MIN_LENGTH), 0, MITRE_LIMIT)
-    return reach[:, None] * direction
+    return np.clip(sums / np.maximum(squares, MIN_LENGTH), 0, MITRE_LIMIT)[:, None] * direction
 
 
 def largest_thickness(sheet: SurfaceMesh) -> float:
-    """Thickness at which a face of a side turns over, or that is the width of the sheet [mm].
-
-    The area of a triangle whose corners move by s along their offsets, counted along its own
-    normal, is a + b s + c s².
-    """
+    """Thickness at which a face of a side turns over, or that is the width of the sheet [mm]."""
+    # The area of a triangle whose corners move by s along their offsets is a + b s + c s².
     triangles = sheet.triangulated().faces
     points = sheet.nodes[triangles]
     offsets = mitred_normals(sheet)[triangles]

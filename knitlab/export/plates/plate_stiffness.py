@@ -45,11 +45,7 @@ SIDES = ("length_x", "length_y", "length_shear")
 
 
 def case_plates(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr.Dataset:
-    """The plates of a periodic case, in its lengths, at every applied strain or selected ones.
-
-    Where its layers touch, the plate is unknown. InputError if it is a clamped sample, or was not
-    tested at a strain.
-    """
+    """The plates of a periodic case at strains; unknown where layers touch."""
     case = recorded_case(case_file)
     if case.options.boundary != "periodic":
         raise invalid(case.label, NOT_PERIODIC)
@@ -89,10 +85,7 @@ def case_plates(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr
 def design_plates(
     cube: xr.Dataset, selections: Mapping[str, Any] = {}, where: str | None = None
 ) -> xr.Dataset:
-    """The plates of a test, or of the designs of a cube that have a periodic shape in its folder.
-
-    InputError if no design has, or a selection or condition is invalid.
-    """
+    """The plates of a test, or of the designs of a cube with a periodic shape in its folder."""
     simulated = not (is_case(cube) or is_measured(cube))
     if simulated and model_options(cube).get("boundary") == "clamped":
         raise invalid(cube_name(cube), NOT_PERIODIC)
@@ -117,17 +110,13 @@ def stiffness_matrix(state: xr.Dataset) -> np.ndarray:
 
 
 def in_plane(membrane: np.ndarray, angle: float | np.ndarray = 0.0) -> tuple[Any, Any]:
-    """Modulus along an angle from x, and the ratio of contraction across it, of a flat plate [rad].
-
-    The first is force over width and strain while all other forces are zero [N/mm].
-    """
+    """Modulus [N/mm] along an angle from x [rad], and Poisson's ratio, of a flat plate."""
     cosine = np.cos(angle)
     sine = np.sin(angle)
     along = np.stack([cosine**2, sine**2, cosine * sine])
     across = np.stack([sine**2, cosine**2, -cosine * sine])
     # Strain by force; shear counts once in the strain along a direction, twice in the force.
-    compliance = np.linalg.inv(membrane)
-    strain = np.einsum("ij,j...->i...", compliance, along)
+    strain = np.einsum("ij,j...->i...", np.linalg.inv(membrane), along)
     own = (along * strain).sum(0)
     return 1 / own, -(across * strain).sum(0) / own
 
@@ -135,12 +124,10 @@ def in_plane(membrane: np.ndarray, angle: float | np.ndarray = 0.0) -> tuple[Any
 def _numbers(plate: Plate, factor: float) -> dict[str, Any]:
     """The numbers of a plate in lengths that are so many times those of its network."""
     a = plate.stiffness[:3, :3]
-    b = plate.stiffness[:3, 3:]
-    d = plate.stiffness[3:, 3:]
     values = {
         "membrane_stiffness": a / factor,
-        "coupling_stiffness": b,
-        "bending_stiffness": d * factor,
+        "coupling_stiffness": plate.stiffness[:3, 3:],
+        "bending_stiffness": plate.stiffness[3:, 3:] * factor,
         "membrane_force": plate.forces[:3] / factor,
         "moment": plate.forces[3:],
         "reference_height": plate.height * factor,

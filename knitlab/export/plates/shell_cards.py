@@ -1,7 +1,6 @@
 """Plates for other programs: a table, JSON, and an Abaqus card of a general shell section.
 
-The table has one row for each state: its labels, status, and A11, A12, A16 … D66 as in books on
-laminates, with 1 along x (courses, weft), 2 along y (wales, warp) and 6 the engineering shear.
+Columns are A11, A12, A16 … D66 as in books on laminates, with 1 along x, 2 along y, 6 the shear.
 """
 
 import json
@@ -42,7 +41,6 @@ def plates_table(plates: xr.Dataset) -> pd.DataFrame:
 
 
 def _columns(name: str, dims: int, values: np.ndarray) -> dict[str, float]:
-    """Columns of one variable: of symmetric matrices a half, of the coupling all entries."""
     if dims == 0:
         return {name: float(values)}
     letter = LETTERS[list(VARIABLES).index(name)] if dims == 2 else {"moment": "M"}.get(name, "N")
@@ -57,7 +55,6 @@ def _columns(name: str, dims: int, values: np.ndarray) -> dict[str, float]:
 
 
 def _labels(state: xr.Dataset) -> dict[str, Any]:
-    """The coordinates of one state."""
     inner = ("row", "column")
     return {str(name): each.item() for name, each in state.coords.items() if name not in inner}
 
@@ -90,14 +87,8 @@ def write_json(plates: xr.Dataset, output: Path) -> None:
         "curvature": "positive where the side at +z gets longer; k12 is twice the twist",
         "strain": "Green-Lagrange strain and curvature from this state, per width of this state",
         "length_unit": plates.attrs["length_unit"],
-        "units": {
-            "A": "N/mm",
-            "B": "N",
-            "D": "N mm",
-            "membrane_force": "N/mm",
-            "moment": "N",
-            "reference_height": "mm",
-        },
+        "units": {"A": "N/mm", "B": "N", "D": "N mm"}
+        | {"membrane_force": "N/mm", "moment": "N", "reference_height": "mm"},
         "states": states,
     }
     with atomic_write(output) as temporary:

@@ -1,6 +1,4 @@
-"""The explorer: cubes, their shapes and their run as one page that needs no network.
-
-In: cubes and their results folders. Out: one HTML file.
+"""The explorer: cubes, their shapes and their run as one HTML page that needs no network.
 
 Read ``explorer.py``, then ``cube_content.py`` and ``shapes.py``, which pack numbers for the page;
 ``page`` has its scripts and styles.

@@ -1,7 +1,4 @@
-"""A cube for the page, as JSON can hold it: its dimensions, designs, variables, shapes and run.
-
-The report of the run says what ran, how long, what failed, by which code, and has its figures.
-"""
+"""A cube for the page, as JSON can hold it: dimensions, designs, variables, shapes and run."""
 
 import base64
 import io
@@ -123,7 +120,6 @@ def variable_contents(cube: xr.Dataset, indices: Sequence[tuple[int, ...]]) -> l
 def _contents(
     cube: xr.Dataset, name: str, indices: Sequence[tuple[int, ...]]
 ) -> Iterator[dict[str, Any]]:
-    """A variable with one number for a design or for each of its states; else nothing."""
     variable, dims = cube[name], design_dims(cube)
     if not set(dims) <= set(variable.dims) <= {*dims, STRAIN, EXPANDED}:
         return

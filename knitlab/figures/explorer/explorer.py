@@ -1,7 +1,6 @@
 """The explorer of cubes: content, styles and modules as one HTML file that asks for nothing else.
 
-The modules of ``page/`` are put into an import map as data, so that they import each other by name
-from a file as well. A content security policy allows no request, and no script but these.
+An import map holds the modules of ``page/``, and a content security policy allows no request.
 """
 
 import base64

@@ -120,7 +120,6 @@ def _patches(sample: "PatchGrid", window: Window) -> dict[str, Any]:
 
 
 def _electrodes(case: "Case", window: Window) -> dict[str, Any] | None:
-    """What both electrodes run along, and their strips [left, right, bottom, top] in a window."""
     if case.capacitor is None:
         return None
     x, y = window.columns[0], window.rows[0]

@@ -72,8 +72,7 @@ def capacitors(cubes: Sequence[xr.Dataset]) -> Figure:
 
 def _draw_curve(axes: Axes, cell: xr.Dataset, name: str, colour: str, look: Look) -> None:
     strain, values = cell["applied_strain"].values, cell[name].values
-    curve = broken(snapped_before(cell), strain, values)
-    axes.plot(*curve, color=colour, lw=1.0, **look)
+    axes.plot(*broken(snapped_before(cell), strain, values), color=colour, lw=1.0, **look)
     start, end = float(cell["applied_strain_opened"]), float(cell["sensing_end"])
     finite = np.isfinite(values)
     if np.isfinite(start) and finite.any():

@@ -51,8 +51,8 @@ def contact(cube: xr.Dataset) -> Figure:
     stripes = sorted({n_stripe for n_stripe, _ in designs})
     colour = dict(zip(stripes, CATEGORY_COLOURS, strict=False))
     colours = [colour[n_stripe] for n_stripe, _ in designs]
-    size = TWO_COLUMNS, max(3.6, 1.0 + 0.155 * len(designs))
-    figure = Figure(figsize=size, layout="constrained")
+    height = max(3.6, 1.0 + 0.155 * len(designs))
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     panels = figure.subplot_mosaic([["ratio", "sizes"], ["force", "sizes"]], width_ratios=(1.15, 1))
     ratio, force = panels["ratio"], panels["force"]
     ratio.sharex(force)
@@ -87,7 +87,6 @@ def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None
 
 
 def _draw_sizes(axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: list[str]) -> None:
-    """Change of the relaxed unit cell along both axes, a row for each design."""
     through = without["self_intersections"].sel(applied_strain=0).values > 0
     for row in np.flatnonzero(through).tolist():
         axes.axhspan(row - 0.5, row + 0.5, color=THROUGH, lw=0, zorder=0)

@@ -29,8 +29,7 @@ def directions(cube: xr.Dataset) -> Figure:
         message = f"compares {MIN_ANGLES} or more angles of pull, which this cube has not"
         raise invalid("directions", f"{message}; {hint}")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ANGLE, STRAIN, ...)
-    done = (stacked["status"] == Status.ok).any(ANGLE).values
-    stacked = stacked.isel(design=done)
+    stacked = stacked.isel(design=(stacked["status"] == Status.ok).any(ANGLE).values)
     if not 0 < stacked.sizes["design"] <= MAX_DESIGNS:
         count = stacked.sizes["design"]
         raise invalid("directions", f"shows 1 to {MAX_DESIGNS} designs, not {count}; select some")

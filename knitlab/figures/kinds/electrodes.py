@@ -39,8 +39,7 @@ def electrodes(case_file: xr.Dataset) -> Figure:
     figure = Figure(figsize=(TWO_COLUMNS, 3.6))
     chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
     _draw_chart(chart, case)
-    design = ", ".join(f"{name} = {value}" for name, value in case.design.items())
-    chart.set_title(f"flat, {design}")
+    chart.set_title(", ".join(["flat", *(f"{name} = {n}" for name, n in case.design.items())]))
     scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
     _draw_fabric(scene, case, case_file)
     scene.set_title(sheets.state_text(float(case_file["applied_strain"][0])), y=0.96)
@@ -59,8 +58,7 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
     for row, column in np.ndindex(sample.knit.shape):
         corner = columns[column], rows[row]
         size = columns[column + 1] - columns[column], rows[row + 1] - rows[row]
-        shade = SHADES[str(sample.knit[row, column])]
-        axes.add_patch(Rectangle(corner, *size, color=shade, lw=0))
+        axes.add_patch(Rectangle(corner, *size, color=SHADES[str(sample.knit[row, column])], lw=0))
     for strips, colour in zip(case.electrodes.strips, COLOURS.values(), strict=True):
         for strip in strips:
             size = strip.right - strip.left, strip.top - strip.bottom

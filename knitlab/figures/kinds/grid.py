@@ -54,30 +54,31 @@ def grid(
         raise invalid("grid", "no design of this selection was planned; choose others")
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
-    height = min(max(2.4, 1.3 + 0.3 * len(values)), 6.5)
-    figure, axes = subplots(height)
+    figure, axes = subplots(min(max(2.4, 1.3 + 0.3 * len(values)), 6.5))
     colours = style.value_colours(values.values)
     large = values.shape[1] <= MAX_COLUMNS and values.shape[0] <= MAX_ROWS
-    form, rgba = _same_decimals(values.values), colours.to_rgba(values.values)
+    rgba = colours.to_rgba(values.values)
+    # Three digits of the largest value, and as many decimals of all.
+    largest = np.abs(values.values[np.isfinite(values.values)]).max(initial=0)
+    form = f".{max(0, 2 - floor(log10(largest)))}f" if 1e-3 <= largest < 1e5 else ".3g"
     marked, look = set[Status](), Look()
     for row, column in np.ndindex(values.shape):
         code, value = Status(int(status[row, column])), float(values[row, column])
         if code in RUN and np.isfinite(value):
-            look = {"facecolor": rgba[row, column]}
-            look |= {} if large else {"edgecolor": rgba[row, column], "linewidth": 0.2}
-            text = number(value, form) if large else ""
-            cells.cell(axes, row, column, text, letters={"fontsize": 6}, **look)
+            look = {} if large else {"edgecolor": rgba[row, column], "linewidth": 0.2}
+            look |= {"facecolor": rgba[row, column], "letters": {"fontsize": 6}}
+            cells.cell(axes, row, column, number(value, form) if large else "", **look)
         else:
             marked.add(code)
             if code is not Status.excluded:
                 look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
                 cells.cell(axes, row, column, **look)
-    names = ([_text(each, "g") for each in values[dim].values] for dim in (x, y))
-    cells.name_columns_and_rows(axes, *names)
+    cells.name_columns_and_rows(
+        axes, *([_text(each, "g") for each in values[dim].values] for dim in (x, y))
+    )
     upright = partial(fill, width=26, break_long_words=False)
     axes.set(xlabel=_axis_label(cube, x), ylabel=upright(_axis_label(cube, y)))
-    label = upright(style.variable_label(values))
-    style.colour_bar(axes, colours, pad=0.01, label=label)
+    style.colour_bar(axes, colours, pad=0.01, label=upright(style.variable_label(values)))
     cells.marks_legend(figure, marked, NO_VALUE)
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
@@ -113,7 +114,6 @@ def with_number(cube: xr.Dataset, of: str) -> xr.Dataset:
 
 
 def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, str]:
-    """The two dimensions of the grid: those asked for, or those with more than one value."""
     dims = [str(dim) for dim in variable.dims]
     for option, dim in (("x", x), ("y", y)):
         if dim is not None and dim not in dims:
@@ -147,8 +147,7 @@ def _plane(
     # A grid that shows no dimension of the designs shows one of them.
     flat = [dim for dim in design_dims(cube) if dim not in (x, y)]
     status = cube["status"].isel(dict.fromkeys(flat, 0)).broadcast_like(plane).transpose(y, x)
-    fixed = [_stated(cube[dim]) for dim in others if dim in cube.coords]
-    return plane, status, fixed
+    return plane, status, [_stated(cube[dim]) for dim in others if dim in cube.coords]
 
 
 def _stated(coordinate: xr.DataArray) -> str:
@@ -160,22 +159,12 @@ def _stated(coordinate: xr.DataArray) -> str:
 def _axis_label(cube: xr.Dataset, dim: str) -> str:
     if dim == PERIODS:
         return cells.PERIODS_LABEL
-    if dim in COORDINATES:
-        known = COORDINATES[dim]
+    if known := COORDINATES.get(dim):
         unit = "" if known.units == "1" else f" [{known.units}]"
-        name = "" if dim == "applied_strain" else f"{dim}: "
-        return f"{name}{known.long_name}{unit}"
+        return f"{'' if dim == STRAIN else f'{dim}: '}{known.long_name}{unit}"
     unit = cube[dim].attrs.get("units", "1")
     return f"{dim} [{unit}]" if cube[dim].dtype.kind in "iuf" else dim
 
 
 def _text(value: Any, form: str = ".3g") -> str:
     return value if isinstance(value, str) else number(float(value), form)
-
-
-def _same_decimals(values: np.ndarray) -> str:
-    """The format that gives the largest of the values three digits, and all as many decimals."""
-    largest = np.abs(values[np.isfinite(values)]).max(initial=0)
-    if not 1e-3 <= largest < 1e5:
-        return ".3g"
-    return f".{max(0, 2 - floor(log10(largest)))}f"

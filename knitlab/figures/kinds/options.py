@@ -40,8 +40,7 @@ def options(cubes: Sequence[xr.Dataset]) -> Figure:
         raise invalid("options", "no claim can be judged by these cubes; run more of their designs")
     varied = differing(ranked)
     width = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown))
-    height = 1.6 + 0.18 * len(names) + 0.13 * len(varied)
-    figure, axes = subplots(height, width=width)
+    figure, axes = subplots(1.6 + 0.18 * len(names) + 0.13 * len(varied), width=width)
     for column, options in enumerate(shown):
         for row, name in enumerate(names):
             result = options.results[name]
@@ -70,7 +69,6 @@ def options(cubes: Sequence[xr.Dataset]) -> Figure:
 
 
 def _head(options: RankedOptions, varied: Sequence[str]) -> str:
-    """The lines above a column."""
     lines = [str(options.options.get(name, UNSTATED.get(name, ""))) for name in varied]
     lines = [each.replace("stripe_", "").replace("per_", "").replace("_", " ") for each in lines]
     lines += [f"{options.designs} designs"] if options.designs else []

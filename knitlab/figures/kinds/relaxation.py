@@ -52,6 +52,6 @@ def relaxation(case: xr.Dataset) -> Figure:
 
 def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
     """Node positions (snapshot, y, x, component) of a relaxation, periodic fabric closed [mm]."""
-    states = {f"snapshot_{name}": name for name in ("position", "length_x", "length_y")}
-    states = {name: state for name, state in states.items() if name in case}
+    names = ("position", "length_x", "length_y")
+    states = {f"snapshot_{name}": name for name in names if f"snapshot_{name}" in case}
     return closed_nodes(case[[*states]].rename(states | {"snapshot": "applied_strain"}))

@@ -72,8 +72,7 @@ def sensor(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure:
     figure, (*maps, below) = subplots(sum(heights), 3, height_ratios=heights)
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
-        label = fill(merit.label, 18)
-        marked |= draw_map(axes, cubes, merit.name, label, merit.text)
+        marked |= draw_map(axes, cubes, merit.name, fill(merit.label, 18), merit.text)
     maps[0].set_xlabel("")
     notes = ["in each cell: (n_stripe, n_subunit), value"]
     notes += explained([merit.name for merit in merits], designs)
@@ -121,8 +120,7 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
         f" {one[across]:{form}}"
         for _, one in front.iterrows()
     ]
-    title = fill(f"Pareto front: {'; '.join(listed)}", 110)
-    axes.set_title(title, loc="left", fontsize=7, pad=20)
+    axes.set_title(fill(f"Pareto front: {'; '.join(listed)}", 110), loc="left", fontsize=7, pad=20)
     if len(shown):
         entries = len(axes.get_legend_handles_labels()[1])
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=entries)

@@ -50,8 +50,7 @@ def shape(case: xr.Dataset) -> Figure:
     unit = length_unit(case)
     sheets.draw_faces(axes, faces, colours.to_rgba(heights), unit)
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
-    lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=0.6)
-    axes.add_collection(lines)
+    axes.add_collection(LineCollection([line[:, :2] for line in borders], colors="white", lw=0.6))
     _name_patches(axes, nodes, sample, repeat)
     notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MAX_NAMES else [])]
     if "self_intersections" in case and (crossing := int(case["self_intersections"][0])):

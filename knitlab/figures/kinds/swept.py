@@ -38,8 +38,7 @@ def swept(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
     names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
-    height = max(2.4, 1.1 + 0.16 * len(names))
-    figure, axes = subplots(height)
+    figure, axes = subplots(max(2.4, 1.1 + 0.16 * len(names)))
     for k, value in enumerate(rows[setting].values):
         one = rows.isel({setting: k})
         values = one[of].where(one["status"] == Status.ok)

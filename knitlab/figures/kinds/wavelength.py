@@ -40,8 +40,7 @@ def wavelength(cube: xr.Dataset) -> Figure:
             row[1].text(0.5, 0.5, "a single unit cell across", ha="center", va="center")
             continue
         n_stripe, n_subunit = min(designs, key=lambda each: cube["n_stripe"].values[each[0]] != 4)
-        shown = cube.isel(n_stripe=n_stripe, n_subunit=n_subunit)
-        _draw_wave(row[0], row[1], shown, direction)
+        _draw_wave(row[0], row[1], cube.isel(n_stripe=n_stripe, n_subunit=n_subunit), direction)
         _draw_lines(row[2], cube, direction)
     return figure
 
@@ -103,8 +102,7 @@ def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
         axes.plot([], [], "o", color="0.4", ms=3.5, mfc="white", label=label)
     axes.set(xlabel="n_subunit [stitches]", ylabel="wavelength [mm]")
     axes.set_title(f"wavelength along {direction}")
-    title = "slope ± 95 % [mm a stitch]"
     small: Look = {"fontsize": 6, "title_fontsize": 6, "handletextpad": 0.2}
-    axes.legend(loc="upper left", title=title, **small)
+    axes.legend(loc="upper left", title="slope ± 95 % [mm a stitch]", **small)
     # Room above the lines for the legend.
     axes.set_ylim(0, (2.1 if hollow else 1.7) * axes.get_ylim()[1])

@@ -1,9 +1,7 @@
 """Checks of tracked markers: a position that a fabric cannot have is taken as lost.
 
-A fabric deforms smoothly from one unit cell to the next, so that the displacement of a marker
-follows from those of its neighbours. A marker that departs from this between two frames, coincides
-with another, stands still while its neighbours move, or turns a unit cell over is something else
-from then on: its later positions are dropped too.
+The displacement of a marker follows from those of its neighbours. A marker that departs from this,
+coincides with another, stands still or turns a unit cell over is dropped from then on.
 """
 
 import warnings
@@ -51,8 +49,12 @@ def without_implausible(relaxed: Field, corners: Corners) -> tuple[Corners, list
     for frame, now in enumerate(kept):
         for marker in _jumping(now - before, JUMP * step):
             drop(marker, frame, "jumps away from its neighbours")
-        for marker in _coincident(now, COINCIDENT * step):
-            drop(marker, frame, "coincides with another marker")
+        at = _shifted(now, 1)
+        close = np.any(
+            [_length(now - at(*each)) < COINCIDENT * step for each in DIRECTIONS], axis=0
+        )
+        for row, column in np.argwhere(close).tolist():
+            drop((row, column), frame, "coincides with another marker")
         while (over := _turned_over(now)).any():
             departure = now - relaxed - predicted_by_neighbours(now - relaxed)
             size = np.where(over, 1 + np.nan_to_num(_length(departure)), 0.0)
@@ -70,11 +72,7 @@ def _length(vectors: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any"]:
 
 
 def _jumping(moved: Field, least: float) -> list[tuple[int, int]]:
-    """The markers that move unlike their neighbours.
-
-    Beside one that jumps, others seem to, so that in turn the one is taken without which the others
-    move most alike. One that agrees with those that are left was taken for its neighbour.
-    """
+    """Markers that move unlike their neighbours, taken one by one so that the others agree most."""
 
     def departed() -> Float[np.ndarray, "row column"]:
         return np.nan_to_num(_length(kept - predicted_by_neighbours(kept)))
@@ -114,11 +112,7 @@ def _shifted(field: Fields, reach: int) -> Callable[[int, int], Fields]:
 
 
 def _predictions(displacement: Fields) -> Float[np.ndarray, "prediction *frame row column 2"]:
-    """What neighbours predict, NaN where they are lost.
-
-    A displacement is the mean of two opposite neighbours, the extrapolation of two in a row, and
-    the fourth of a parallelogram with three.
-    """
+    """Means of opposite neighbours, extrapolations of two in a row, fourth corners of three."""
     at = _shifted(displacement, 2)
     predicted = [(at(y, x) + at(-y, -x)) / 2 for y, x in DIRECTIONS[:4]]
     predicted += [2 * at(y, x) - at(2 * y, 2 * x) for y, x in DIRECTIONS]
@@ -127,11 +121,7 @@ def _predictions(displacement: Fields) -> Float[np.ndarray, "prediction *frame r
 
 
 def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] | None:
-    """The marker that stays at one position while its neighbours move most, and since when.
-
-    They move if not one prediction of them is that it stays. One of them must be of its own row,
-    which stays as a whole where it is in a clamp.
-    """
+    """The marker that stays while neighbours, one of its own row, move most; and since when."""
     same = (np.diff(displacement, axis=0) == 0).all(axis=-1)
     suspects = np.argwhere(same.sum(axis=0) >= MIN_STILL - 1).tolist()
     if not suspects:
@@ -147,13 +137,6 @@ def _still(displacement: Corners, least: float) -> tuple[tuple[int, int], int] |
             if (away := float(np.nanmin(moves))) > worst:
                 worst, still = away, ((row, column), span.start + 1)
     return still
-
-
-def _coincident(positions: Field, near: float) -> list[tuple[int, int]]:
-    """Markers closer to one of their neighbours than a distance."""
-    at = _shifted(positions, 1)
-    close = np.any([_length(positions - at(y, x)) < near for y, x in DIRECTIONS], axis=0)
-    return [(row, column) for row, column in np.argwhere(close).tolist()]
 
 
 def _turned_over(positions: Field) -> Bool[np.ndarray, "row column"]:

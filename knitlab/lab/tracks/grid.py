@@ -1,9 +1,7 @@
 """Marker grids: assigning tracked points to the corners of unit cells.
 
-The markers form a distorted grid, rotated relative to the camera, with some missing and in any
-order. Its two directions are those of nearest neighbours. From the most regular point it is
-followed from neighbour to neighbour, first to those closest to their predicted positions, so that
-ambiguities in one place do not propagate.
+The two directions of a distorted grid are those of nearest neighbours. It is followed from the most
+regular point, first to those closest to their predicted positions.
 """
 
 import heapq
@@ -79,8 +77,7 @@ def find_grid(points: Points) -> MarkerGrid:
             f"{len(seen)} markers are seen, but a unit cell has {MIN_MARKERS}; begin with a frame"
             " that shows all of them"
         )
-    steps = _steps_of_grid(points[seen])
-    positions = _followed(points[seen], steps)
+    positions = _followed(points[seen], _steps_of_grid(points[seen]))
     if len(positions) < max(MIN_MARKERS, (1 - MAX_STRAYS) * len(seen)):
         raise NoGrid(
             f"{len(seen) - len(positions)} of {len(seen)} markers are not on one regular grid;"
@@ -97,9 +94,7 @@ def find_grid(points: Points) -> MarkerGrid:
 
 
 def _steps_of_grid(points: Points) -> Steps:
-    """Typical steps along the weft and the warp."""
-    tree = cKDTree(points)
-    _, near = tree.query(points, k=min(NEIGHBOURS + 1, len(points)))
+    _, near = cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)))
     between = points[near[:, 1:]] - points[:, None]
     length = np.linalg.norm(between, axis=-1)
     if not length.all():
@@ -108,12 +103,10 @@ def _steps_of_grid(points: Points) -> Steps:
         raise NoGrid("the markers are too far apart to be on a fabric; correct the pixel size")
     # Multiplying angles by four makes the four directions of the grid equal.
     nearest = between[:, :2].reshape(-1, 2)
-    fourfold = np.exp(4j * np.arctan2(nearest[:, 1], nearest[:, 0])).mean()
-    turn = np.angle(fourfold) / 4
+    turn = np.angle(np.exp(4j * np.arctan2(nearest[:, 1], nearest[:, 0])).mean()) / 4
     typical = []
     for direction in (turn, turn + np.pi / 2):
-        ahead = between @ [np.cos(direction), np.sin(direction)]
-        in_sector = ahead >= length * np.cos(SECTOR)
+        in_sector = (between @ [np.cos(direction), np.sin(direction)]) >= length * np.cos(SECTOR)
         with_step = in_sector.any(axis=1)
         if not with_step.any():
             raise NoGrid(ONE_LINE)

@@ -29,11 +29,9 @@ class ReadTracks(NamedTuple):
 def read_tracks(
     path: Path, y_axis: YAxis | None = None, least_confidence: float = 0.6, pixel: float = 1.0
 ) -> ReadTracks:
-    """Read the markers of a tracker, with at least that confidence, if the format states one.
+    """Read the markers of a tracker with a confidence; InputError if no format recognises the file.
 
-    ``y_axis`` is the direction in which y increases in the picture, by default that of the format,
-    and ``pixel`` the size of a pixel on the fabric [mm], which is checked if the file states
-    lengths. InputError if no format recognises the file, or positions are incomplete or impossible.
+    ``y_axis`` is by default that of the format; ``pixel`` [mm] is checked against stated lengths.
     """
     file, where = TrackFile(path), str(path)
     for known in FORMATS:

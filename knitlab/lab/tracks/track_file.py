@@ -84,8 +84,7 @@ class TrackFile:
         rows.index = pd.MultiIndex.from_arrays([index, marker])
         if rows.index.has_duplicates:
             raise invalid(str(self.path), "has a marker twice in one frame; keep one row")
-        wide = rows.unstack().to_numpy()
-        return wide.reshape(len(frames), len(names), -1).swapaxes(1, 2)
+        return rows.unstack().to_numpy().reshape(len(frames), len(names), -1).swapaxes(1, 2)
 
     def rows_of_positions(
         self, table: Table, frame: str, marker: str, x: str, y: str
