@@ -28,7 +28,7 @@ from knitlab.solvers.equilibrium.subdomains import (
 )
 from knitlab.solvers.equilibrium.system import System
 from knitlab.solvers.loads.loading import all_free, free_under
-from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations
+from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations, unchecked
 
 
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
