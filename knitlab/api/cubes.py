@@ -114,10 +114,10 @@ def find(
     Returns:
         The designs, the nearest first, or with a material the most probable. For target 1
         ``table`` has ``value_1``, ``off_by_1`` in the unit of the variable, and ``in_spread_1``:
-        whether the spread over a design's siblings covers it.
+        whether the spread over a design's perturbed copies covers it.
 
     Raises:
-        InputError: with every target that cannot be read or is not of a variable of the cubes.
+        InputError: with every target that cannot be read or names no variable of the cubes.
 
     Example:
         >>> wanted = ["poisson_ratio = -0.7 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
@@ -131,7 +131,7 @@ def find(
     required = _targets(subject_to, "subject_to")
     stripes = None
     if uncertainty_of is not None and material is None:
-        message = "is that of a material, but none is given; give the file with its covariances"
+        message = "needs a material; give the file with its covariances"
         raise invalid(f"uncertainty_of {shortened(uncertainty_of)}", message)
     if material is not None:
         from knitlab.runs.stripe_covariance import uncertain_stripes  # which imports JAX
@@ -173,7 +173,7 @@ def compare(
         scatter of the records, in the unit of the curve.
 
     Raises:
-        InputError: if the cubes have no design in common, or a selection is at fault.
+        InputError: if the cubes have no design in common, or a selection is invalid.
     """
     selections = {**selections, **named}
     cubes = [as_cube(each) for each in (cube, *experiments)]
@@ -203,7 +203,7 @@ def claims(
         One row for each claim, with its verdict, margin, and the cube that decided it.
 
     Raises:
-        InputError: if a cube, a selection or the suffix of the page is at fault.
+        InputError: if a cube, a selection or the suffix of the page is invalid.
 
     Example:
         >>> len(kl.claims("results/reference/paper"))
@@ -259,7 +259,7 @@ def draw(
         options: options of the kind, such as ``x`` and ``y``, names of dimensions.
 
     Raises:
-        InputError: if a cube does not hold what the figure shows, or an argument is at fault.
+        InputError: if a cube does not hold what the figure shows, or an argument is invalid.
 
     Example:
         >>> kl.draw("auxetic", "results/reference/periodic", output=folder / "map.png").name

@@ -83,9 +83,8 @@ def design(
     """
     if file is not None:
         if targets or subject_to or vary or cubes or settings:
-            raise invalid(
-                "file", "already gives targets, bounds and settings; leave out the others"
-            )
+            message = "already gives targets, bounds and settings; leave out the others"
+            raise invalid("file", message)
         request = read_request(Path(file))
     else:
         table = {
@@ -115,7 +114,7 @@ def design(
 
 
 def _read_budget(budget: str) -> tuple[int, float | None]:
-    """Largest number of simulations, and minutes if the budget is a time."""
+    """The largest number of simulations, and minutes if the budget is a time."""
     timed = budget.endswith("min")
     try:
         number = float(budget.removesuffix("min")) if timed else int(budget)

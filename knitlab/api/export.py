@@ -22,15 +22,14 @@ from knitlab.observables.schema import STRAIN
 
 
 def cube_with_shapes(cube: Cube) -> xr.Dataset:
-    """A cube that was read from a file, beside which its case files lie, or a test with shapes."""
+    """A cube with case files beside its file, or a test with shapes."""
     cube = as_cube(cube)
     if "status" not in cube:
         raise invalid("cube", "is not a cube or a test; give one of knitlab.run or simulate")
     if is_case(cube) and "position" not in cube:
         raise invalid("cube", "has no node positions; give a dataset of knitlab.simulate")
     if not is_case(cube) and "source" not in cube.encoding:
-        message = "was not opened from a file, beside which its shapes lie; give its path"
-        raise invalid("cube", message)
+        raise invalid("cube", "was not opened from a file, so it has no shapes; give its path")
     return cube
 
 
@@ -151,7 +150,7 @@ def plate_stiffness(
 
     Raises:
         InputError: if no design that is left has a periodic shape, a design is a clamped sample, a
-            selection or the suffix is at fault, or a card asks for a state that is not ok.
+            selection or the suffix is invalid, or a card asks for a state that is not ok.
 
     Example:
         >>> one = {"n_stripe": 4, "n_subunit": 16, "applied_strain": [0.06, 0.15]}

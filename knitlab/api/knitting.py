@@ -203,17 +203,15 @@ def knit(
     if isinstance(design, Design):
         if settings or overrides or selections:
             names = ", ".join([*settings, *overrides, *selections])
-            raise invalid(
-                names, f"is of a workflow or a cube; of a Design, give {', '.join(given)}"
-            )
+            message = f"cannot be given with a Design; give {', '.join(given)}, or change it"
+            raise invalid(names, message)
         parameters = known_parameters(material, model).with_tables(**tables)
         plated = capacitor is not None
         case = case_of_design(design, [0.0], parameters, Protocol(), electrodes=plated)
-        single = SingleDesign(
-            case, parameters.gauge, material=parameters.material, yarn=parameters.yarn
-        )
-    elif of_designs := [name for name, table in given.items() if table is not None]:
-        raise invalid(", ".join(of_designs), "is of a Design; leave it out of a workflow or a cube")
+        single = SingleDesign(case, parameters.gauge, None, parameters.material, parameters.yarn)
+    elif names := ", ".join(name for name, table in given.items() if table is not None):
+        message = "can only be given with a Design; give it as a setting of the workflow"
+        raise invalid(names, message)
     else:
         sizes = declared(Gauge) if is_cube(design) else settings
         chosen = {name: value for name, value in settings.items() if name not in sizes}
@@ -225,7 +223,7 @@ def knit(
         raise invalid("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
     used = read_machine(_values(machine), single.yarn)
     if face is not None and single.case.capacitor is None:
-        raise invalid("face", f"is of electrodes, and {single.case.label} has none; leave it out")
+        raise invalid("face", f"needs electrodes, and {single.case.label} has none; leave it out")
     chart = stitch_chart(single.case, repeats, needles, face)
     program = knitout(chart, used)
     assumed, differences = _assumptions(single, used)
@@ -287,7 +285,7 @@ def _assumptions(
     differences = []
     if yarn.machine is not None and not same_model(yarn.machine, machine.model):
         whose = design.material or "the paper's yarn"
-        message = f"stripes and stitch sizes of {whose} are of {yarn.machine}, not {machine.model}"
+        message = f"stripes and stitch sizes of {whose} are for {yarn.machine}, not {machine.model}"
         differences.append(f"{message}: knit and calibrate swatches on this machine")
     if case.folds:
         angles = ", ".join(sorted({f"{fold.theta_0:.3g} rad" for fold in case.folds}))

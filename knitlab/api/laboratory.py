@@ -227,7 +227,7 @@ def calibrate_stripe(
     along_sizes = {"width": along_width, "gauge_length": along_gauge_length}
     along_sizes = {name: size for name, size in along_sizes.items() if size is not None}
     for name, length in along_sizes.items() if along is None else ():
-        message = "is of the record along the ridges; give along = FILE, or leave it out"
+        message = "needs the record along the ridges; give along = FILE, or leave it out"
         raise invalid(f"along_{name} {length:g}", message)
     period = relaxed_period(n, period, gauge_length, gauge_stitches)
     size = cell_size or defaults().model.cell_size

@@ -155,7 +155,7 @@ def cross_talk(
         raise invalid("sensors", f"are {list(sensors)}; give pairs of electrodes, as (w1, w2)")
     case, capacitor, states, strains, relaxed = _states(cube, {**selections, **named})
     if len(strains) > 1 or strains[0] != 0:
-        raise invalid(STRAIN, "is 0 of parts that are pulled alone; select no strain")
+        raise invalid(STRAIN, "is always 0 here, as parts are pulled alone; select no strain")
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     names = list(dict.fromkeys(name for pair in sensors for name in pair))
     used = electrode_set(case, capacitor, names)
@@ -164,9 +164,8 @@ def cross_talk(
     try:
         table = cross_talk_of(case, states[0], used, pairs, capacitor, axis, others, polarised)
     except NoDerivative as message:
-        raise invalid(
-            case.label, f"{message}; take a design that relaxes to one shape"
-        ) from message
+        hint = "take a design that relaxes to one shape"
+        raise invalid(case.label, f"{message}; {hint}") from message
     labels = ["-".join(pair) for pair in sensors]
     table["reading"].values *= _lengthened(used, relaxed, capacitor)
     table = table.assign_coords(sensor=labels, pulled=labels)
@@ -246,7 +245,7 @@ def _polarised(permittivity: float, thickness: float, capacitor: Capacitor) -> f
     if not 0 < thickness < np.inf:
         raise invalid("cloth_thickness", f"is {thickness:g}; give a positive number of mm")
     if permittivity != 1 and capacitor.dielectric_thickness:
-        message = "is of bare electrodes; leave it out, or simulate with dielectric_thickness = 0"
+        message = "needs bare electrodes; leave it out, or simulate with dielectric_thickness = 0"
         raise invalid("cloth_permittivity", message)
     return (permittivity - 1) * thickness
 

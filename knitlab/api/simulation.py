@@ -175,7 +175,7 @@ def simulate(
         ``status``, ``residual_force`` and ``iterations`` describe the convergence.
 
     Raises:
-        InputError: if the design, the strains or a setting is at fault, or if settings contradict.
+        InputError: if the design, the strains or a setting is invalid, or settings contradict.
 
     Warns:
         NotConverged: if a strain was not reached; results from there on are NaN.

@@ -40,18 +40,19 @@ class SingleDesign(NamedTuple):
 def single_design(
     source: str | Path | xr.Dataset, settings: Overrides, selections: Mapping[str, Any]
 ) -> SingleDesign:
-    """The one design that settings leave of a workflow, and selections of that, a cube or a test.
-
-    Raises InputError if one of these is at fault, or if its case is recorded nowhere.
-    """
+    """The one design that settings and selections leave of a workflow, a cube or a test."""
     if not is_cube(source):
-        return _of_workflow(str(source), settings, selections)
+        plan = make_plan(str(source), settings)
+        designs = pd.MultiIndex.from_tuples(plan.designs.values(), names=plan.dims)
+        ids = pd.Series([*plan.cases], designs, name="case_id").to_xarray().fillna("").to_dataset()
+        case_id = only_design(ids, selections, plan.workflow)["case_id"].item()
+        return SingleDesign(plan.cases[case_id], plan.gauge, None, plan.material, plan.yarn)
     cube = source if isinstance(source, xr.Dataset) else open_cube(source)
     single = _of_cube(cube, selections)
-    (given, mistakes) = read_overrides(settings)
+    given, mistakes = read_overrides(settings)
     values = {override.name: override.value for override in given}
     known = declared(Gauge)
-    message = f"belongs to workflows; of a cube, set {' or '.join(known)}, or select a design"
+    message = f"cannot change a simulated cube; set {' or '.join(known)}, or select a design"
     mistakes += [Mistake(f"settings {name}", message) for name in values if name not in known]
     raise_if_any(mistakes)
     return single._replace(gauge=checked("settings", replace(single.gauge, **values), Gauge))
@@ -62,16 +63,6 @@ def is_cube(source: str | Path | xr.Dataset) -> bool:
     if isinstance(source, xr.Dataset):
         return True
     return Path(source).suffix == ".nc" or (Path(source) / CUBE).is_file()
-
-
-def _of_workflow(
-    workflow: str, overrides: Overrides, selections: Mapping[str, Any]
-) -> SingleDesign:
-    plan = make_plan(workflow, overrides)
-    designs = pd.MultiIndex.from_tuples(plan.designs.values(), names=plan.dims)
-    ids = pd.Series([*plan.cases], designs, name="case_id").to_xarray().fillna("").to_dataset()
-    case_id = only_design(ids, selections, plan.workflow)["case_id"].item()
-    return SingleDesign(plan.cases[case_id], plan.gauge, material=plan.material, yarn=plan.yarn)
 
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:

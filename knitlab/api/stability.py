@@ -64,7 +64,7 @@ def branches(
         ``unstable`` (the number of negative ones) and ``kind``: regular, limit or branch.
 
     Raises:
-        InputError: if the settings give no single design in equilibrium, or are at fault.
+        InputError: if the settings give no single design in equilibrium, or are invalid.
 
     Example:
         >>> path = kl.branches("periodic", n_stripe=4, n_subunit=8, contact="none", strain_max=0.03)
@@ -180,7 +180,7 @@ def shapes(
         ``attrs["not_converged"]`` counts other starts.
 
     Raises:
-        InputError: if the settings give no single design in equilibrium, or are at fault.
+        InputError: if the settings give no single design in equilibrium, or are invalid.
 
     Example:
         >>> atlas = kl.shapes("periodic", starts=3, n_stripe=4, n_subunit=8, contact="none")

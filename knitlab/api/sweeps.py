@@ -190,9 +190,8 @@ def _finished(workflow: str, overrides: Overrides, results: Path) -> RunResult |
 def one_of(overrides: Overrides, settings: Mapping[str, Any]) -> Overrides:
     """The settings to replace, as text or as keywords; InputError if both are given."""
     if overrides and settings:
-        raise invalid(
-            ", ".join(settings), "is given beside overrides; give all settings in one way"
-        )
+        message = "is given beside overrides; give all settings in one way"
+        raise invalid(", ".join(settings), message)
     return overrides or settings
 
 

@@ -52,7 +52,7 @@ def uncertainty(
 
     Raises:
         InputError: if a cube has no sensitivities or other stripes, or a covariance is missing, is
-            not positive semidefinite, or is of one curve and a new swatch is asked for.
+            not positive semidefinite, or has no repeats and a new swatch is asked for.
 
     Example:
         >>> acrylic = "docs/examples/swatches/acrylic.toml"
@@ -109,7 +109,7 @@ def sample_stripes(
 
     Raises:
         InputError: if the material lacks a covariance, or has one of two repeats, whose deviates
-            are too large to be simulated; or if a number is at fault.
+            are too large to be simulated; or if a number is invalid.
 
     Example:
         >>> acrylic = "docs/examples/swatches/acrylic.toml"

@@ -24,12 +24,9 @@ from knitlab.observables.status import Status
 
 
 def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The case file of the one design of a cube that selections leave, or the test itself.
-
-    InputError if they leave no design or several, or if the design has no intact case file.
-    """
+    """The case file of the one design of a cube that selections leave, or the test itself."""
     if is_case(cube):
-        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+        refuse_others(selections, [STRAIN], f"is not a coordinate of a test; select {STRAIN}")
         return in_cloth(cube, cube)
     dims = _dims_of_shapes(cube, selections)
     design = only_design(cube, selections_along(selections, dims))
@@ -41,8 +38,7 @@ def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset
             raise invalid(name, "failed and has no shape; knitlab status says why")
         if status is Status.pending:
             raise invalid(name, "is planned but has not run; run it first")
-        missing = f"has no case file in {folder}/cases, and shapes are not in the cube"
-        raise invalid(name, f"{missing}; run the design into this folder")
+        raise invalid(name, f"has no case file in {folder}/cases; run the design into this folder")
     return in_cloth(read_case(folder, case_id), design)
 
 
@@ -64,8 +60,7 @@ def for_each_design(
 ) -> xr.Dataset:
     """What ``compute`` finds in the case file of each selected design, along the cube's dimensions.
 
-    It is given the case file and the selected strains. Designs without a case file are missing
-    values; the attribute ``length_unit`` names the units of all. InputError if no design has one.
+    It is given the case file and the selected strains. Designs without a case file are missing.
     """
     strains = selections_along(selections, [STRAIN])
     if is_case(cube):
@@ -111,10 +106,7 @@ def has_shape(case_file: xr.Dataset) -> Bool[np.ndarray, " strain"]:
 def reached_strains(
     case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:
-    """Indices of the strains of a case that selections choose, one or several; all reached.
-
-    By default the relaxed state is chosen, or every strain that was reached if several may be.
-    """
+    """Indices of the selected strains of a case; by default the first, or if ``several`` all."""
     strains, reached = case_file[STRAIN].values, has_shape(case_file)
     reason = case_file.attrs.get("reason", "")
     if not reached.any():

@@ -53,12 +53,11 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
     """One row for each curve of a design that a simulation and an experiment both have.
 
     The simulation is interpolated linearly to the measured strains, its force scaled to the unit
-    cells across the sample, and capacitances to the first common strain. InputError if the cubes
-    are not one simulation and experiments, have swept settings, or no curve in common.
+    cells across the sample, and capacitances to the first common strain.
     """
     if is_measured(simulation):
-        name = source_of(simulation)
-        raise invalid("compare", f"begins with a simulation, but {name} was measured")
+        message = f"begins with a simulation, but {source_of(simulation)} was measured"
+        raise invalid("compare", message)
     if not all(map(is_measured, experiments)):
         raise invalid("compare", "takes one simulation, and experiments after it")
     swept = swept_dims(simulation)

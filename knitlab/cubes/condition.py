@@ -45,11 +45,9 @@ def no_column(name: str, table: pd.DataFrame) -> str:
 
 
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
-    """Whether an expression over the columns of a table, each a variable, is true for each row.
+    """Whether an expression over the columns of a table is true for each row.
 
-    The attribute ``words`` of the table has the words that columns may have. InputError if it is
-    not a condition, contains anything but :data:`ALLOWED`, names an unknown column or word, or
-    compares a word with a number.
+    The attribute ``words`` of the table has the words that columns may have.
     """
     where = f"where {expression!r}"
     truth = _evaluated(expression, table, where)
@@ -59,10 +57,7 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
 
 
 def computed(expression: str, table: pd.DataFrame, source: str) -> pd.Series:
-    """A column that an expression over others gives, missing where it is infinite.
-
-    InputError, which begins with the source, as for :func:`holds`.
-    """
+    """A column that an expression over others gives, missing where it is infinite."""
     values = _evaluated(expression, table, source)
     if not isinstance(values, pd.Series):
         raise invalid(source, "is one value for all designs; name a column")
@@ -81,9 +76,8 @@ def _evaluated(expression: str, table: pd.DataFrame, where: str) -> Any:
     except SyntaxError as error:
         raise invalid(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
     except ZeroDivisionError as error:
-        raise invalid(
-            where, "cannot be computed: it divides by zero; change the divisor"
-        ) from error
+        message = "cannot be computed: it divides by zero; change the divisor"
+        raise invalid(where, message) from error
     except (TypeError, OverflowError) as error:
         raise invalid(where, f"cannot be computed ({error}); compare like with like") from error
     except RecursionError as error:

@@ -78,10 +78,7 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 
 def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
-    """The variables in the file of a cube; otherwise as :func:`open_cube`.
-
-    Dimensions are in the order of the schema and their numbers ascend, whoever wrote the file.
-    """
+    """The variables in the file of a cube, in the order of the schema, as :func:`open_cube`."""
     path = cube_path(path)
     try:
         try:
@@ -124,7 +121,7 @@ def _mismatch(cube: xr.Dataset) -> str:
     for dim in dims:
         index = cube.indexes.get(dim)
         if index is None or index.hasnans or not index.is_unique:
-            return f"has no coordinate {dim}, or one whose values are missing or not unique"
+            return f"has no coordinate {dim} with a value and a different one for each design"
         if dim == STRAIN and index.dtype.kind not in "fiu":
             return f"has a coordinate {dim} that is not a number"
     own = {name for name in cube.variables if name in VARIABLES or name in cube.dims}
@@ -145,10 +142,7 @@ def _mismatch(cube: xr.Dataset) -> str:
 
 
 def _in_order(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with its dimensions in the order of the schema, and their numbers ascending.
-
-    Labels of swept settings keep the order in which they were given.
-    """
+    """The cube with its dimensions in the order of the schema, and their numbers ascending."""
     dims = design_dims(cube)
     base = next((base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if {*base} <= {*dims}), ())
     order = dict.fromkeys((*base, *dims, *schema.COORDINATES))
@@ -184,11 +178,9 @@ def _opened(path: Path) -> xr.Dataset:
 
 
 def _check_unlocked(path: Path) -> None:
-    """InputError if another program has a file open for writing."""
     if is_locked(path):
-        message = "is opened for writing by another program; close it there, or set"
-        hint = f"{message} HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
-        raise invalid(str(path), hint)
+        hint = "close it there, or set HDF5_USE_FILE_LOCKING=FALSE to read what is written so far"
+        raise invalid(str(path), f"is opened for writing by another program; {hint}")
 
 
 def known_variables(cube: xr.Dataset) -> xr.Dataset:
@@ -266,13 +258,11 @@ class SettingDifference(NamedTuple):
 def common_settings(
     records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
 ) -> dict[str, Any]:
-    """Settings that all records share, but for swept ones, with the digest of the stripes.
-
-    Of the sheet, those that some records leave out are kept: without contact they mean nothing.
-    """
+    """Settings that all records share, but for swept ones, with the digest of the stripes."""
     # Converted to JSON, so that they can be compared with those of a cube.
     listed: list[dict[str, Any]] = json.loads(json.dumps(list(records)))
     common: dict[str, Any] = reduce(shared, listed)
+    # Settings of the sheet that some records leave out are kept: without contact they mean nothing.
     if all("sheet" in record for record in listed):
         sheets = [record["sheet"] for record in listed]
         stated = {name: value for sheet in sheets for name, value in sheet.items()}
@@ -322,8 +312,7 @@ def differences(
     """Where records, within tables of some keys, differ under the same key, sorted as sentences."""
     changed: list[SettingDifference] = []
     for key in one.keys() & other.keys():
-        before = one[key]
-        after = other[key]
+        before, after = one[key], other[key]
         if isinstance(before, dict) and isinstance(after, dict):
             changed += differences(before, after, (*within, key))
         elif before != after:

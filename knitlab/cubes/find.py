@@ -42,7 +42,7 @@ class Reached:
     values: Float[np.ndarray, "design strain"]  # (design, 1) if it is one number
     obtained: Numbers  # the value, or the mean over the window
     off_by: Numbers  # distance in the unit of the variable; of a curve the root mean square
-    worst: Numbers  # the same of the worst of a design's siblings, if these are known
+    worst: Numbers  # the same of the worst of a design's perturbed copies, if these are known
     in_spread: np.ndarray  # whether these overlap the target at every strain: yes, no, or unknown
     band: tuple[np.ndarray, ...] = ()  # their lowest and highest values; empty for one number
     met: Float[np.ndarray, "design sample"] | None = None  # whether samples of stripes meet it
@@ -71,9 +71,8 @@ class Reached:
 class Found:
     """Designs by their distance from the targets, the nearest first.
 
-    ``table`` has one row for each design: labels, distance, and for the first target ``value_1``,
-    the value or the mean over its window, ``off_by_1``, the distance in the unit of the variable,
-    and ``in_spread_1``, whether the spread covers the target; and so on for the others. Then the
+    ``table`` has one row for each design: labels, distance, for each target its ``value_1``,
+    ``off_by_1`` (the distance) and ``in_spread_1`` (whether the spread covers the target), and the
     values of the constraints.
     """
 
@@ -107,10 +106,8 @@ def find_designs(
     """Rank the designs of cubes along the same dimensions by their distance from targets.
 
     The distance is the root mean square of the distances from each target, each over its
-    tolerance or, without one, over the scatter of that variable among the designs. At most ``most``
-    are kept, of those that meet the targets of ``subject_to``. With uncertain ``stripes`` designs
-    are ranked by the probability that they meet all of both, which no design must. InputError if
-    there is no target or no design that is ok, or if the cubes lack a variable.
+    tolerance or else the scatter of that variable among the designs. With uncertain ``stripes``
+    they are ranked by the probability that they meet all targets and ``subject_to``.
     """
     if not targets:
         raise invalid("targets", "none is given; give a target")
@@ -125,14 +122,15 @@ def find_designs(
     expressions = [target for target in (*targets, *subject_to) if not target.name.isidentifier()]
     known = with_columns(cubes, [target.name for target in expressions])
     designs = designs_of_all(known)
-    marks = marks_of_all(cubes, {}, [_read_over(each) for each in (*targets, *subject_to)])
+    windows = [(each.name, each.window) for each in (*targets, *subject_to)]
+    columns = [f"mean({name}, {at.start}:{at.stop})" if at else name for name, at in windows]
+    marks = marks_of_all(cubes, {}, columns)
     ok = (designs["status"] == Status.ok.name).to_numpy()
     if not ok.any():
         raise invalid("cubes", "hold no design that is ok; run a workflow first")
     designs = designs[ok].reset_index(drop=True)
     for target in expressions:
-        values = computed(target.name, designs, f"target {target.text}")
-        designs = designs.assign(**{target.name: values})
+        designs[target.name] = computed(target.name, designs, f"target {target.text}")
     sampled = stripes is not None
     required = [_reached(cubes, designs, target, sampled) for target in subject_to]
     reached = [_reached(cubes, designs, target, sampled) for target in targets]
@@ -149,7 +147,7 @@ def find_designs(
     order = ranked[(allowed & known)[ranked]][:most]
     excluded = {
         "not ok": int((~ok).sum()),
-        "do not meet what they are subject to": int((~allowed).sum()),
+        "do not meet a constraint": int((~allowed).sum()),
         "have no value at the strains of a target": int((allowed & ~known).sum()),
     }
     labels = [*design_dims(cubes[0]), *(name for name in ("cube", "boundary") if name in designs)]
@@ -196,12 +194,10 @@ def _reached(
         none = np.zeros(0)
         off_by = abs(target.departure(values, none))
         in_spread = np.full(len(values), "unknown")
-        changes = numbers_of(designs, target.name)
-        met = (
-            is_met(target, none, values[:, None], changes, freedoms_of(designs))
-            if sampled
-            else None
-        )
+        met = None
+        if sampled:
+            changes = numbers_of(designs, target.name)
+            met = is_met(target, none, values[:, None], changes, freedoms_of(designs))
         return Reached(target, none, values[:, None], values, off_by, off_by, in_spread, (), met)
     target.window.check_within(cubes, target.name, source)
     at, curves = _curves(cubes, target.name, target.window)
@@ -221,8 +217,7 @@ def _reached(
     )
     in_spread = np.full(len(curves), "unknown")
     if band:
-        lowest = np.minimum(*read[1:])
-        highest = np.maximum(*read[1:])
+        lowest, highest = np.minimum(*read[1:]), np.maximum(*read[1:])
         low, high = target.bounds(at)
         overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
         known = np.isfinite(lowest).all(axis=1)
@@ -230,18 +225,11 @@ def _reached(
     met = None
     if sampled:
         names = [column(target.name, number) for number in range(DEVIATES)]
-        uncertain = any(names[0] in cube for cube in cubes)
-        read = [
-            _curves(cubes, name, target.window)[1] if uncertain else 0 * curves for name in names
-        ]
-        met = is_met(target, at, curves, np.array(read), freedoms_of(designs))
+        changes = np.zeros((DEVIATES, *curves.shape))
+        if any(names[0] in cube for cube in cubes):
+            changes = np.array([_curves(cubes, name, target.window)[1] for name in names])
+        met = is_met(target, at, curves, changes, freedoms_of(designs))
     return Reached(target, at, curves, obtained, off_by, worst, in_spread, tuple(band), met)
-
-
-def _read_over(target: Target) -> str:
-    """The variable of a target, as a column reduced over its window if it has one."""
-    window = target.window
-    return f"mean({target.name}, {window.start}:{window.stop})" if window else target.name
 
 
 def _lies_along_strain(

@@ -39,10 +39,9 @@ def between(
     fraction: np.ndarray,
     axis: str = STRAIN,
 ) -> dict[str, xr.Variable]:
-    """Every variable along an axis, and this, between two of its values, linear but for integers.
+    """Every variable along an axis, and this, a ``fraction`` of the way to its ``upper`` index.
 
-    ``upper`` is the index of the second value, ``fraction`` how far from the first to it; both
-    along ``dims``. Integers are missing unless both agree.
+    Integers are missing unless both neighbours agree.
     """
     above = xr.Variable(dims, upper)
     below = xr.Variable(dims, np.maximum(upper - 1, 0))
@@ -64,10 +63,8 @@ def between(
 def under_force(cube: xr.Dataset, name: str, forces: Sequence[Any]) -> xr.Dataset:
     """The cube along a force in place of the applied strain, which becomes a variable.
 
-    Every variable along the strain is that of the first state that carries each of the ``forces``,
-    in the unit of the variable ``name``, linear between two strains; missing if none does.
-    ``jumped`` is 1 where the force fell before, so that a test that controls it jumps to that
-    state. InputError if a force is no number from 0 on.
+    Every variable is that of the first state that carries each force, linear between two strains;
+    missing if none does. ``jumped`` is 1 where the force fell before.
     """
     curve = cube[name].astype(float).transpose(..., STRAIN)
     wanted = _checked(name, forces)
@@ -90,8 +87,7 @@ def under_force_ratio(cube: xr.Dataset, ratios: Sequence[Any]) -> xr.Dataset:
     """The cube along ratios of forces in place of those of strains, which become a variable.
 
     At every strain, curves are linear between the two tests whose ratios of forces are on both
-    sides; missing where none are. What has no strain remains if all tests agree on it, and the
-    status is the lowest. InputError if a ratio is not finite.
+    sides. What has no strain remains if all tests agree on it, and the status is the lowest.
     """
     wanted = _checked(FORCE_RATIO, ratios, least=-np.inf)
     curve = cube[FORCE_RATIO].astype(float).transpose(..., STRAIN, LOAD_RATIO)

@@ -9,11 +9,7 @@ from knitlab.cubes.cube_file import cube_name, is_measured, model_options, param
 
 
 def model_line(cube: xr.Dataset) -> str:
-    """Lengths, contact, boundary and method of a cube; of a swept setting every value.
-
-    For example ``relaxed lengths, no contact, clamped samples of 4 × 3 unit cells, dynamics``. What
-    a cube does not state is left out.
-    """
+    """Lengths, contact, boundary and method of a cube; of a swept setting every value."""
     if is_measured(cube):
         return f"none, {source_of(cube)} was measured"
     stated = model_options(cube) | {"method": cube.attrs.get("method")}

@@ -22,10 +22,7 @@ FREEDOMS = "rib_degrees_of_freedom", "garter_degrees_of_freedom"
 
 
 def with_deviations(cubes: Sequence[xr.Dataset], stripes: Stripes) -> list[xr.Dataset]:
-    """Cubes with the change of each quantity with each deviate, as variables of their own.
-
-    The degrees of freedom of the deviates of rib and garter are variables of their own too.
-    """
+    """Cubes with the change of each quantity with each deviate and their degrees of freedom."""
     made = []
     for cube in cubes:
         by_name, freedom = deviations(cube, stripes)
@@ -105,10 +102,7 @@ def is_met(
     changes: Float[np.ndarray, "deviate design strain"],
     freedoms: Float[np.ndarray, "design 2"],
 ) -> np.ndarray:
-    """Whether samples of designs (design, sample) meet a target at its strains; NaN if unknown.
-
-    ``freedoms`` are the degrees of freedom of the deviates of rib and garter.
-    """
+    """Whether samples of designs (design, sample) meet a target at its strains; NaN if unknown."""
     met = np.empty((len(values), 2**LOG2_SAMPLES))
     for row, curve in enumerate(values):
         sampled = curve + _sampled(changes[:, row], freedoms[row])

@@ -96,7 +96,7 @@ class KnitlabAccessor:
             The table, in the units of the cube's variables.
 
         Raises:
-            InputError: with every fault of these arguments.
+            InputError: with every mistake in these arguments.
 
         Example:
             >>> import knitlab as kl
@@ -116,12 +116,9 @@ def query_cubes(
     columns: Sequence[str] | None = None,
     marks: bool = False,
 ) -> pd.DataFrame:
-    """The designs of cubes along the same dimensions as one table, filtered and sorted.
+    """The designs of cubes along the same dimensions as one table; see :func:`knitlab.query`.
 
-    Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``,
-    or ``"main"``. With ``marks`` the last column has the marks of the rows, if there are any. The
-    attribute ``models`` has lines that state the models of the cubes. InputError has every mistake
-    in the arguments.
+    The attribute ``models`` has lines that state the models of the cubes.
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
     listed = () if isinstance(columns, str) or columns is None else tuple(columns)
@@ -150,10 +147,7 @@ def with_marks(table: pd.DataFrame, marks: Iterable[str]) -> pd.DataFrame:
 def marks_of_all(
     cubes: Sequence[xr.Dataset], selections: Mapping[str, Any], columns: Sequence[str]
 ) -> pd.Series:
-    """The marks of the rows of :func:`designs_of_all`, at the states that some columns are of.
-
-    Where a strain or a force is selected, they are those of that state.
-    """
+    """The marks of the rows of :func:`designs_of_all`, at the states that some columns show."""
     lean = [with_marks_only(cube) for cube in cubes]
     return designs_of_all(lean, selections, marked=columns)[COLUMN]
 
@@ -161,10 +155,7 @@ def marks_of_all(
 def designs_table(
     cube: xr.Dataset, selections: Mapping[str, Any] = {}, marked: Sequence[str] | None = None
 ) -> pd.DataFrame:
-    """One row for each design and each selected value of further dimensions; none if excluded.
-
-    With ``marked`` columns there are the marks that concern them, see :func:`marks_of_all`.
-    """
+    """One row for each design and each selected value of further dimensions; none if excluded."""
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
     chosen = select(cube, selections)
     if marked is not None:
@@ -244,10 +235,7 @@ def _differing_options(cube: xr.Dataset, cubes: Sequence[xr.Dataset]) -> dict[st
 
 
 def main_columns(table: pd.DataFrame, asked: Sequence[str] = ()) -> list[str]:
-    """At most eight columns that answer most questions: what tells rows apart, and results.
-
-    Those that were ``asked`` for, as by a condition, are among them.
-    """
+    """At most eight columns that answer most questions, and those that were ``asked`` for."""
     first = [str(name) for name in table.loc[:, :"status"]]
     varying = [name for name in first if name not in ("cube", SOURCE) or table[name].nunique() > 1]
     asked = [name for name in asked if name in table.columns]
@@ -297,10 +285,7 @@ def variables_table(cubes: Sequence[xr.Dataset]) -> pd.DataFrame:
 
 
 def formatted(table: pd.DataFrame, style: str) -> str:
-    """The table as text for people (``table``), or as ``csv`` or ``json`` for programs.
-
-    For people, headings have the units that are known of columns, except 1.
-    """
+    """The table as text for people (``table``), or as ``csv`` or ``json`` for programs."""
     if style == "csv":
         texts = {name: each for name, each in table.items() if not is_numeric_dtype(each)}
         plain = table.assign(**{str(name): each.map(_no_formula) for name, each in texts.items()})
@@ -311,14 +296,14 @@ def formatted(table: pd.DataFrame, style: str) -> str:
         return "no design matches"
     units = {name: unit for name, unit in table.attrs.get("units", {}).items() if unit != "1"}
     headed = table.rename(columns=lambda name: f"{name} [{units[name]}]" if name in units else name)
-    shown = headed.to_string(index=False, float_format=_significant, na_rep="-")
+
+    def significant(value: float) -> str:
+        return f"{value:.4g}" if np.isfinite(value) else "-"
+
+    shown = headed.to_string(index=False, float_format=significant, na_rep="-")
     return "\n".join([shown, *legend(table.get(COLUMN, ()))])
 
 
 def _no_formula(cell: Any) -> Any:
     """A cell of a CSV that no spreadsheet computes."""
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
-
-
-def _significant(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else "-"

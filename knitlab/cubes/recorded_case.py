@@ -16,7 +16,7 @@ def recorded_case(case_file: xr.Dataset) -> Case:
 
 
 def case_of_record(record: dict[str, Any], where: str) -> Case:
-    """The case that a record at a place describes; InputError if it is of another version."""
+    """The case that a record at a place describes; InputError if it cannot be read."""
     try:
         return case_of(record)
     except (ValidationError, KeyError, TypeError) as error:

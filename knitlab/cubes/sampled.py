@@ -22,11 +22,7 @@ STRIPE_NUMBERS = [f"{knit}_{name}" for knit in ("rib", "garter") for name in NUM
 
 
 def sampled_uncertainty(cube: xr.Dataset) -> xr.Dataset:
-    """Mean and standard deviation of every variable over the samples; see `kl.uncertainty`.
-
-    From 40 samples on, half the 95 % interval is half the distance of its two quantiles. Of
-    samples as for Sobol indices, these of Poisson's ratio and force too, which need all samples.
-    """
+    """Mean and standard deviation of every variable over the samples; see `kl.uncertainty`."""
     ok = cube["status"] == Status.ok
     design = saltelli_design(cube)
     count = cube.sizes[SAMPLE] if design is None else 2 * design[1]
@@ -61,12 +57,9 @@ def saltelli_design(cube: xr.Dataset) -> tuple[list[str], int] | None:
     if left or not varied:
         return None
     parts = np.array([*varied.values()]).reshape(len(varied), -1, rows)
-    first = parts[:, 0]
-    second = parts[:, 1]
-    exchanged = parts[:, 2:]
     is_own = np.eye(len(varied), dtype=bool)[..., None]
-    wanted = np.where(is_own, second[:, None], first[:, None])
-    return ([*varied], rows) if np.array_equal(exchanged, wanted) else None
+    wanted = np.where(is_own, parts[:, 1, None], parts[:, 0, None])
+    return ([*varied], rows) if np.array_equal(parts[:, 2:], wanted) else None
 
 
 def _indices(values: xr.DataArray, names: list[str], rows: int) -> dict[str, xr.DataArray]:

@@ -1,8 +1,4 @@
-"""Selections: a value or a sequence of values by coordinate, along which a cube is sliced.
-
-Applied strains between those of the cube are interpolated, as in windows of strain. In place of
-them a force may be selected.
-"""
+"""Selections: a value or a sequence of values by coordinate, along which a cube is sliced."""
 
 from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import Any
@@ -26,10 +22,9 @@ MAX_VALUES = 10_000  # selected along a coordinate
 
 
 def select(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Keep the selected values of coordinates and all dimensions; InputError if one is not there.
+    """The cube at selected values of coordinates, with all dimensions.
 
-    Curves are linear between two strains; codes and counts are missing unless both agree. Under a
-    selected force, that is a dimension in place of the applied strain.
+    Curves are linear between two strains; a selected force takes the place of the applied strain.
     """
     for name, value in selections.items():
         if (number := len(_values(value))) > MAX_VALUES:
@@ -115,7 +110,7 @@ def as_given(selections: Mapping[str, Any]) -> list[str]:
 
 
 def refuse_others(selections: Mapping[str, Any], known: Iterable[str], message: str) -> None:
-    """InputError with a problem, for every selection that is not along a known coordinate."""
+    """InputError with a message for every selection that is not along a known coordinate."""
     names = set(known)
     others = {name: value for name, value in selections.items() if name not in names}
     raise_if_any([Mistake(f"selections {text}", message) for text in as_given(others)])

@@ -41,19 +41,14 @@ class StrainWindow:
             start, *rest = (float(strain) for strain in text.split(":"))
             (stop,) = rest or (start,)
         except ValueError:
-            example = "give one strain or two, such as 0.05:0.25"
-            raise invalid(
-                source, f"{text.strip()!r} is not a window of strain; {example}"
-            ) from None
+            message = "is not a window of strain; give one strain or two, such as 0.05:0.25"
+            raise invalid(source, f"{text.strip()!r} {message}") from None
         if not 0 <= start <= stop < np.inf:
             raise invalid(source, f"the window {text.strip()} does not ascend from at least 0")
         return cls(start, stop)
 
     def check_within(self, cubes: Sequence[xr.Dataset], name: str, source: str) -> None:
-        """Check that a cube has a variable from the start of the window on, and reaches it.
-
-        InputError names its source and the remedy.
-        """
+        """InputError unless a cube has a variable from the start of the window on."""
         last = max((float(cube[STRAIN].max()) for cube in cubes if STRAIN in cube), default=np.inf)
         if self.start > last + 1e-9 or self.stop > IN_PERCENT * last:
             hint = "strains are fractions: 5 % is 0.05" if self.stop > 1 else "take a smaller one"
@@ -63,10 +58,7 @@ class StrainWindow:
         self.check_start(min(firsts, default=0.0), name, source)
 
     def check_start(self, first: float, name: str, source: str) -> None:
-        """Check that the window does not begin below the first strain with a value of a variable.
-
-        InputError names its source and the remedy.
-        """
+        """InputError if the window begins below the first strain with a value of a variable."""
         if self.start < first - 1e-9:
             message = f"strain {self} begins below {first:g}, the first with a {name}"
             raise invalid(source, f"{message}; begin there")
@@ -154,8 +146,7 @@ def check_length(text: str, source: str) -> None:
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
     """Derivative of a reduction by the value of the curve at each strain of the window."""
     unit = np.eye(len(at))
-    lowest = unit[np.argmin(curve)]
-    highest = unit[np.argmax(curve)]
+    lowest, highest = unit[np.argmin(curve)], unit[np.argmax(curve)]
     if reduction in ("min", "max", "spread"):
         return {"min": lowest, "max": highest, "spread": highest - lowest}[reduction]
     if reduction != "linearity":
@@ -196,11 +187,8 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
     if (number := max(len(expressions), len(matches))) > MAX_EXPRESSIONS:
         raise invalid("expressions", f"are {number:,}; take at most {MAX_EXPRESSIONS} at once")
     extended = list(cubes)
-    for match in matches.values():
-        column = match[0]
-        reduction = match[1]
-        name = match[2]
-        window = match[3]
+    for column, match in matches.items():
+        reduction, name, window = match.groups()
         strains = StrainWindow.of(window, column)
         if name not in known:
             raise invalid(column, f"reduces a curve along {STRAIN}, and {unknown(name, known)}")

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from knitlab.cubes.strain_window import REDUCTIONS, StrainWindow, check_length
-from knitlab.io.errors import invalid, naming
+from knitlab.io.errors import invalid, naming, unknown
 from knitlab.io.table_file import read_columns
 from knitlab.io.toml import StrictModel
 from knitlab.observables.schema import STRAIN
@@ -127,8 +127,7 @@ def read_target(
 ) -> Target:
     """A target from its text, one of the :data:`FORMS`, or from a table of a wanted curve.
 
-    ``source`` names the argument in messages; ``folder`` is what the path of a curve's file is
-    relative to. InputError has every fault.
+    ``source`` names the argument in messages; paths of curves are relative to ``folder``.
     """
     if isinstance(given, Target):
         return given
@@ -150,12 +149,14 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
     if tolerance is not None and not tolerance > 0:
         raise invalid(where, "has a tolerance that is not above 0; raise it, or leave it out")
     if "path" in groups:
-        target = _curve_of_file(subject, folder / groups["path"])
-        return replace(target, text=text.strip(), tolerance=tolerance)
+        path = folder / groups["path"]
+        columns = read_columns(path, {"strain": None, subject: None}, CURVE_EXAMPLE)
+        strains, values = (columns[column].tolist() for column in ("strain", subject))
+        table = {"name": subject, "applied_strain": strains, "value": values}
+        return replace(read_target(table, str(path)), text=text.strip(), tolerance=tolerance)
     reduction = variable and variable["reduction"]
     if reduction is not None and reduction not in REDUCTIONS:
-        known = ", ".join(REDUCTIONS)
-        raise invalid(where, f"there is no reduction {reduction!r}; choose from {known}")
+        raise invalid(where, unknown(reduction, REDUCTIONS, "reduction"))
     window = StrainWindow.of(groups["window"], where) if groups["window"] else None
     if reduction in ("slope", "linearity") and (window is None or window.single):
         raise invalid(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
@@ -163,16 +164,8 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
         low = -np.inf if groups["relation"].startswith("<") else float(groups["wanted"])
         high = np.inf if groups["relation"].startswith(">") else float(groups["wanted"])
     else:
-        low = float(groups["low"])
-        high = float(groups["high"])
+        low, high = float(groups["low"]), float(groups["high"])
         if low > high:
             raise invalid(where, f"no value is above {low:g} and below {high:g}; exchange them")
     name = subject if variable is None else variable[2] or variable[3]
     return Target(text, name, low, high, tolerance, window, reduction)
-
-
-def _curve_of_file(name: str, path: Path) -> Target:
-    """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
-    columns = read_columns(path, {"strain": None, name: None}, CURVE_EXAMPLE)
-    strains, values = (columns[column].tolist() for column in ("strain", name))
-    return read_target({"name": name, "applied_strain": strains, "value": values}, str(path))

@@ -52,10 +52,7 @@ ROUND_OFF = 1e-9  # of an applied strain
 
 
 def with_doubts(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with a variable for each of :data:`MARKS`: where its states or designs have it.
-
-    They are 0 or 1, so that they can be selected and interpolated like any other.
-    """
+    """The cube with a variable for each of :data:`MARKS`: 1 where its states or designs have it."""
     if is_measured(cube) or any(f"{PREFIX}{name}" in cube for name in MARKS):
         return cube
     found: dict[str, xr.DataArray] = {}
@@ -77,10 +74,9 @@ def with_doubts(cube: xr.Dataset) -> xr.Dataset:
 def marked(
     cube: xr.Dataset, names: Iterable[str], each_strain: bool = False
 ) -> dict[str, xr.DataArray]:
-    """For each of :data:`MARKS`, the designs that have it at the states some values are of.
+    """For each of :data:`MARKS`, the designs that have it at the states that some columns show.
 
-    ``names`` are variables, reductions and expressions over these, such as the columns of a table:
-    of a window its strains count, of the lowest Poisson's ratio its strain, of a capacitor the
+    Of a window its strains count, of the lowest Poisson's ratio its strain, of a capacitor the
     range of sensing. If the strain is selected, or with ``each_strain``, that state counts.
     """
     cube = with_doubts(cube)
@@ -124,10 +120,7 @@ def legend(marks: Iterable[str]) -> list[str]:
 
 
 def pulled_without_pause(cube: xr.Dataset) -> xr.DataArray:
-    """Whether tests are motions that were stopped after a number of steps or a time, not at rest.
-
-    Method or ending may be dimensions of the cube.
-    """
+    """Whether tests are motions that were stopped after some steps or a time, not at rest."""
     dynamics = parameters_of(cube).get("dynamics") or {}
     settings = {"method": cube.attrs.get("method", ""), "ending": dynamics.get("ending", "")}
     method, ending = (
@@ -138,11 +131,7 @@ def pulled_without_pause(cube: xr.Dataset) -> xr.DataArray:
 
 
 def _moving(cube: xr.Dataset) -> xr.DataArray | None:
-    """Where a test that is pulled without pause has not settled; None if that is not known.
-
-    Either the relaxation had not ended when the pull began, or the pull has not yet reached the
-    central cells.
-    """
+    """Where a test that is pulled without pause has not settled; None if that is not known."""
     pulled = pulled_without_pause(cube)
     if STRAIN not in cube.dims or not pulled.any():
         return None
@@ -150,16 +139,16 @@ def _moving(cube: xr.Dataset) -> xr.DataArray | None:
     causes = list[xr.DataArray]()
     needed = {"kinetic_energy_left", "kinetic_energy_peak", "energy_stretch", "energy_fold"}
     if needed <= set(cube) and strain[0] == 0:
-        further = (
-            cube[name].fillna(0) for name in ("energy_wall", "energy_contact") if name in cube
-        )
-        elastic = cube["energy_stretch"] + cube["energy_fold"] + sum(further)
+        names = [name for name in ("energy_wall", "energy_contact") if name in cube]
+        further = sum(cube[name].fillna(0) for name in names)
+        elastic = cube["energy_stretch"] + cube["energy_fold"] + further
         gained = elastic - elastic.isel({STRAIN: 0}, drop=True)
-        left = cube["kinetic_energy_left"] * cube["kinetic_energy_peak"].isel(
-            {STRAIN: 0}, drop=True
-        )
+        peak = cube["kinetic_energy_peak"].isel({STRAIN: 0}, drop=True)
+        left = cube["kinetic_energy_left"] * peak
+        # The relaxation had not ended when the pull began.
         causes.append(STILL_RELEASED * left > SMALL_RELEASE * gained)
     if "mean_strain_yy" in cube and "load_direction" not in cube:
+        # The pull has not yet reached the central cells.
         causes.append(cube["mean_strain_yy"] < ARRIVED * strain)
     if not causes:
         return None
@@ -168,10 +157,11 @@ def _moving(cube: xr.Dataset) -> xr.DataArray | None:
 
 def _not_auxetic_in_the_paper(cube: xr.Dataset) -> xr.DataArray:
     """Whether the paper states that a design is not auxetic."""
-    n_stripe = cube["n_stripe"]
-    n_subunit = cube["n_subunit"]
+    n_stripe, n_subunit = cube["n_stripe"], cube["n_subunit"]
     found = xr.zeros_like(cube["status"], bool)
-    for about in _not_auxetic():
+    for claim in _claims():
+        ratio = claim.get("of") in ("poisson_ratio", "poisson_ratio_min")
+        about = claim.get("about", {}) if ratio and claim.get("lowest") == 0 else {}
         for narrow in about.get("n_stripe", ()):
             found = found | (n_stripe == narrow)
         for first, second in about.get("designs", ()):
@@ -180,19 +170,12 @@ def _not_auxetic_in_the_paper(cube: xr.Dataset) -> xr.DataArray:
 
 
 @cache
-def _not_auxetic() -> list[dict[str, Any]]:
-    """What the claims are about that forbid a Poisson's ratio below 0."""
-    claims = read_toml(shipped("params") / "claims.toml").values()
-    ratios = ("poisson_ratio", "poisson_ratio_min")
-    return [
-        claim["about"]
-        for claim in claims
-        if claim.get("of") in ratios and claim.get("lowest") == 0 and "about" in claim
-    ]
+def _claims() -> list[dict[str, Any]]:
+    return list(read_toml(shipped("params") / "claims.toml").values())
 
 
 def _states(cube: xr.Dataset, names: Iterable[str]) -> xr.DataArray:
-    """Whether values are of a state, along designs and strain; see :func:`marked`."""
+    """Whether columns show a state, along designs and strain; see :func:`marked`."""
     text = "; ".join(names)
     strain = cube[STRAIN]
     used = xr.zeros_like(cube["status"], bool) & (strain < 0)
@@ -206,15 +189,9 @@ def _states(cube: xr.Dataset, names: Iterable[str]) -> xr.DataArray:
     plain = set(re.findall(r"\w+", text))
     if plain & AT_MINIMUM and "applied_strain_at_min" in cube:
         used = used | (abs(strain - cube["applied_strain_at_min"]) < ROUND_OFF)
-    if any(_of_sensing(name) for name in plain) and set(SENSING) <= set(cube):
+    known = [VARIABLES[name] for name in plain & VARIABLES.keys() if not VARIABLES[name].dims]
+    sensing = any(each.group in (CAPACITORS, CAPACITORS_UNLOADING) for each in known)
+    if sensing and set(SENSING) <= set(cube):
         start, end = (cube[name] for name in SENSING)
         used = used | ((strain > start - ROUND_OFF) & (strain < end + ROUND_OFF))
     return used
-
-
-def _of_sensing(name: str) -> bool:
-    """Whether a variable is one number for the range of sensing of a capacitor."""
-    known = VARIABLES.get(name)
-    return (
-        known is not None and not known.dims and known.group in (CAPACITORS, CAPACITORS_UNLOADING)
-    )

@@ -34,27 +34,20 @@ SAME = 1e-5  # relative difference up to which a stripe of a cube is that of a m
 
 @dataclass(frozen=True)
 class UncertainStripe:
-    """A stripe, and the covariance of relative changes of its :data:`NUMBERS` [1].
-
-    Linear functions of these follow Student's t, with this many degrees of freedom.
-    """
+    """A stripe, and the covariance of relative changes of its :data:`NUMBERS` [1]."""
 
     stripe: "Stripe"
     covariance: Float[np.ndarray, "4 4"]
-    degrees_of_freedom: float = math.inf
+    degrees_of_freedom: float = math.inf  # of Student's t
 
 
 @dataclass(frozen=True)
 class Stripes:
-    """Uncertain stripes of designs.
+    """Uncertain stripes of designs, of a new swatch or of the mean stripe."""
 
-    ``pair`` gives rib and garter of the designs with an ``n_stripe``; InputError if there is none.
-    They are those of a new swatch or of the mean, as ``note`` says in a sentence.
-    """
-
-    pair: Callable[[int], tuple[UncertainStripe, UncertainStripe]]
+    pair: Callable[[int], tuple[UncertainStripe, UncertainStripe]]  # rib and garter by n_stripe
     subject: "Subject"
-    note: str
+    note: str  # which of the two, in a sentence
 
 
 def slopes(cube: xr.Dataset) -> dict[str, xr.DataArray]:
@@ -67,7 +60,7 @@ def slopes(cube: xr.Dataset) -> dict[str, xr.DataArray]:
         message = "has no sensitivities; run it with sensitivities = true"
         raise invalid("the cube", f"{message}, for which method is equilibrium")
     if parameters_of(cube).get("grading", None) is not None:
-        message = "is of graded fabric, whose stripes are uncertain one by one"
+        message = "has graded fabric, whose stripes are uncertain one by one"
         raise invalid("the cube", f"{message}; take a pattern with one stripe of each knit")
     ok = cube["status"] == Status.ok
     by_name = {name: cube[f"{name}_sensitivity"].where(ok) for name in names}
@@ -78,10 +71,9 @@ def slopes(cube: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> tuple[xr.DataArray, xr.DataArray]:
-    """L, along n_stripe, parameter and deviate: L Lᵀ is the covariance of stripe numbers.
+    """L and degrees of freedom of deviates: L Lᵀ is the covariance of stripe numbers.
 
-    Deviates are those of rib and garter, each of Student's t; returned are also their degrees of
-    freedom, along n_stripe and deviate. InputError if a design has stripes other than these.
+    InputError if a design has stripes other than these.
     """
     names = [str(name) for name in cube[PARAMETER].values]
     sizes = cube["n_stripe"].values.tolist()
@@ -132,8 +124,7 @@ def interval(
 ) -> tuple[xr.DataArray, xr.DataArray, xr.DataArray]:
     """Variance, degrees of freedom, and half the 95 % interval of a sum of deviates.
 
-    Rib and garter are measured apart. Student's t of their sum has the degrees of freedom of Welch
-    and Satterthwaite, v²/Σ(v_i²/ν_i) for the variances v_i; of one stripe alone it is exact.
+    The degrees of freedom are those of Welch and Satterthwaite, v²/Σ(v_i²/ν_i).
     """
     from scipy import stats  # slow to import
 
@@ -150,13 +141,10 @@ def interval(
 
 
 def first_order(cube: xr.Dataset, stripes: Stripes) -> xr.Dataset:
-    """Standard deviations to first order, intervals, and the stripe numbers they are due to.
-
-    InputError if the cube has no sensitivities, or designs with stripes other than these.
-    """
+    """Standard deviations to first order, intervals, and the stripe numbers they are due to."""
     by_name: dict[str, xr.DataArray] = {}
     derivatives = slopes(cube)
-    (root, freedom) = root_of_covariance(cube, stripes)
+    root, freedom = root_of_covariance(cube, stripes)
     for name, slope in derivatives.items():
         by_deviate = (slope * root).sum(PARAMETER, skipna=False)
         variance, effective, half = interval(by_deviate, freedom)
@@ -195,5 +183,5 @@ def leading(parts: xr.DataArray) -> xr.DataArray:
     """The name of the parameter with the largest part, empty where none is known."""
     filled = parts.fillna(0)
     names = filled[PARAMETER].astype(object)[filled.argmax(PARAMETER)].drop_vars(PARAMETER)
-    label = "number to measure better: the one that explains most of the variance"
+    label = "number to measure better, as it explains most of the variance"
     return names.where(filled.max(PARAMETER) > 0, "").assign_attrs(long_name=label)

@@ -36,7 +36,7 @@ def synthetic_cube(sensitivities: bool = False) -> xr.Dataset:
     axial[np.isnan(curve) & (np.arange(3) > 0)] = np.nan
     designs = ("n_stripe", "n_subunit")
     states = (*designs, "applied_strain")
-    made_up = described(
+    cube = described(
         xr.Dataset(
             {
                 "status": (designs, status),
@@ -53,5 +53,5 @@ def synthetic_cube(sensitivities: bool = False) -> xr.Dataset:
     )
     if sensitivities:
         shares = xr.DataArray([1.0, 2.0, -0.5, 0.0], {"stripe_parameter": PARAMETERS})
-        made_up["poisson_ratio_sensitivity"] = made_up["poisson_ratio"] * shares
-    return made_up
+        cube["poisson_ratio_sensitivity"] = cube["poisson_ratio"] * shares
+    return cube

