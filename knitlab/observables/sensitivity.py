@@ -21,7 +21,6 @@ from knitlab.observables.unit_cells import (
     unit_cell_corners,
 )
 from knitlab.solvers.case import Case
-from knitlab.solvers.contact import contact_of
 from knitlab.solvers.equilibrium.adjoint import Adjoint, NoDerivative
 from knitlab.solvers.equilibrium.state import State
 from knitlab.solvers.loads import WARP
@@ -98,7 +97,7 @@ def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray
 
 def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
     """Derivatives along a test; NoDerivative if the relaxed shape is unstable."""
-    return Adjoint(case.layout, case.stripe_pair, relaxed, contact_of(case))
+    return Adjoint(case.layout, case.stripe_pair, relaxed, case.contact)
 
 
 def sensitivities(

@@ -17,7 +17,6 @@ from knitlab.model.network import MeshShape
 from knitlab.sensors.electrode_set import ElectrodeSet
 from knitlab.sensors.readings import Others, capacitance_matrices, readings
 from knitlab.solvers.case import Case
-from knitlab.solvers.contact import contact_of
 from knitlab.solvers.equilibrium.adjoint import LinearResponse
 from knitlab.solvers.loads.loading import all_free
 
@@ -41,7 +40,7 @@ def cross_talk(
     parts = [sensor_part(electrodes, pair) for pair in sensors]
     ends = [[_line(shape, axis, part, end) for end in (0, 1)] for part in parts]
     forces = np.array([high - low for low, high in ends])
-    moves = LinearResponse(shape, free).at(case.assemble()[1], start, contact_of(case)).to(forces)
+    moves = LinearResponse(shape, free).at(case.assemble()[1], start, case.contact).to(forces)
     # Of lines that are pulled apart, the force on nodes is also the measure of the elongation.
     strains = (moves @ forces.T) / (forces @ start)
     moves /= np.diag(strains)[:, None]

@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import BeforeValidator, TypeAdapter
@@ -27,17 +27,14 @@ from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.loads import WARP, load_of
 from knitlab.solvers.loads.load import Load
 
+if TYPE_CHECKING:
+    from knitlab.solvers.equilibrium.contact_barrier import Barrier
+
 Label = int | float | str
 Name = TypeVar("Name")
 Given = TypeVar("Given")
 
-OF_NO_TEST = ("design", "capacitor")  # fields that change only what is measured in tests
-OF_CONTACT = ("thickness", "contact_pressure")
-OF_CLOTH = ("cloth_stitch_width", "cloth_stitch_height")
-OF_STEPS = ("relax_steps", "step_strain")
-OF_FRICTION = ("fold_slide", "fold_hardening")
-OF_TIME = ("relax_time", "strain_rate")
-"""Numbers of the sheet that only contact uses, and of the dynamics, by which a motion ends."""
+OF_CONTACT = ("thickness", "contact_pressure")  # numbers of the sheet that only contact uses
 
 
 @dataclass(frozen=True)
@@ -110,19 +107,21 @@ class Case:
         if self.options.contact == "none":
             yield from (("sheet", name) for name in OF_CONTACT)
         if not (self.sheet.cloth_stitch_width or self.sheet.cloth_stitch_height):
-            yield from (("sheet", name) for name in OF_CLOTH)
+            yield from (("sheet", name) for name in ("cloth_stitch_width", "cloth_stitch_height"))
         if not self.friction.fold_friction:
-            yield from (("friction", name) for name in OF_FRICTION)
+            yield from (("friction", name) for name in ("fold_slide", "fold_hardening"))
         if self.capacitor is not None and self.capacitor.ground == "none":
             yield "capacitor", "ground_distance"
         if self.dynamics is not None:
             by_steps = self.dynamics.ending == "steps"
-            yield from (("dynamics", name) for name in (OF_TIME if by_steps else OF_STEPS))
+            unused = ("relax_time", "strain_rate") if by_steps else ("relax_steps", "step_strain")
+            yield from (("dynamics", name) for name in unused)
 
     @cached_property
     def test_id(self) -> str:
         """Identifier of its tests, on which neither the design's labels nor electrodes act."""
-        return _digest({key: value for key, value in self.record.items() if key not in OF_NO_TEST})
+        labels = ("design", "capacitor")
+        return _digest({key: value for key, value in self.record.items() if key not in labels})
 
     @property
     def states(self) -> int:
@@ -273,9 +272,8 @@ class Case:
         """The case without settings that it does not use: of dynamics, or of contact."""
         case = self if self.relaxes_by_dynamics else replace(self, dynamics=None)
         if case.options.contact == "none":
-            walls = {field.name: getattr(self.sheet, field.name) for field in fields(Sheet)}
-            kept = {name: value for name, value in walls.items() if name not in OF_CONTACT}
-            case = replace(case, sheet=Sheet(**kept))
+            unused = {name: getattr(Sheet, name) for name in OF_CONTACT}
+            case = replace(case, sheet=replace(self.sheet, **unused))
         return case
 
     @property
@@ -305,6 +303,15 @@ class Case:
         cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
         sheet, refinement = self.sheet_of_network, self.options.cells_per_period
         return contact_layers(sheet.thickness, sheet.contact_pressure, cell, refinement)
+
+    @property
+    def contact(self) -> "Barrier | None":
+        """Its contact with itself; ``None`` if it may pass through itself."""
+        if self.options.contact == "none":
+            return None
+        from knitlab.solvers.equilibrium.contact_barrier import Barrier  # seconds to import
+
+        return Barrier(self.mesh_shape, self.contact_layers)
 
     def assemble(self) -> tuple[Network, Fabric]:
         """Its network, and its fabric: the numbers on that."""

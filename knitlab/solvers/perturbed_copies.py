@@ -10,8 +10,7 @@ from jaxtyping import Float
 
 from knitlab.model.stripe import STRIPE_QUANTITIES, Stripe
 from knitlab.solvers.case import Case
-from knitlab.solvers.contact import contact_of
-from knitlab.solvers.equilibrium.equilibrium import run_each
+from knitlab.solvers.equilibrium.equilibrium import run_cases
 from knitlab.solvers.equilibrium.method import Equilibrium
 from knitlab.solvers.equilibrium.state import TensileTest
 from knitlab.solvers.equilibrium.tensile_test import relax_near
@@ -80,18 +79,12 @@ def perturbed_tests(cases: Sequence[Case], progress: Progress) -> list[list[Pert
 
 def _branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list[float]:
     """Energies of cases, relaxed from the relaxed shapes of copies; NaN if not in equilibrium."""
+    first = [test.states[0] for test in tests]
     searches = [
-        partial(
-            relax_near,
-            settings=case.equilibrium_solver,
-            start=test.states[0].configuration,
-        )
-        for case, test in zip(cases, tests, strict=True)
+        partial(relax_near, settings=case.equilibrium_solver, start=shape.configuration)
+        for case, shape in zip(cases, first, strict=True)
     ]
-    fabrics = [case.assemble()[1] for case in cases]
-    contacts = [contact_of(case) for case in cases]
-    relaxed = run_each(cases[0].mesh_shape, fabrics, searches, contacts)
     return [
-        float(state.energy.total) if state.converged and test.states[0].converged else np.nan
-        for state, test in zip(relaxed, tests, strict=True)
+        float(state.energy.total) if state.converged and shape.converged else np.nan
+        for state, shape in zip(run_cases(cases, searches), first, strict=True)
     ]

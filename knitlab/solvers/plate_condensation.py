@@ -15,7 +15,7 @@ terms times the forces are those of prestress. The nodes of one unit cell, the s
 then relax: they are condensed out with the stiffness of the periodic fabric.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import partial
@@ -128,12 +128,14 @@ def _derivatives(
         (net.springs, springs, None),
         (net.hinges, hinges, fabric.fold_angle),
     ):
-        for chosen, mask in _chunks(len(elements.nodes)):
+        count = len(elements.nodes)
+        for start in range(0, count, CHUNK):
+            lanes = np.arange(start, start + CHUNK)
+            chosen = np.minimum(lanes, count - 1)  # the last chunk is filled, without stiffness
             rest, stiffness, *law = jax.tree.map(lambda each, own=chosen: each[own], numbers)
-            of_chunk = (rest, stiffness * mask, *law)
+            of_chunk = (rest, stiffness * (lanes < count).astype(float), *law)
             at = _relative(elements, state, chosen, height)
-            ends = tuple(elements.ends)
-            parts = _by_deformation(of, ends, at, of_chunk)
+            parts = _by_deformation(of, tuple(elements.ends), at, of_chunk)
             (first, force), (second, mixed) = jax.tree.map(np.asarray, parts)
             gradient += first
             hessian += second
@@ -148,13 +150,6 @@ def _derivatives(
     # Round-off where there is no force could not be solved to a small relative residual.
     by_nodes[np.abs(by_nodes) < 1e-13 * scale] = 0
     return gradient, hessian, by_nodes.T, float(np.abs(on_nodes).max() / largest)
-
-
-def _chunks(count: int) -> Iterator[tuple[Int[np.ndarray, " lane"], Float[np.ndarray, " lane"]]]:
-    """Indices of elements by chunks, and 1 for each, 0 for those that fill the last chunk."""
-    for first in range(0, count, CHUNK):
-        lanes = first + np.arange(CHUNK)
-        yield np.minimum(lanes, count - 1), (lanes < count).astype(float)
 
 
 def _relative(

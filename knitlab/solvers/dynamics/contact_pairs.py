@@ -21,9 +21,8 @@ from knitlab.model.network import MeshShape
 from knitlab.solvers.dynamics.contact_forces import Contact, Kind, PairList, chunk_size, distance
 from knitlab.solvers.dynamics.grid import Shape
 
-NODE = np.array([[[0, 0]]])
 EDGES = np.array([[[0, 0], [0, 1]], [[0, 0], [1, 0]], [[0, 0], [1, 1]]])
-"""Node and edges that a cell owns, by the steps (y, x) to their corners."""
+"""Edges that a cell owns, by the steps (y, x) to their corners; its node is at [0, 0]."""
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
 NEIGHBOURS = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 """Steps (y, x) to half of the neighbours of a cell, or of a period; the others mirror them."""
@@ -113,7 +112,7 @@ class Listed:
     margin: float  # [mm]
     parts: dict[Kind, Parts]
     cells: CloseCells
-    watched: "Watched"
+    watched: Watched
 
     def within(self, used: float) -> dict[Kind, int]:
         """How many of the first pairs can be within reach, by the used part of the margin."""
@@ -148,8 +147,8 @@ class PairFinder:
             margin = max(least, float(np.partition(gaps, few)[few]))
         one, other, slack = watched
         watch = self._watched(one, other, np.maximum(slack, margin))
-        listed: dict[Kind, Parts] = {kind: each.within(margin) for kind, each in parts.items()}
-        return Listed(place, margin, listed, cells, watch)
+        within_margin = {kind: each.within(margin) for kind, each in parts.items()}
+        return Listed(place, margin, within_margin, cells, watch)
 
     def used(self, listed: Listed, place: Place) -> float:
         """Part of its margins that a motion has used of a list; above 1 it may be incomplete."""
@@ -231,7 +230,8 @@ class PairFinder:
         corners = _STEPS[kind][which]
         corners[:, :split] += first[:, None]
         corners[:, split:] += second[:, None]
-        steps_between = _steps_between(corners, split)
+        # Rows or columns, whichever are more, between the corners of both parts.
+        steps_between = np.abs(corners[:, :split, None] - corners[:, None, split:]).max(axis=-1)
         exist = (steps_between > 0).all(axis=(1, 2))
         if not self.shape.periodic:
             inside = (corners >= 0) & (corners < [self.shape.nodes_y, self.shape.nodes_x])
@@ -251,7 +251,7 @@ class PairFinder:
     def _close_cells(self, place: Place, within: float) -> CloseCells:
         """Pairs of cells whose boxes are within a distance [mm], but for neighbours."""
         cells = _cells(self.shape)
-        own = len(_cells(self.shape))
+        own = len(cells)
         at = self._corners(cells, place)
         low = at.min(axis=0).T
         high = at.max(axis=0).T
@@ -364,7 +364,7 @@ def _used(
 
 
 _STEPS: dict[Kind, Int[np.ndarray, "pair 4 2"]] = {
-    "triangle": np.array([[*NODE[0], *triangle] for triangle in TRIANGLES]),
+    "triangle": np.array([[[0, 0], *triangle] for triangle in TRIANGLES]),
     "edges": np.array([[*one, *other] for one in EDGES for other in EDGES]),
 }
 """Steps to the corners of what two cells own, those of the first cell and those of the second."""
@@ -482,11 +482,6 @@ def _cells(shape: MeshShape) -> Cells:
     return np.indices((shape.nodes_y, shape.nodes_x)).reshape(2, -1).T
 
 
-def _steps_between(pairs: Pairs, split: int) -> Int[np.ndarray, "pair corner other"]:
-    steps = pairs[:, :split, None] - pairs[:, None, split:]
-    return np.abs(steps).max(axis=-1)
-
-
 COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
 SPARE = 0.05  # part of margins up to which pairs are evaluated beyond what a motion may use
 OLD = 0.1  # part used of a list that is worth a new one
@@ -538,13 +533,10 @@ class ContactLists:
         part = np.clip((COVERED - lists.now) / np.maximum(then - lists.now, 1e-300), 0.0, 1.0)
         covered = np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
         expected = lists.now + np.maximum(then - lists.now, 0.0) * covered / np.maximum(count, 1)
-        return lists._up_to(np.minimum(expected / COVERED + SPARE, 1.0)), covered
-
-    def _up_to(self, most: OfCases) -> "ContactLists":
-        """The same, with the pairs that can be within reach up to a used part of margins."""
-        first = [each.within(part) for each, part in zip(self.listed, most, strict=True)]
-        contact = replace(self.contact, chunks=chunk_counts(first))
-        return replace(self, contact=contact, most=most)
+        most = np.minimum(expected / COVERED + SPARE, 1.0)
+        first = [each.within(part) for each, part in zip(lists.listed, most, strict=True)]
+        contact = replace(lists.contact, chunks=chunk_counts(first))
+        return replace(lists, contact=contact, most=most), covered
 
     def _renewed(
         self, shape: Shape, which: Bool[np.ndarray, " case"], margins: OfCases
@@ -556,8 +548,7 @@ class ContactLists:
             for finder, old, new, place, margin in fabrics
         ]
         contact = batch_contact(self.finders, listed)
-        now = np.where(which, 0.0, self.now)
-        return replace(self, listed=listed, contact=contact, now=now)
+        return replace(self, listed=listed, contact=contact, now=np.where(which, 0.0, self.now))
 
 
 def _places(shape: Shape) -> list[Place]:

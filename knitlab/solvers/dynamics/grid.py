@@ -296,7 +296,11 @@ class GridFabric(eqx.Module):
 @kept
 def _surroundings(around: OnLines) -> Surroundings:
     """Edges, their lengths and normals, from positions with those beyond open edges."""
-    edges = _, _, rising, falling = _edges(around)
+    weft = subtract(_at(around, INNER, AFTER), _at(around, INNER, BEFORE))
+    warp = subtract(_at(around, AFTER, INNER), _at(around, BEFORE, INNER))
+    rising = subtract(_at(around, AFTER, AFTER), _at(around, BEFORE, BEFORE))
+    falling = subtract(_at(around, AFTER, BEFORE), _at(around, BEFORE, AFTER))
+    edges = weft, warp, rising, falling
     return Surroundings(edges, tuple(map(norm, edges)), cross(rising, falling))
 
 
@@ -326,16 +330,6 @@ def _extended(
     grid = jnp.concatenate([2 * grid[:1] - grid[1:2], grid, 2 * grid[-1:] - grid[-2:-1]], axis=0)
     return jnp.concatenate(
         [2 * grid[:, :1] - grid[:, 1:2], grid, 2 * grid[:, -1:] - grid[:, -2:-1]], axis=1
-    )
-
-
-def _edges(around: OnLines) -> tuple[OnLines, OnLines, OnLines, OnLines]:
-    """Vectors along the weft, along the warp, and along both diagonals of every cell [mm]."""
-    return (
-        subtract(_at(around, INNER, AFTER), _at(around, INNER, BEFORE)),
-        subtract(_at(around, AFTER, INNER), _at(around, BEFORE, INNER)),
-        subtract(_at(around, AFTER, AFTER), _at(around, BEFORE, BEFORE)),
-        subtract(_at(around, AFTER, BEFORE), _at(around, BEFORE, AFTER)),
     )
 
 

@@ -23,6 +23,7 @@ from knitlab.solvers.equilibrium.subdomains import worth_dividing
 from knitlab.solvers.equilibrium.system import System, one_thread_of_blas
 
 if TYPE_CHECKING:
+    from knitlab.solvers.case import Case
     from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 MAX_CONCURRENT_NODES = 4096  # number of nodes up to which fabrics run concurrently
@@ -65,6 +66,14 @@ def run_each(
             # Python would wait for the other threads before it exits.
             stopped.set()
             raise
+
+
+def run_cases(
+    cases: "Sequence[Case]", searches: Sequence[Callable[[System], Result]]
+) -> list[Result]:
+    """Results of one function for each case of one mesh shape, as of :func:`run_each`."""
+    fabrics = [case.assemble()[1] for case in cases]
+    return run_each(cases[0].mesh_shape, fabrics, searches, [case.contact for case in cases])
 
 
 def find_equilibrium(

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from knitlab.model.fabric import Configuration
-from knitlab.solvers.contact import contact_of
-from knitlab.solvers.equilibrium.equilibrium import run_each
+from knitlab.solvers.equilibrium.equilibrium import run_cases
 from knitlab.solvers.equilibrium.state import TensileTest
 from knitlab.solvers.equilibrium.tensile_test import imperfect_sheet, relax, stretch, tiled
 from knitlab.solvers.method import CONTACT_FACTOR, Method, Progress
@@ -63,12 +62,9 @@ class Equilibrium(Method):
             )
             for case, start, relaxed, reporter in zip(cases, starts, moved, reporters, strict=True)
         ]
-        fabrics = [case.assemble()[1] for case in cases]
-        contacts = [contact_of(case) for case in cases]
-        tests = run_each(cases[0].mesh_shape, fabrics, searches, contacts)
         return [
             test if relaxed is None else _after_motion(test, relaxed)
-            for test, relaxed in zip(tests, moved, strict=True)
+            for test, relaxed in zip(run_cases(cases, searches), moved, strict=True)
         ]
 
     def work(self, case: "Case", states: float) -> float:
@@ -103,18 +99,15 @@ def tilings(cases: "Sequence[Case]", sheets: Starts, imperfection: int | None = 
     if not numbers:
         return starts
     cells = [cases[number].periodic_cell for number in numbers]
-    fabrics = [cell.assemble() for cell in cells]
     searches = [
         partial(relax, settings=cell.equilibrium_solver, start=sheet)
         for cell, sheet in zip(cells, _sheets(cells, imperfection), strict=True)
     ]
-    contacts = [contact_of(cell) for cell in cells]
-    relaxed = run_each(fabrics[0][0].shape, [fabric for _, fabric in fabrics], searches, contacts)
-    for number, (net, _), state in zip(numbers, fabrics, relaxed, strict=True):
+    for number, cell, state in zip(numbers, cells, run_cases(cells, searches), strict=True):
         if not state.converged:
             continue
-        tiling = tiled(*cases[number].assemble(), net, state.configuration)
-        contact = contact_of(cases[number])
+        tiling = tiled(*cases[number].assemble(), cell.layout.net, state.configuration)
+        contact = cases[number].contact
         if contact is None or contact.holds(np.asarray(tiling.flattened())):
             starts[number] = tiling
     return starts

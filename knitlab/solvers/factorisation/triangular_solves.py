@@ -85,11 +85,6 @@ class GroupSolves:
         self._vector[self._pivots] = (self._inverses.transpose(0, 2, 1) @ own)[..., 0]
 
 
-def groupable(front: Front) -> bool:
-    """Whether a front may be part of a group."""
-    return front.inverted and len(front.boundary) > 0
-
-
 def _reduce(solves: list[FrontSolves | GroupSolves]) -> None:
     for each in solves:
         each.reduce()
@@ -209,7 +204,7 @@ class TriangularSolves:
         for _, group in groupby(in_memory, key=lambda number: self._fronts[number].kind):
             members = list(group)
             fronts = [self._fronts[number] for number in members]
-            if len(members) >= MIN_GROUP and groupable(fronts[0]):
+            if len(members) >= MIN_GROUP and fronts[0].inverted and len(fronts[0].boundary):
                 boundaries = [self._boundaries[number] for number in members]
                 yield GroupSolves(fronts, boundaries, self._stored, self._vector)
             else:
