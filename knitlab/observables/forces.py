@@ -24,7 +24,7 @@ PURE_STRIPES = Group("stripe", "Pure stripes", lambda case: case.pure)
             "over the whole width of the sample or periodic cell; along the warp if the "
             "load is biaxial"
         ),
-    ),
+    )
 )
 def reaction_force(test: "FinishedTest") -> "Float[np.ndarray, ' reached']":
     """The reaction force at every strain."""

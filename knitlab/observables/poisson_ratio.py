@@ -25,7 +25,7 @@ ratio: a sample that is pulled before it is at rest still contracts, and both st
             "biaxial loads, and where the central cells have taken less than a fifth of the"
             " applied strain"
         ),
-    ),
+    )
 )
 def poisson_ratio(test: "FinishedTest") -> "Float[np.ndarray, ' reached']":
     """ν at every strain."""

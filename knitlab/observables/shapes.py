@@ -18,9 +18,7 @@ SHEARED = Group(
 )
 
 
-@observable(
-    position=nodes("node position", "mm", in_cube=False),
-)
+@observable(position=nodes("node position", "mm", in_cube=False))
 def position(test: "FinishedTest") -> Any:
     """Positions of the nodes."""
     return test.configurations.positions

@@ -56,17 +56,13 @@ def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
 def perturbed_tests(cases: Sequence[Case], progress: Progress) -> list[list[PerturbedTest]]:
     """Tests of the perturbed copies of cases of one mesh shape, each case's in order."""
     tests: dict[str, list[PerturbedTest]] = {case.case_id: [] for case in cases}
-    for number in range(1, max(case.robustness for case in cases) + 1):
+
+    def add_copies(number: int) -> None:
         originals = [case for case in cases if case.robustness >= number]
         copies = [perturbed_copy(case, number) for case in originals]
         original_of = {copy.case_id: case for copy, case in zip(copies, originals, strict=True)}
 
-        def report(
-            name: str,
-            states: float,
-            original_of: dict[str, Case] = original_of,
-            number: int = number,
-        ) -> None:
+        def report(name: str, states: float) -> None:
             case = original_of[name]
             progress(case.case_id, number * len(case.applied_strain) + states)
 
@@ -74,6 +70,9 @@ def perturbed_tests(cases: Sequence[Case], progress: Progress) -> list[list[Pert
         energies = _branch_energies(originals, tested)
         for case, copy, test, energy in zip(originals, copies, tested, energies, strict=True):
             tests[case.case_id].append(PerturbedTest(copy, test, energy))
+
+    for number in range(1, max(case.robustness for case in cases) + 1):
+        add_copies(number)
     return [tests[case.case_id] for case in cases]
 
 

@@ -42,8 +42,7 @@ def test_neighbouring_rib_ridges_of_the_first_patch_carry_a_stripe_each():
 
 
 @pytest.mark.parametrize(
-    ("phase", "front", "back"),
-    [("stripe_border", [2, 6], [4]), ("stripe_centre", [1, 5], [3, 7])],
+    ("phase", "front", "back"), [("stripe_border", [2, 6], [4]), ("stripe_centre", [1, 5], [3, 7])]
 )
 def test_ridges_are_the_folds_of_the_middle_patch(phase, front, back):
     options = replace(PERIODIC, fold_phase=phase)

@@ -14,15 +14,7 @@ from knitlab.model.pattern import BadPattern, Grading, SingleFold, graded_patter
 from knitlab.model.settings import ModelOptions, PlainKnit
 from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stripe import StripePair, cell_length
-from tests.fabrics import (
-    FINE,
-    PERIODIC,
-    SHEET,
-    assemble_fabric,
-    checkerboard,
-    relaxed,
-    stripe,
-)
+from tests.fabrics import FINE, PERIODIC, SHEET, assemble_fabric, checkerboard, relaxed, stripe
 
 PLAIN = PlainKnit(
     plain_stretch_weft=0.9, plain_stretch_warp=2.5, plain_bend_weft=0.02, plain_bend_warp=0.05
@@ -122,9 +114,7 @@ def test_a_plain_sheet_rests_flat_and_stretches_as_its_springs_do():
     def even(strains):
         stretch = 1 + jnp.append(strains, 0.0)
         return energy(
-            layout.net,
-            fabric,
-            Configuration(flat.positions * stretch, flat.lengths * stretch[:2]),
+            layout.net, fabric, Configuration(flat.positions * stretch, flat.lengths * stretch[:2])
         ).total
 
     stiffness = jax.hessian(even)(jnp.zeros(2)) / (8 * 8)

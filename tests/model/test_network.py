@@ -1,12 +1,7 @@
 import numpy as np
 import pytest
 
-from knitlab.model.network import (
-    SMALL_KEPT,
-    MeshShape,
-    cached_by_shape,
-    network,
-)
+from knitlab.model.network import SMALL_KEPT, MeshShape, cached_by_shape, network
 
 
 @pytest.mark.parametrize(("cells_y", "cells_x"), [(4, 4), (8, 12)])

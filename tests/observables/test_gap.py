@@ -5,12 +5,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from knitlab.model.surfaces import (
-    crossings,
-    gap_between,
-    segment_distance,
-    triangle_distance,
-)
+from knitlab.model.surfaces import crossings, gap_between, segment_distance, triangle_distance
 
 SEED = st.integers(0, 10_000)
 FAR = 100.0

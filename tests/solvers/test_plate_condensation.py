@@ -194,11 +194,7 @@ def transposed(state: Configuration) -> Configuration:
 def test_a_design_with_its_axes_exchanged_has_its_stiffness_exchanged():
     net, fabric, _, state, _ = checkered_states()
     other_net, other = assemble_fabric(
-        patch_map(["RG", "GR"], 1),
-        stripe("garter", 8),
-        stripe("rib", 4),
-        SHEET,
-        FLAT,
+        patch_map(["RG", "GR"], 1), stripe("garter", 8), stripe("rib", 4), SHEET, FLAT
     )
     plate, exchanged = plate_of(net, fabric, state), plate_of(other_net, other, transposed(state))
     assert exchanged.status is plate.status is PlateStatus.ok

@@ -342,16 +342,12 @@ class Moving:
 
     @classmethod
     def from_rest(
-        cls,
-        bodies: Sequence[Body],
-        shapes: Sequence[Shape],
-        finders: Sequence[PairFinder] = (),
+        cls, bodies: Sequence[Body], shapes: Sequence[Shape], finders: Sequence[PairFinder] = ()
     ) -> "Moving":
         """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact."""
         stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves))
         body = stack(*bodies)
         shape = stack(*shapes)
-        cases = len(bodies)
         touching = None
         if finders:
             touching = ContactLists.at(finders, shape)
@@ -362,8 +358,8 @@ class Moving:
         mode = jax.tree.map(
             lambda leaf: jnp.broadcast_to(random.normal(size=leaf.shape[1:]), leaf.shape), shape
         )
-        none = np.zeros(cases)
-        no = np.zeros(cases, dtype=bool)
+        none = np.zeros(len(bodies))
+        no = none.astype(bool)
         energy = np.asarray(seen.energy.total)
         steps = none.astype(int)
         return cls(body, motion, seen, mode, none, steps, none, energy, no, no, touching)
@@ -431,30 +427,21 @@ def _developed(moving: Moving) -> Moving:
 
 def largest_step(moving: Moving) -> OfCases:
     """Largest stable time step of every fabric without walls and contact, 2/ω, to 1e-4 [ms]."""
-    bare = replace(moving.body, contact=None)
-    squares = []
-    for case in range(len(moving.time)):
-        of_case = partial(jax.tree.map, lambda leaf, case=case: leaf[case : case + 1])
-        body = of_case(bare)
-        motion = of_case(moving.motion)
-        mode = of_case(moving.mode)
+    batch = replace(moving.body, contact=None), moving.motion, moving.mode
+
+    def highest_square(case: int) -> float:
+        body, motion, mode = jax.tree.map(lambda leaf: leaf[case : case + 1], batch)
         begin, unraveled = ravel_pytree(mode)
 
-        def image(
-            vector: Float[np.ndarray, " unknown"],
-            body: Body = body,
-            motion: Motion = motion,
-            unraveled: Callable[..., Shape] = unraveled,
-        ) -> Float[np.ndarray, " unknown"]:
-            found = _weighted_stiffness(body, motion, unraveled(vector))
+        def image(vector: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
+            found = _weighted_stiffness(body, motion, unraveled(jnp.asarray(vector)))
             return np.asarray(ravel_pytree(found)[0])
 
         operator = LinearOperator((len(begin), len(begin)), matvec=image, dtype=float)
-        (square,) = eigsh(
-            operator, 1, which="LA", v0=np.asarray(begin), tol=1e-3, return_eigenvectors=False
-        )
-        squares.append(square)
-    return 2 / np.sqrt(squares)
+        start = np.asarray(begin)
+        return eigsh(operator, 1, which="LA", v0=start, tol=1e-3, return_eigenvectors=False)[0]
+
+    return 2 / np.sqrt([highest_square(case) for case in range(len(moving.time))])
 
 
 def _leapfrog_batch(
@@ -479,11 +466,9 @@ def _leapfrog_batch(
     motion = _leap(moving.body, moving.motion, step, count, count.max())
     seen = _observe(moving.body, motion)
     supplied = np.asarray(motion.supplied - moving.motion.supplied)
-    before = _mechanical_energy(moving.seen)
-    after = _mechanical_energy(seen)
     # A step was unstable if the energy grew by more than this fraction of the largest.
     grown = 0.02 * np.maximum(moving.largest, np.abs(supplied)) + ROUND_OFF
-    stable = after - supplied <= before + grown
+    stable = _mechanical_energy(seen) - supplied <= _mechanical_energy(moving.seen) + grown
     done = stable
     if moving.touching is not None:
         # What contact has not given back of its work is lost in collisions.

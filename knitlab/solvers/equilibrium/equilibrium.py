@@ -54,9 +54,7 @@ def run_each(
                 for fabric, search, contact in problems
             ]
 
-        def alone(
-            problem: "tuple[Fabric, Callable[[System], Result], Barrier | None]",
-        ) -> Result:
+        def alone(problem: "tuple[Fabric, Callable[[System], Result], Barrier | None]") -> Result:
             fabric, search, contact = problem
             return search(System(shape, fabric, stopped=stopped, contact=contact))
 

@@ -112,10 +112,9 @@ class System:
         With ``convexified`` it is replaced by a nearby positive definite matrix instead of failing.
         It is in single precision, enough for a search, unless ``exact``.
         """
-        if self._free is None:
-            raise RuntimeError("nothing is assembled")
         free = self._free
-        key = (self._free, exact)
+        assert free is not None, "nothing is assembled"
+        key = (free, exact)
         entries = free.shifted(self._entries, shift)
         lower = self._contact_entries
         if lower is not None:
@@ -132,14 +131,11 @@ class System:
                 self._factors = None
                 for old in [old for old in self._kept if old[0].shape == self.shape]:
                     del self._kept[old]
-            factors = self._kept[key] = self.new_factors(free, exact)
+            precision = np.float64 if exact else np.float32
+            factors = self._kept[key] = Multifrontal(free.plan, self.threads, precision)
         self._factors = factors if factors.factorise(entries, convexified) else None
         self.factorised()
         return self._factors is not None
-
-    def new_factors(self, free: FreeStiffness, exact: bool) -> Multifrontal:
-        """Memory for factors of the stiffness of these free unknowns."""
-        return Multifrontal(free.plan, self.threads, np.float64 if exact else np.float32)
 
     def change_diagonal(
         self, dofs: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
@@ -153,8 +149,7 @@ class System:
 
     @property
     def _factor(self) -> Multifrontal:
-        if self._factors is None:
-            raise RuntimeError("nothing is factorised")
+        assert self._factors is not None, "nothing is factorised"
         return self._factors
 
 

@@ -98,10 +98,7 @@ def stretch(
 
 
 def relax(
-    system: System,
-    settings: Solver,
-    start: Configuration | None = None,
-    load: Load = WARP,
+    system: System, settings: Solver, start: Configuration | None = None, load: Load = WARP
 ) -> State:
     """The relaxed shape of a fabric (paper, Sec. "Relaxation of a pattern").
 

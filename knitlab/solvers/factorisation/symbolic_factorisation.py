@@ -23,6 +23,10 @@ multiplies by small matrices several times faster than it solves with them, and 
 products alone."""
 
 _Rectangle = tuple[int, int, int, int]
+Columns = Int[np.ndarray, " column"]
+Nonzeros = Int[np.ndarray, " nonzero"]
+OfFronts = Int[np.ndarray, " front"]
+OfUnknowns = Int[np.ndarray, " unknown"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +57,12 @@ class _Axis:
 class GridOrder(NamedTuple):
     """The unknowns of a grid in elimination order, and where fronts start in it, with its end."""
 
-    order: Int[np.ndarray, " unknown"]
-    starts: Int[np.ndarray, " front"]
+    order: OfUnknowns
+    starts: OfFronts
 
 
 def grid_order(
-    indptr: Int[np.ndarray, " column"],
-    indices: Int[np.ndarray, " nonzero"],
-    rows: Int[np.ndarray, " unknown"],
-    columns: Int[np.ndarray, " unknown"],
+    indptr: Columns, indices: Nonzeros, rows: OfUnknowns, columns: OfUnknowns
 ) -> GridOrder:
     """The elimination order for couplings of a grid of nodes.
 
@@ -96,9 +97,7 @@ def grid_order(
     return GridOrder(order, starts)
 
 
-def nonzero_pairs(
-    indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
-) -> tuple[Int[np.ndarray, " nonzero"], Int[np.ndarray, " nonzero"]]:
+def nonzero_pairs(indptr: Columns, indices: Nonzeros) -> tuple[Nonzeros, Nonzeros]:
     """Row and column of every non-zero."""
     columns = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
     return np.asarray(indices, dtype=np.int64), columns
@@ -203,17 +202,15 @@ def columns_of_group(
 class NestedDissection:
     """Symbolic factorisation of matrices of one sparsity; children are before parents."""
 
-    order: Int[np.ndarray, " unknown"]  # the unknowns as eliminated
+    order: OfUnknowns  # the unknowns as eliminated
     # two independent halves, and the last front
     parts: tuple[Sequence[Front], Sequence[Front], Sequence[Front]]
-    positions: Int[np.ndarray, " nonzero"]  # of lower non-zeros in the factor
+    positions: Nonzeros  # of lower non-zeros in the factor
     stored: int  # entries of the factor
     stack: int  # largest number of entries of pending updates
 
 
-def planned(
-    grid: GridOrder, indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
-) -> NestedDissection:
+def planned(grid: GridOrder, indptr: Columns, indices: Nonzeros) -> NestedDissection:
     """Plan the factorisation of any lower triangle in the elimination order of a grid."""
     order = grid.order
     starts = grid.starts
@@ -254,7 +251,7 @@ def planned(
     return NestedDissection(order, parts, positions, int(entries.sum()), stack)
 
 
-def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"]) -> int:
+def _middle(parents: OfFronts, work: OfFronts) -> int:
     """Where to split all fronts but the last into two independent halves of nearly equal work."""
     last = len(parents) - 1
     within = np.where(parents[:last] < last, parents[:last], -1)
@@ -265,9 +262,7 @@ def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"])
 
 
 def _boundaries(
-    keys: Int[np.ndarray, " coupling"],
-    starts: Int[np.ndarray, " front"],
-    owner: Int[np.ndarray, " unknown"],
+    keys: Int[np.ndarray, " coupling"], starts: OfFronts, owner: OfUnknowns
 ) -> tuple[list[Int[np.ndarray, " _"]], list[int]]:
     """Boundary of every front, and its parent; -1 if none."""
     fronts, unknowns = np.divmod(keys, len(owner))
@@ -286,8 +281,8 @@ def _fronts(
     starts: Int[np.ndarray, " _"],
     boundaries: Sequence[Int[np.ndarray, " _"]],
     parents: Sequence[int],
-    levels: Int[np.ndarray, " front"],
-    stored: Int[np.ndarray, " front"],
+    levels: OfFronts,
+    stored: OfFronts,
     middle: int,
 ) -> tuple[tuple[Front, ...], int]:
     """The fronts, and the size of the stack, whose parts for concurrent halves are disjoint."""

@@ -104,10 +104,7 @@ def test_a_flat_sheet_and_a_rough_one_relax_to_one_shape_of_a_small_design():
     [
         (lambda: kl.branches("periodic", n_stripe=4), "n_subunit"),
         (lambda: kl.shapes("periodic", n_stripe=4, n_subunit=16, starts=0), "10,000"),
-        (
-            lambda: kl.shapes("periodic", n_stripe=4, n_subunit=16, starts=10**5000),
-            "10,000",
-        ),
+        (lambda: kl.shapes("periodic", n_stripe=4, n_subunit=16, starts=10**5000), "10,000"),
         (lambda: kl.branches("preview", n_stripe=4, n_subunit=16), "equilibrium"),
         (lambda: kl.branches(output="a.txt"), "suffix"),
     ],

@@ -22,11 +22,7 @@ from knitlab.solvers.dynamics.vectors import kept
 from tests.fabrics import SHEET, assemble_fabric, checkerboard, off_grid, shaken, stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))
-LAWS = {
-    "linear": {},
-    "stiffening": {"stiffening_strain": 0.1},
-    "measured": {"spring_curve": CURVE},
-}
+LAWS = {"linear": {}, "stiffening": {"stiffening_strain": 0.1}, "measured": {"spring_curve": CURVE}}
 BOUNDARIES = ("clamped", "periodic")
 ROUNDING = 1e-10
 LOW = 0.05

@@ -12,11 +12,7 @@ from knitlab.model.threads import ALONE, Threads
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium import equilibrium, subdomains
 from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
-from knitlab.solvers.equilibrium.equilibrium import (
-    ROUNDS,
-    SubdomainRounds,
-    find_equilibrium,
-)
+from knitlab.solvers.equilibrium.equilibrium import ROUNDS, SubdomainRounds, find_equilibrium
 from knitlab.solvers.equilibrium.search import Search, SearchRules, minimise
 from knitlab.solvers.equilibrium.state import Outcome, State
 from knitlab.solvers.equilibrium.stiffness import free_stiffness

@@ -17,15 +17,7 @@ from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import stretch
 from knitlab.solvers.loads.loading import all_free
-from tests.fabrics import (
-    DISTINCT_STRIPES,
-    FINE,
-    PERIODIC,
-    checkered,
-    equations,
-    pure,
-    shaken,
-)
+from tests.fabrics import DISTINCT_STRIPES, FINE, PERIODIC, checkered, equations, pure, shaken
 from tests.solvers.equilibrium.test_pure_stripes import cell_forces
 
 PLAIN = Friction(fold_friction=0.2)

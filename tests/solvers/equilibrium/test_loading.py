@@ -35,10 +35,7 @@ def test_a_sample_that_fits_stays_where_it_is():
     np.testing.assert_allclose(after.positions, before.positions, atol=1e-12)
 
 
-@given(
-    tilt=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)),
-    lift=st.floats(-0.3, 0.3),
-)
+@given(tilt=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)), lift=st.floats(-0.3, 0.3))
 def test_a_tilted_sample_is_moved_rigidly_between_the_walls(tilt, lift):
     nodes = corrugated()
     askew = Rotation.from_rotvec([*tilt, 0]).apply(nodes) + np.array([0, 0, lift])

@@ -39,10 +39,7 @@ def cell_forces(of, length, height, diagonals=1.0):
     cell = of.period / 4 / np.sin(of.theta_0 / 2)
     diagonal = np.hypot(length, height)
     pull = 2 * diagonals * of.k_s * (diagonal - np.sqrt(2) * cell) / diagonal
-    return (
-        of.k_s * (length - cell) + pull * length,
-        of.k_s * (height - cell) + pull * height,
-    )
+    return (of.k_s * (length - cell) + pull * length, of.k_s * (height - cell) + pull * height)
 
 
 def across_the_ridges(of, strain, diagonals=1.0):

@@ -39,10 +39,7 @@ from tests.fabrics import (
 from tests.solvers.equilibrium.test_adjoint import Pulled, assert_agree, by_differences
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))
-LAWS = {
-    "stiffening": {"stiffening_strain": 0.1},
-    "tabulated": {"spring_curve": CURVE},
-}
+LAWS = {"stiffening": {"stiffening_strain": 0.1}, "tabulated": {"spring_curve": CURVE}}
 EVERY_LAW = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 ENDLESS = ModelOptions(boundary="periodic")
 """Of flat cells, which do not snap here."""

@@ -7,10 +7,7 @@ from jaxtyping import Float, Int
 from scipy.sparse.linalg import spsolve
 
 from knitlab.model.threads import Threads
-from knitlab.solvers.factorisation import (
-    multifrontal,
-    triangular_solves,
-)
+from knitlab.solvers.factorisation import multifrontal, triangular_solves
 from knitlab.solvers.factorisation.multifrontal import Multifrontal
 from knitlab.solvers.factorisation.symbolic_factorisation import (
     Front,
