@@ -44,18 +44,11 @@ class ContactLayer:
 
 @dataclass(frozen=True)
 class ContactLayers:
-    """Contact of a fabric with itself.
+    """Contact of a fabric with itself."""
 
-    Attributes:
-        far: between parts that are not near each other on the grid.
-        near: between parts that are.
-        cell: shortest side of a grid cell [mm].
-        cells_per_period: of the grid.
-    """
-
-    far: ContactLayer
-    near: ContactLayer
-    cell: float
+    far: ContactLayer  # between parts that are not near each other on the grid
+    near: ContactLayer  # between parts that are
+    cell: float  # shortest side of a grid cell [mm]
     cells_per_period: int
 
     @property

@@ -26,8 +26,7 @@ class Gauge(Checked):
 class Stitches:
     """Stitches along the sides of a unit cell, on average over the central ones, and of the fabric.
 
-    The paper's unit cell, of 2 × 2 patches that are n_subunit stitches wide and 2 n_subunit high,
-    has (64, 32) for n_subunit 16 (Fig. "knit stitches").
+    The paper's unit cell has (64, 32) for n_subunit 16 (Fig. "knit stitches").
     """
 
     courses_in_cell: float

@@ -26,7 +26,7 @@ SPRING_LAWS = ("stiffening_strain", "spring_curve")
 """The fields of a stripe that define the law of its springs; linear springs have neither."""
 YARN_FIELDS = ("row_width", "stretch_along", "curve_along")
 """Fields that the paper's stripes do not have."""
-STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")  # order of siblings' random changes
+STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")  # order of random changes of copies
 STIFFENING = "stiffening_strain"
 """Setting for one knit or both, without factors, because the tables have no value."""
 GARTER_STITCHES_PER_RIB_STITCH = 2

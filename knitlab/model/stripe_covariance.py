@@ -11,8 +11,7 @@ Covariance = Mapping[str, Mapping[str, float]]
 Subject = Literal["swatch", "mean"]
 """What is uncertain: a newly knitted swatch, or the mean stripe of all swatches."""
 SUBJECTS: tuple[Subject, ...] = ("swatch", "mean")
-MIN_REPEATS = 2
-"""Smallest number of repeats whose scatter is known."""
+MIN_REPEATS = 2  # smallest number of repeats whose scatter is known
 
 
 @dataclass(frozen=True, eq=False)

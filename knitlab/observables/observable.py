@@ -1,7 +1,7 @@
 """How observables declare themselves: name, dimensions, unit, meaning, and when a case has them.
 
 An observable is a function of a :class:`~knitlab.observables.finished_test.FinishedTest`, decorated
-with :func:`observable`. It returns the value of its one variable, or a dictionary of several.
+with :func:`observable`.
 """
 
 from collections.abc import Callable
@@ -29,25 +29,15 @@ ALL = Group("all", "Every case", lambda case: True)
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable, as a case holds it; a cube adds the dimensions of its designs.
-
-    Attributes:
-        dims: its dimensions.
-        long_name: label for the axis of a figure.
-        units: in UDUNITS notation.
-        description: what the label leaves open.
-        in_cube: whether cubes hold it, besides case files.
-        integer: whether it is stored as an integer.
-        group: the cases that have it.
-    """
+    """One variable, as a case holds it; a cube adds the dimensions of its designs."""
 
     dims: tuple[str, ...]
-    long_name: str
-    units: str = "1"
-    description: str = ""
-    in_cube: bool = True
-    integer: bool = False
-    group: Group = ALL
+    long_name: str  # label for the axis of a figure
+    units: str = "1"  # in UDUNITS notation
+    description: str = ""  # what the label leaves open
+    in_cube: bool = True  # whether cubes hold it, besides case files
+    integer: bool = False  # whether it is stored as an integer
+    group: Group = ALL  # the cases that have it
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -76,15 +66,12 @@ snapshot_nodes = _shape("snapshot", "node_y", "node_x", "component", in_cube=Fal
 
 @dataclass(frozen=True)
 class Observable:
-    """A function of a finished test, and the variables that it gives.
-
-    ``unrelaxed`` is True if it has values even where the fabric did not relax.
-    """
+    """A function of a finished test, and the variables that it gives."""
 
     variables: dict[str, Variable]
     compute: "Compute"
     group: Group
-    unrelaxed: bool
+    unrelaxed: bool  # whether it has values even where the fabric did not relax
 
     def values(self, test: "FinishedTest") -> dict[str, Any]:
         """Its values, by the names of its variables; empty if this test has none."""
@@ -119,12 +106,10 @@ REGISTRY = Registry()
 def observable(
     group: Group = ALL, *, unrelaxed: bool = False, **variables: Variable
 ) -> "Callable[[Compute], Compute]":
-    """Register a function as the observable of some variables.
+    """Register a function as the observable of some variables of a group of cases.
 
-    Args:
-        group: the cases that have it.
-        unrelaxed: whether it has values even where the fabric did not relax.
-        variables: what it returns: of one variable the value, of several a dictionary.
+    It returns the value of its one variable, or a dictionary of several. With ``unrelaxed`` it has
+    values even where the fabric did not relax.
     """
 
     def registered(compute: "Compute") -> "Compute":

@@ -29,8 +29,7 @@ from knitlab.observables import spread as spread
 from knitlab.observables import motion_history as motion_history
 # isort: on
 
-VARIABLES = REGISTRY.variables
-"""Every variable, by name."""
+VARIABLES = REGISTRY.variables  # every variable, by name
 FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
 """Variables whose values are flags, and their flags."""
 INTEGERS = tuple(name for name, variable in VARIABLES.items() if variable.integer)

@@ -57,7 +57,7 @@ class Case:
     sensitivities: bool = False
     unloading: bool = False
     capacitor: Capacitor | None = None
-    robustness: int = 0  # number of siblings, from which the spread of results is found
+    robustness: int = 0  # number of perturbed copies
     grading: Grading | None = None
     folds: tuple[SingleFold, ...] = ()
     cell_patches: tuple[int, int] | None = None  # of a unit cell (y, x), if not the whole pattern

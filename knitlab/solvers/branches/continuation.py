@@ -18,7 +18,7 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from knitlab.solvers.branches.equations import Equations, Vector
+from knitlab.solvers.branches.equations import FabricEquations, Vector
 
 # Steps along a branch, in strain and in u over its size.
 FIRST_STEP = 0.005
@@ -69,14 +69,16 @@ class PathPoint:
         return int((self.eigenvalues < 0).sum())
 
 
-def equilibrium(equations: Equations, u: Vector, t: float) -> PathPoint:
+def equilibrium(equations: FabricEquations, u: Vector, t: float) -> PathPoint:
     """The equilibrium near u at a parameter, with the tangent towards larger ones."""
     held = np.append(np.zeros(len(u)), 1.0)
     u, t, _ = _corrected(equations, u, t, held)
     return _point(equations, u, t, held)
 
 
-def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -> list[PathPoint]:
+def follow(
+    equations: FabricEquations, start: PathPoint, until: tuple[float, float]
+) -> list[PathPoint]:
     """Points of a branch, its critical points included, from one of it along its tangent.
 
     It ends where the parameter leaves a range, where the branch closes, after :data:`MAX_POINTS`,
@@ -106,7 +108,7 @@ def follow(equations: Equations, start: PathPoint, until: tuple[float, float]) -
 
 
 def at_parameter(
-    equations: Equations, points: Sequence[PathPoint], parameter: float
+    equations: FabricEquations, points: Sequence[PathPoint], parameter: float
 ) -> Iterator[PathPoint]:
     """The points of a branch at a parameter, and that next to its first point if this is near."""
     if abs(points[0].parameter - parameter) < NEAR:
@@ -125,7 +127,7 @@ def at_parameter(
                 yield _stepped(equations, one, float(brentq(beyond, 0.0, length)), along)[0]
 
 
-def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[PathPoint]:
+def switched(equations: FabricEquations, at: PathPoint, amplitude: float) -> list[PathPoint]:
     """Points on either side of the other branch at a branch point, an ``amplitude`` away.
 
     The amplitude, in u over its size and in t, is halved where a second eigenvalue changes its
@@ -150,7 +152,9 @@ def switched(equations: Equations, at: PathPoint, amplitude: float) -> list[Path
     return points
 
 
-def _across_mode(equations: Equations, at: PathPoint, mode: Vector) -> Float[np.ndarray, " free+1"]:
+def _across_mode(
+    equations: FabricEquations, at: PathPoint, mode: Vector
+) -> Float[np.ndarray, " free+1"]:
     """The direction (u / size, t) in which the force stays zero and the critical mode is still."""
     stiffness = equations.stiffness(at.unknowns, at.parameter)
     by_parameter = equations.force_by_parameter(at.unknowns, at.parameter)
@@ -163,7 +167,7 @@ def _across_mode(equations: Equations, at: PathPoint, mode: Vector) -> Float[np.
 
 
 def _stepped(
-    equations: Equations, last: PathPoint, length: float, along: Float[np.ndarray, " along"]
+    equations: FabricEquations, last: PathPoint, length: float, along: Float[np.ndarray, " along"]
 ) -> tuple[PathPoint, int]:
     """The point at a distance from one along a direction, and the iterations that it took."""
     u, t, iterations = _at_distance(equations, last, length, along)
@@ -171,7 +175,7 @@ def _stepped(
 
 
 def _at_distance(
-    equations: Equations, last: PathPoint, length: float, along: Float[np.ndarray, " along"]
+    equations: FabricEquations, last: PathPoint, length: float, along: Float[np.ndarray, " along"]
 ) -> tuple[Vector, float, int]:
     """The unknowns and the parameter of that point, and the iterations that they took."""
     u = last.unknowns + length * equations.size * along[:-1]
@@ -179,7 +183,7 @@ def _at_distance(
 
 
 def _corrected(
-    equations: Equations, u: Vector, t: float, normal: Float[np.ndarray, " free+1"]
+    equations: FabricEquations, u: Vector, t: float, normal: Float[np.ndarray, " free+1"]
 ) -> tuple[Vector, float, int]:
     """Newton's method in the plane through (u, t) across a direction; NotFollowed if it fails."""
     for iteration in range(1, MAX_ITERATIONS + 1):
@@ -198,7 +202,7 @@ def _corrected(
 
 
 def _bordered(
-    equations: Equations,
+    equations: FabricEquations,
     stiffness: sp.csc_array,
     by_parameter: Vector,
     normal: Float[np.ndarray, " free+1"],
@@ -222,7 +226,7 @@ def _bordered(
 
 
 def _point(
-    equations: Equations, u: Vector, t: float, before: Float[np.ndarray, " free+1"]
+    equations: FabricEquations, u: Vector, t: float, before: Float[np.ndarray, " free+1"]
 ) -> PathPoint:
     stiffness = equations.stiffness(u, t)
     by_parameter = equations.force_by_parameter(u, t)
@@ -237,7 +241,7 @@ def _point(
 
 
 def lowest_eigenvalues(
-    equations: Equations, stiffness: sp.csc_array
+    equations: FabricEquations, stiffness: sp.csc_array
 ) -> tuple[Float[np.ndarray, " lowest"], Float[np.ndarray, "free lowest"]]:
     """The lowest eigenvalues of a stiffness, ascending, and their modes, but neutral motions."""
     rigid = _free_motions(equations, stiffness)
@@ -266,14 +270,16 @@ def lowest_eigenvalues(
     return values[order], modes[:, order]
 
 
-def _free_motions(equations: Equations, stiffness: sp.csc_array) -> Float[np.ndarray, "free mode"]:
+def _free_motions(
+    equations: FabricEquations, stiffness: sp.csc_array
+) -> Float[np.ndarray, "free mode"]:
     largest = abs(stiffness.diagonal()).max()
     if (abs(stiffness @ equations.lift) < NO_STIFFNESS * largest).all():
         return np.concatenate([equations.neutral, equations.lift], axis=1)
     return equations.neutral
 
 
-def _distance(equations: Equations, one: PathPoint, other: PathPoint) -> float:
+def _distance(equations: FabricEquations, one: PathPoint, other: PathPoint) -> float:
     moved = (other.unknowns - one.unknowns) / equations.size
     return float(np.hypot(np.linalg.norm(moved), other.parameter - one.parameter))
 
@@ -287,7 +293,7 @@ def _negative(stiffness: sp.csc_array, shift: float) -> int:
 
 
 def _critical_points(
-    equations: Equations, before: PathPoint, after: PathPoint, length: float
+    equations: FabricEquations, before: PathPoint, after: PathPoint, length: float
 ) -> Iterator[PathPoint]:
     """The points between two at which an eigenvalue is zero, by root finding along the branch."""
     few, many = sorted((before.unstable, after.unstable))

@@ -1,6 +1,4 @@
-"""Equations of equilibrium that depend on one parameter, and those of a fabric under a load."""
-
-from typing import Protocol
+"""Equations of equilibrium of a fabric that depend on one parameter, its applied strain."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,32 +15,12 @@ Vector = Float[np.ndarray, " free"]
 DIFFERENCE = 1e-6  # of the parameter, for the derivative of the force by it
 
 
-class Equations(Protocol):
-    """An energy V(u, t) of unknowns u and a parameter t, with its derivatives by u."""
-
-    size: float  # scale of u, relative to which the parameter counts along a branch
-    neutral: Float[np.ndarray, "free mode"]  # orthonormal motions that cost no energy
-    lift: Float[np.ndarray, "free mode"]  # and one that does only if something is touched
-
-    def energy(self, u: Vector, t: float) -> float:
-        """V."""
-        ...
-
-    def force(self, u: Vector, t: float) -> Vector:
-        """∂V/∂u, zero in equilibrium."""
-        ...
-
-    def stiffness(self, u: Vector, t: float) -> sp.csc_array:
-        """∂²V/∂u²."""
-        ...
-
-    def force_by_parameter(self, u: Vector, t: float) -> Vector:
-        """∂²V/∂u∂t."""
-        ...
-
-
 class FabricEquations:
-    """A fabric whose held unknowns follow the applied strain of a loading, by its free unknowns."""
+    """A fabric under a loading: the energy V of its free unknowns u at the applied strain t.
+
+    ``size`` is the scale of u, relative to which t counts along a branch. ``neutral`` are
+    orthonormal motions that cost no energy, ``lift`` one that does only if something is touched.
+    """
 
     def __init__(self, system: System, loading: Loading) -> None:
         self.loading = loading
