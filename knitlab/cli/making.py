@@ -9,6 +9,7 @@ import click
 import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
+from knitlab.io.names import check_suffix
 
 
 @click.command()
@@ -94,9 +95,9 @@ def knit(
     Exit code 1 if the check finds a mistake.
     """
     for path in outputs:
-        options.check_suffix(path, (".k", ".csv", ".txt", *options.FIGURES))
+        check_suffix(path, (".k", ".csv", ".txt", *options.FIGURES), "knitout or a chart")
     for path in sheets:
-        options.check_suffix(path, options.FIGURES)
+        check_suffix(path, options.FIGURES, "a figure")
     sample = kl.knit(design, overrides=settings, selections=selections, **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")

@@ -155,12 +155,6 @@ def show_models(cubes: Iterable[Path]) -> None:
         click.echo(one_line(line), err=True)
 
 
-def check_suffix(output: Path, known: Sequence[str]) -> None:
-    """Fail before any work if the suffix of a file to write is not a known one."""
-    if output.suffix.lower() not in known:
-        raise click.BadParameter(f"output {output}: give it one of the suffixes {', '.join(known)}")
-
-
 def exit_unless(ok: bool) -> None:
     """End with exit code 1 if what was asked for did not succeed."""
     if not ok:
@@ -259,11 +253,7 @@ def _add_setting(context: click.Context, parameter: click.Parameter, value: Any)
         given.append(f"{parameter.name}={json.dumps(value, default=str)}")
 
 
-AS_SETTING: dict[str, Any] = {
-    "is_eager": True,
-    "expose_value": False,
-    "callback": _add_setting,
-}
+AS_SETTING: dict[str, Any] = {"is_eager": True, "expose_value": False, "callback": _add_setting}
 """Arguments of an option that is short for ``--set`` of its name."""
 results = option(
     "--results",

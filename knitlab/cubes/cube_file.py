@@ -16,8 +16,8 @@ from knitlab.cubes.derived import with_derived
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import append_checksum, has_checksum
 from knitlab.io.errors import InputError, Mistake, invalid
-from knitlab.io.json_file import json_table
 from knitlab.io.lock import is_locked
+from knitlab.io.toml import json_table
 from knitlab.observables import schema
 from knitlab.observables.of_cubes import DERIVED, LABORATORY
 from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES

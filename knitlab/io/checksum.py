@@ -1,8 +1,7 @@
 """Files that end with their own checksum, so that any damage is noticed when they are read.
 
-netCDF ignores what follows its contents, and cuts it off when another program changes the file:
-then the file has no checksum, and is believed as any file of another program. In a table of JSON
-the checksum is the last entry.
+netCDF ignores what follows its contents. A file that another program changed has no checksum, and
+is believed. In a table of JSON the checksum is the last entry.
 """
 
 import hashlib
@@ -27,7 +26,7 @@ def append_checksum(path: Path) -> None:
 
 
 def has_checksum(path: Path) -> bool:
-    """Whether a file ends with its checksum; ValueError if that is of other contents."""
+    """Whether a file ends with its checksum; ValueError if its contents differ."""
     with plain_file(path).open("rb") as file:
         left = max(file.seek(0, SEEK_END) - LENGTH, 0)
         file.seek(left)
@@ -40,7 +39,7 @@ def has_checksum(path: Path) -> bool:
             digest.update(part)
             left -= len(part)
     if tail[len(MARK) :] != digest.hexdigest().encode():
-        raise ValueError("it has other contents than were written")
+        raise ValueError("its contents are not those that were written")
     return True
 
 
@@ -52,8 +51,7 @@ def json_with_checksum(text: str) -> str:
 
 def is_damaged_json(text: str) -> bool:
     """Whether the text of a table ends with the checksum of other contents."""
-    stated = IN_JSON.search(text)
-    if stated is None:
+    if (stated := IN_JSON.search(text)) is None:
         return False
     contents = text[: stated.start()] + END_OF_JSON
     return hashlib.sha256(contents.encode()).hexdigest() != stated[1]

@@ -11,5 +11,4 @@ def cache_problem(named: str) -> str:
     """Why nothing can be kept in a folder; empty if it can, or if it is on no file system."""
     if not named or "://" in named or can_write_into(Path(named)):
         return ""
-    message = "cannot be written, and nothing compiled is kept; name another folder"
-    return f"{VARIABLE} {named}: {message}"
+    return f"{VARIABLE} {named}: cannot be written, so nothing is kept there; name another folder"

@@ -1,7 +1,6 @@
 """Ctrl-C while the command line is imported ends it with one line, as imports may lose the error.
 
-A program of a user that imports knitlab gets its KeyboardInterrupt as ever. Until this module is
-there Python itself answers, so that it imports only what Python has imported by then.
+A program of a user that imports knitlab gets its KeyboardInterrupt as ever.
 """
 
 import os

@@ -1,9 +1,8 @@
 """Locks of a results folder: one run at a time, or several shards side by side. Needs no JAX.
 
-A run holds a lock until it ends, as does each shard of a plan; a run without shards is the only one
-of 1. The brief lock is held while a run checks which others run, and while a shard writes what all
-share. On a file system without locks nothing is held, and a shard refuses a folder where another
-one ran.
+A run holds a lock until it ends, as does each shard of a plan. The brief lock is held while a run
+checks which others run, and while a shard writes what all share. On a file system without locks
+nothing is held, and a shard refuses a folder where another one ran.
 """
 
 import errno
@@ -30,11 +29,7 @@ Shard = tuple[int, int]  # number, from 1 on, and count
 
 @contextmanager
 def locked(folder: Path, shard: Shard = (1, 1)) -> Iterator[None]:
-    """Lock a results folder for a run, or for a shard beside the others of the same plan.
-
-    The lock ends with the process. InputError if another run, the same shard or another number of
-    shards runs, or if there are no locks and another shard ran here.
-    """
+    """Lock a results folder for a run, or for a shard beside others; InputError if it is in use."""
     path = folder / ".lock-{}-of-{}".format(*shard)
     with brief_lock(folder) as locks:
         others = {*folder.glob(".lock-*.holder")} - {_holder_file(path)}
@@ -55,7 +50,7 @@ def locked(folder: Path, shard: Shard = (1, 1)) -> Iterator[None]:
 
 
 def brief_lock(folder: Path) -> AbstractContextManager[object]:
-    """Exclude the other processes of a results folder for a moment; errors as of a lock."""
+    """Exclude the other processes of a results folder for a moment."""
     return _acquired(folder / ".lock-brief", BRIEF_SECONDS)
 
 
@@ -111,5 +106,5 @@ def _in_use(path: Path) -> InputError:
 
 
 def _holder_file(path: Path) -> Path:
-    """The file beside a lock that names its holder; a locked file is not readable on Windows."""
+    # A locked file itself is not readable on Windows.
     return path.with_name(f"{path.name}.holder")

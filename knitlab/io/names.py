@@ -21,8 +21,8 @@ CONTROLS |= {
     code: f"\\u{code:04x}"
     for code in (0x61C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 }
-"""Characters that a terminal obeys, as they are shown, with those that turn the direction of a
-text; but for tabs and ends of lines."""
+"""Control characters but tabs and ends of lines, with those that turn the direction of a text, as
+they are shown."""
 OF_ONE_LINE = CONTROLS | {10: "\\n", 13: "\\r", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 """The same, with ends of lines."""
 
@@ -65,13 +65,12 @@ def named_folder(folder: Path, name: str) -> Path:
 def inside(folder: Path, name: str) -> Path:
     """The file of a name in a folder; InputError if it would be elsewhere."""
     if name in ("", ".", "..") or {*name} & {*"/\\\0"}:
-        raise invalid(str(folder), f"has no place for a file named {name!r}; its name is damaged")
+        raise invalid(str(folder), f"cannot hold a file named {name!r}; its name is damaged")
     return folder / name
 
 
 def check_suffix(output: Path, known: Collection[str], kind: str) -> None:
     """InputError unless the suffix of a file to write is a known one of a kind, as "a mesh"."""
     if output.suffix.lower() not in known:
-        raise invalid(
-            f"output {output}", f"has no suffix of {kind}; give one of {', '.join(known)}"
-        )
+        message = f"has no suffix of {kind}; give one of {', '.join(known)}"
+        raise invalid(f"output {output}", message)

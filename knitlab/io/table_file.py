@@ -53,9 +53,7 @@ def read_table(path: Path, example: str) -> Table:
     """Read a table of numbers; its entries remain text, with a decimal point.
 
     Lines that start with # are ignored, except a header in the last of them. A row of units is
-    joined to the header: ``Load`` above ``(N)`` is ``Load (N)``, and above ``N`` it is
-    ``Load [N]``. The first sheet of a workbook (``.xlsx``) is read where openpyxl is installed.
-    InputError if there is no table; its message names the line, or has the ``example`` of a table.
+    joined to the header. Messages name the line, or have the ``example`` of a table.
     """
     if path.suffix.lower() in WORKBOOKS and path.is_file():
         lines, separator, comma = _workbook_lines(path), "\t", False
@@ -116,9 +114,7 @@ def read_columns(
 ) -> dict[str, Float[np.ndarray, " point"]]:
     """Numbers of columns by name, whether or not the header adds a unit in brackets.
 
-    ``names`` are those of the columns, each with its unit or ``None``, and ``optional`` those of
-    further ones, which are read if they are numbers; in small letters they match any. InputError
-    has every missing, repeated or wrong column, and headers with another unit than ``names``.
+    ``names`` have the unit of each, or ``None``; ``optional`` columns are read if they are numbers.
     """
     headers, rows, _ = read_table(path, example)
     bare = [name_and_unit(header)[0] for header in headers]
@@ -131,7 +127,13 @@ def read_columns(
         if known.count(wanted) == 1:
             column = known.index(wanted)
             columns[name], wrong = column_numbers(path, name, rows[column])
-            wrong = _unit_mistakes(where, headers[column], names.get(name)) + wrong
+            unit, given = names.get(name), name_and_unit(headers[column])[1]
+            if unit is not None and given and _is_unit(given):
+                factor, mistaken = unit_factor(where, given, unit, f"such as {unit}")
+                if mistaken or not np.isclose(factor, 1):
+                    shown = IN_BRACKETS.findall(headers[column])[-1]
+                    message = f"is in {shown} by its header, but {unit} is stated; correct one"
+                    wrong.insert(0, Mistake(where, message))
         else:
             message = f"is missing; the file has {', '.join(headers)}; {example}"
             wrong = [Mistake(where, "occurs twice; keep one" if known else message)]
@@ -149,18 +151,6 @@ def name_and_unit(header: str) -> tuple[str, str]:
         return match["name"], match["unit"][1:-1].strip()
     match = BEHIND_WORD.fullmatch(header)
     return (match["name"], match["unit"]) if match and _is_unit(match["unit"]) else (header, "")
-
-
-def _unit_mistakes(where: str, header: str, unit: str | None) -> list[Mistake]:
-    """A mistake if a header names another unit than the one stated for it."""
-    _, given = name_and_unit(header)
-    if unit is None or not given or not _is_unit(given):
-        return []
-    factor, mistakes = unit_factor(where, given, unit, f"such as {unit}")
-    if not mistakes and np.isclose(factor, 1):
-        return []
-    shown = IN_BRACKETS.findall(header)[-1]
-    return [Mistake(where, f"is in {shown} by its header, but {unit} is stated; correct one")]
 
 
 def unit_factor(where: str, unit: str, target: str, hint: str) -> tuple[float, list[Mistake]]:
@@ -213,11 +203,7 @@ def _number(field: str, comma: bool) -> str:
 
 
 def _dialect(lines: Sequence[str], separators: str) -> tuple[str, bool]:
-    """The separator and whether numbers have a decimal comma: what explains most of the text.
-
-    Counted are the lines of several fields of which most are numbers. A decimal comma is believed
-    only if a number has one.
-    """
+    """The separator and whether numbers have a decimal comma: what explains most lines."""
     sample = [line for line in lines if _holds_fields(line)][-SEEN:]
 
     def explained(choice: tuple[str, bool]) -> tuple[float, bool, int]:
@@ -234,14 +220,12 @@ def _dialect(lines: Sequence[str], separators: str) -> tuple[str, bool]:
 
 
 def _first_of_table(rows: Sequence[_Row]) -> int | None:
-    """Index of the first row of the longest table: rows of one length that begin with a number.
-
-    A row without a number ends a table only below a gap, so that an incomplete row is noticed.
-    """
+    """Index of the first row of the longest table: rows of one length that begin with a number."""
     first: int | None = None
     start, length, longest = 0, 0, 0
     for index, row in enumerate(rows):
         before = rows[index - 1]
+        # A row without a number ends a table only below a gap, to notice incomplete ones.
         follows = row.numeric or row.line == before.line + 1
         if length and len(row.fields) == len(before.fields) and follows:
             length += 1
@@ -262,16 +246,17 @@ def _headers(
         commented = _fields(nearest.lstrip("# \t"), separator)
         if len(commented) == len(fields):
             return commented
-    above = list(
-        takewhile(
-            lambda row: not row.numeric and abs(len(row.fields) - len(fields)) <= 1,
-            rows[max(first - 2, 0) : first][::-1],
-        )
-    )
+
+    def is_header(row: _Row) -> bool:
+        return not row.numeric and abs(len(row.fields) - len(fields)) <= 1
+
+    above = list(takewhile(is_header, rows[max(first - 2, 0) : first][::-1]))
     if not above:
         return None
     header = above[0].fields
-    if len(above) > 1 and above[1].line == above[0].line - 1 and _are_units(header):
+    given = [field for field in header if field]
+    units = given and all(IN_BRACKETS.fullmatch(field) or _is_unit(field) for field in given)
+    if len(above) > 1 and above[1].line == above[0].line - 1 and units:
         names = above[1].fields
         header = [
             f"{name} [{unit}]" if unit and not IN_BRACKETS.fullmatch(unit) else f"{name} {unit}"
@@ -281,11 +266,6 @@ def _headers(
     while header and not header[-1]:
         header.pop()
     return header
-
-
-def _are_units(fields: Sequence[str]) -> bool:
-    given = [field for field in fields if field]
-    return bool(given) and all(IN_BRACKETS.fullmatch(field) or _is_unit(field) for field in given)
 
 
 def _is_unit(text: str) -> bool:

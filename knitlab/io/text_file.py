@@ -24,11 +24,7 @@ SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f\ufeff"), " ")
 
 
 def read_text(path: Path) -> str:
-    """The text of a file in UTF-8, UTF-16, UTF-32 or, failing these, Windows-1252.
-
-    Lines end with a line feed, and no-break spaces become plain ones. InputError if the file cannot
-    be read, or is not text.
-    """
+    """The text of a file in UTF-8, UTF-16, UTF-32 or Windows-1252, with plain spaces and LF."""
     try:
         content = plain_file(path).read_bytes()
     except OSError as error:

@@ -1,12 +1,13 @@
-"""Input files: the base of their schemas, and TOML read with a message instead of a traceback."""
+"""Input files: the base of their schemas; TOML and JSON read with a message."""
 
+import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid, naming
@@ -41,3 +42,13 @@ def write_toml(path: Path, table: Mapping[str, Any]) -> None:
     """Write a table as TOML; CannotWrite if that fails."""
     with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+
+
+def json_table(text: str, where: str, schema: Any, message: str) -> dict[str, Any]:
+    """The table in a text; InputError with a message if it does not match the schema."""
+    try:
+        table: dict[str, Any] = json.loads(text)
+        TypeAdapter(schema).validate_python(table)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise invalid(where, message) from error
+    return table

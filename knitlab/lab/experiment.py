@@ -20,9 +20,9 @@ from knitlab.cubes.cube_file import (
     write_cube,
 )
 from knitlab.io.errors import invalid
-from knitlab.io.json_file import json_table
 from knitlab.io.names import named_folder
 from knitlab.io.provenance import MODEL, file_digest, provenance, text_digest
+from knitlab.io.toml import json_table
 from knitlab.lab.description import Description, RecordKind, read_description
 from knitlab.lab.machine import Values, read_capacitance, read_tensile
 from knitlab.lab.markers import read_markers

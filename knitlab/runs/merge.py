@@ -100,10 +100,7 @@ class FolderContents:
 
 
 def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = False) -> Merge:
-    """Join the files of several folders, see :func:`knitlab.merge`; all is compared before.
-
-    InputError if they contradict each other or hold several workflows.
-    """
+    """Join the files of several folders, see :func:`knitlab.merge`; all is compared before."""
     paths = dict.fromkeys(path.resolve() for each in folders for path in _results_folders(each))
     sources = [FolderContents.read(path) for path in paths]
     names = {source.workflow: source.path for source in sources}
@@ -210,8 +207,10 @@ def _contradictions(folders: Sequence[FolderContents]) -> list[Mistake]:
             owner, case_id = owners_by_design.setdefault(labels, (folder, design.case_id))
             if case_id != design.case_id:
                 label = results_folder.label_text(folder.dims, labels)
-                message = f"has the design {label} as {design.case_id}, but {owner.path} has it as"
-                message += f" {case_id}, computed with other settings; merge it into another folder"
+                message = (
+                    f"has {label} as {design.case_id}, and {owner.path} as {case_id}, with other"
+                )
+                message += " settings; merge it into another folder"
                 mistakes[design.case_id] = Mistake(str(folder.path), message)
         for case_id in folder.results:
             owner = owners_by_case.setdefault(case_id, folder)

@@ -15,10 +15,10 @@ from knitlab.cubes.cube_file import design_dims
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import is_damaged_json
 from knitlab.io.errors import invalid
-from knitlab.io.json_file import json_table
 from knitlab.io.names import Name
 from knitlab.io.provenance import MODEL, file_digests, stored_model
 from knitlab.io.text_file import plain_file
+from knitlab.io.toml import json_table
 from knitlab.observables.status import RUN, Status
 
 PLAN = "plan.json"

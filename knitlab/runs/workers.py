@@ -110,8 +110,8 @@ def worker_pool(
 ) -> Iterator[Pool]:
     """The pool for a run: a dask scheduler, processes of this machine, or with 0 this process."""
     if scheduler is not None or workers:
-        client = connected(scheduler) if scheduler is not None else _started(workers, dashboard)
-        with client as connection, _dask_pool(connection, task, progress) as pool:
+        started = connected(scheduler) if scheduler is not None else _started(workers, dashboard)
+        with started as client, _dask_pool(client, task, progress) as pool:
             yield pool
         return
     if task.case_timeout is not None and not hasattr(signal, "setitimer"):
@@ -281,9 +281,9 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[threading.Event]:
-    """Raise KeyboardInterrupt on signals that end a process; only the main thread can do so.
+    """Raise KeyboardInterrupt on signals that end a process, and set the event.
 
-    The event is set then, as Python may lose an exception that is raised within an import.
+    Python may lose an exception that is raised within an import.
     """
     asked = threading.Event()
 

@@ -1,6 +1,7 @@
 """The public surface: what ``dir(knitlab)`` lists, documented, with examples that run."""
 
 import doctest
+import importlib
 import inspect
 import subprocess
 import sys
@@ -31,6 +32,12 @@ def test_dir_lists_what_all_does():
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_public_name_is_documented(name):
     assert inspect.getdoc(PUBLIC[name])
+
+
+@pytest.mark.parametrize("name", ["claims", "design", "export"])
+def test_a_package_does_not_hide_the_function_of_its_name(name):
+    importlib.import_module(f"knitlab.{name}")
+    assert callable(getattr(knitlab, name))
 
 
 LONG = {"calibrate_friction"}  # examples that are run nightly

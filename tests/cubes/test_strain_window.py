@@ -92,9 +92,3 @@ def test_a_single_strain_is_read_between_those_that_were_simulated():
 def test_an_invalid_window_is_refused(text):
     with pytest.raises(InputError, match="window"):
         StrainWindow.of(text, "target")
-
-
-@given(windows)
-def test_a_window_is_read_back_from_its_text(window):
-    again = StrainWindow.of(str(window), "target")
-    assert again.start == pytest.approx(window.start, rel=1e-5)

@@ -231,7 +231,7 @@ def test_a_calibrated_stripe_is_added_to_the_file_and_replaces_itself(tmp_path):
     assert "third" in read.source
 
 
-def test_a_material_with_faults_lists_every_one(tmp_path):
+def test_a_material_with_mistakes_lists_every_one(tmp_path):
     path = tmp_path / "bad.toml"
     path.write_text('z_max = { value = -1.0, unit = "cm", source = "ruler" }\nthicknes = 3\n')
     with pytest.raises(InputError) as caught:

@@ -73,7 +73,7 @@ def test_further_strains_join_the_even_ones():
     assert plan.applied_strain == (0.0, 0.1, 0.2, 0.23, 0.3)
 
 
-def test_every_fault_of_a_workflow_is_in_one_message(tmp_path):
+def test_every_mistake_of_a_workflow_is_in_one_message(tmp_path):
     path = workflow(
         tmp_path,
         'figures = ["maps"]\n[design]\nn_stripe = [0]\n'
@@ -86,7 +86,7 @@ def test_every_fault_of_a_workflow_is_in_one_message(tmp_path):
     assert all(place in text for place in places)
 
 
-def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
+def test_mistakes_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
     shutil.copytree(shipped("params"), tmp_path / "params")
     sheet = tmp_path / "params" / "sheet.toml"
     sheet.write_text(sheet.read_text().replace("value = 6.0", "value = -6.0"))
@@ -102,8 +102,7 @@ def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
 
 
 def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
-    path = workflow(tmp_path, 'title = "mine"\n[design]\nn_stripe = [4]\nn_subunit = [16]\n')
-    plan = make_plan(path)
+    plan = make_plan(workflow(tmp_path, 'title = "a"\n[design]\nn_stripe = 4\nn_subunit = [16]\n'))
     assert plan.workflow == "mine"
     assert designs(plan) == [(4, 16)]
 
@@ -192,21 +191,6 @@ def test_a_workflow_is_of_checkerboards_or_of_stripes(tmp_path):
             make_plan(path, overrides)
     with pytest.raises(InputError, match=r"n = \[5\]"):
         make_plan("stripes", ("n=5",))
-
-
-def written(tmp_path, design):
-    return workflow(tmp_path, f'title = "mine"\n[design]\n{design}\n')
-
-
-@pytest.mark.parametrize(
-    ("design", "expected"),
-    [
-        ("n_stripe = 4\nn_subunit = 16", [(4, 16)]),
-        ("n_stripe = 4\nn_subunit = [16, 32]", [(4, 16), (4, 32)]),
-    ],
-)
-def test_a_single_value_may_stand_for_a_list(tmp_path, design, expected):
-    assert designs(make_plan(written(tmp_path, design))) == expected
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import xarray as xr
 
 import knitlab
 from knitlab.cubes.cube_file import open_cube
-from knitlab.io.errors import InputError
 from knitlab.io.provenance import provenance
 from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
@@ -104,10 +103,3 @@ def test_a_cube_is_no_larger_than_its_largest_sample(tmp_path):
     cube = ran(tmp_path, "n_subunit=16", "scale=0.15", refresh=True).cube
     assert unit_cells(cube, 4, 16) == (2, 1)
     assert (cube.sizes["cell_y"], cube.sizes["cell_x"]) == unit_cells(cube, 4, 24) == (4, 2)
-
-
-@pytest.mark.parametrize("change", ["cell_size=flat", "boundary=periodic"])
-def test_designs_of_other_model_options_are_not_added_whatever_their_sample(tmp_path, change):
-    ran(tmp_path, "n_subunit=32")
-    with pytest.raises(InputError, match=r"holds 1 designs computed otherwise \(options\.\w+ was"):
-        ran(tmp_path, "n_subunit=16", change)
