@@ -45,8 +45,7 @@ Families = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 Lines = dict[int, LinearFit]  # the line fitted to the designs of each n_stripe, against n_subunit
 
 
-CHECKS: dict[str, Check] = {}
-"""Every check, by the name that ``test`` of a claim gives."""
+CHECKS: dict[str, Check] = {}  # every check, by the name that ``test`` of a claim gives
 
 
 def check(test: Check) -> Check:

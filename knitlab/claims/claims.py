@@ -53,11 +53,6 @@ class Claim(StrictModel):
         return "knitlab" if self.knitlab else "paper"
 
     @property
-    def about_relaxed_fabric(self) -> bool:
-        """Whether it is about fabric in equilibrium, before it is pulled."""
-        return self.topic in RELAXED_TOPICS
-
-    @property
     def compares_cubes(self) -> bool:
         """Whether its samples may be in several cubes."""
         return "cubes" in inspect.signature(CHECKS[self.test]).parameters

@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.claims.claims import Claim
+from knitlab.claims.claims import RELAXED_TOPICS, Claim
 from knitlab.claims.margin import CheckResult, Grade, signed
 from knitlab.claims.samples import JudgedSamples, preference
 from knitlab.cubes.cube_file import open_cube, swept_dims
@@ -79,7 +79,7 @@ def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
         (
             result.margin is None,
             result.wanted == 0,
-            claim.about_relaxed_fabric and bool(pulled_without_pause(cube).any()),
+            claim.topic in RELAXED_TOPICS and bool(pulled_without_pause(cube).any()),
             *preference(cube, result.at),
         )
         for _, cube, result in checked

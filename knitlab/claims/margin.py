@@ -1,18 +1,9 @@
 """Margins: how far what was measured is from the threshold of a claim, as one number without unit.
 
 It is the distance from the value to its limit, towards the side that the claim wants, over a scale:
-
-- a value and a limit, or the value of one sample and that of another: over the size of the limit,
-  so that -0.25 misses it by a quarter of itself; over 1 if the limit is 0, which only plain numbers
-  such as Poisson's ratio, a gauge factor or a slope of strain against strain are held against;
-- steps that must rise or fall, and a value that must be the lowest: over the spread of all values
-  that are compared;
-- a local strain along a sample: over the largest strain along it;
-- a coefficient of determination: over what its limit leaves unexplained, so that 1 has margin 1;
-- a rank correlation: against the weakest correlation that is significant for so many designs.
-
-The margin of a claim over many designs or steps is that of the worst. Where a claim excludes the
-limit itself, a value on the limit misses it by the least that a number can.
+the limit itself, or 1 if that is 0; the spread of all values of an order; the largest strain along
+a sample; what the limit of R² leaves unexplained. The worst of many designs or steps counts. Where
+a claim excludes its limit, a value on it misses by the least that a number can.
 """
 
 import math
@@ -86,7 +77,7 @@ class NotMeasured(Exception):
 def above(
     value: float, limit: float, *, strict: bool = False, scale: float | None = None
 ) -> float | None:
-    """Margin of a value over a limit, by default over its size; None if a number is not finite."""
+    """Margin of a value above a limit, by default over its size; None if one is not finite."""
     scale = (abs(limit) or 1.0) if scale is None else scale
     if not all(map(math.isfinite, (value, limit, scale))):
         return None

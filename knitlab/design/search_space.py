@@ -101,9 +101,7 @@ def search_space(request: DesignRequest) -> SearchSpace:
         settings.setdefault("strain_max", settings["strain_step"])
     allowed = make_plan(request.workflow, {**settings, **labels})
     if any(name not in CHOICES for name in allowed.dims):
-        raise invalid(
-            request.workflow, f"has dimensions {allowed.dims}; a search takes one setting"
-        )
+        raise invalid(request.workflow, f"has dimensions {allowed.dims}; give single settings")
     needed = max((target.window.stop for target in request.wanted if target.window), default=0.0)
     if len(allowed.applied_strain) < 2:
         raise invalid("strain_max = 0", "leaves no strain to apply; raise it, or leave it out")

@@ -33,9 +33,7 @@ def calibration_figure(
     above, below = axes[:, 0]
     label = "measured" if fitted.repeats == 1 else f"mean of {fitted.repeats} repeats"
     if linear is not None:
-        above.plot(
-            fitted.strain, linear.fitted_force, color=LINEAR, ls="--", label="linear springs"
-        )
+        above.plot(fitted.strain, linear.fitted_force, "--", color=LINEAR, label="linear springs")
         below.plot(fitted.strain, 1000 * linear.residuals, "x", ms=2.5, color=LINEAR)
     curves = {"across": (fitted.strain, fitted.force, fitted.fitted_force)}
     if fitted.along is not None:

@@ -27,7 +27,7 @@ COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of
 
 
 def nearest_figure(nearest: Found, title: str = "designs", bands: bool = False) -> Figure:
-    """A row of panels for each target: what is wanted, and the nearest designs, or their bands."""
+    """A row of panels for each target: what is wanted, and the nearest designs and their bands."""
     names = []
     for _, design in nearest.table.head(MAX_SHOWN).iterrows():
         labels = f"({', '.join(str(design[name]) for name in NAMED_BY if name in design)})"
@@ -107,7 +107,7 @@ def _draw_wanted(panel: Axes, target: Target) -> None:
 def pareto_figure(
     distances: Float[np.ndarray, "trial 2"], labels: tuple[str, str], candidates: pd.Series
 ) -> Figure:
-    """Trials by their distances from two targets, and the Pareto front; by candidate's number."""
+    """Trials by their distances from two targets, for each candidate, and the Pareto front."""
     figure, axes = subplots(3.0, width=ONE_COLUMN * 1.4)
     for number in sorted(candidates.unique()):
         in_search = (candidates == number).to_numpy()

@@ -50,7 +50,7 @@ def branches_figure(points: xr.Dataset) -> Figure:
 
 
 def shapes_figure(shapes: xr.Dataset) -> Figure:
-    """The lowest relaxed shape, how others differ from it at the nearest, and energies between."""
+    """Relaxed shapes: the lowest, how others differ from it, and the energies between them."""
     few = shapes.isel(shape=slice(SHOWN), to=slice(SHOWN))
     count = few.sizes["shape"]
     size = (TWO_COLUMNS, 4.6) if count > 1 else (ONE_COLUMN, 2.6)

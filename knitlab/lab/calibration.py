@@ -66,10 +66,8 @@ MODEL_ERROR, INDEPENDENT = 0.01, 10
 Even without noise, a curve that ends before the springs stretch does not determine them."""
 OF_SPRINGS = ("k_s", "stiffening_strain")
 BEYOND_OPEN = 1.1  # of the length of open folds, that a curve should reach
-CORRELATED = 0.5
-"""Correlation of neighbouring residuals from which on there is a warning."""
-ROUND_OFF = 1e-6
-"""Misfit over the largest force below which residuals are round-off."""
+CORRELATED = 0.5  # correlation of neighbouring residuals from which on there is a warning
+ROUND_OFF = 1e-6  # misfit over the largest force below which residuals are round-off
 AT_BOUND = 1e-3
 """Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
 ALTERNATIONS = 6  # at most, of fits across the ridges and along them
@@ -81,7 +79,10 @@ Unknowns = Float[np.ndarray, " fitted"]
 
 @dataclass(frozen=True, kw_only=True)
 class SheetFit:
-    """Fitted parameters of an endless pure sheet, by forces on one row [N] or over width [N/mm]."""
+    """Fitted k_s [N/mm], k_t [N mm], theta_0 [rad] and stiffening strain [1] of an endless sheet.
+
+    Forces are on one row [N] or, if ``per_width``, over the width [N/mm].
+    """
 
     period: float  # relaxed peak-to-peak distance of the stripe, as given [mm]
     values: dict[str, float]
@@ -101,7 +102,10 @@ class SheetFit:
         return "N/mm" if self.per_width else "N"
 
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
-        """The fitted stripe; its period is that of the ``flat`` or of the ``relaxed`` stripe."""
+        """The fitted stripe, for a design with this model option.
+
+        Its period is that of the relaxed or of the flat stripe, which is longer by 1/sin(θ0/2).
+        """
         flat, along = CELLS_PER_PERIOD * self.flat_cell, self.along
         return Stripe(
             knit,
@@ -155,9 +159,9 @@ class Calibration(SheetFit):
 
     @property
     def covariance(self) -> StripeCovariance:
-        """Covariance of the logarithms of the numbers, but of θ0 itself, of the mean stripe.
+        """Covariance of ln k_s, ln k_t, θ0 and the logarithm of a stiffening strain, by name.
 
-        It is of k_s and k_t in rows as wide as those of the mean stripe, also of fits over width.
+        It is that of the mean stripe, with rows as wide as its own if forces are over width.
         """
         scales = self.values | {"theta_0": 1.0}
         errors = np.array([self.standard_errors[name] / scales[name] for name in self.values])
@@ -219,10 +223,9 @@ class Calibration(SheetFit):
     def source(self, record: str, cell_size: CellSize) -> str:
         """The source of the stripe that was fitted to the record of this name, for its table."""
         errors = [f"{name} {each:.2g} {UNITS[name]}" for name, each in self.standard_errors.items()]
-        fit = f"knitlab calibrate {record}, relaxed period {self.period:g} mm, for cell_size"
-        return "; ".join(
-            (f"{fit} {cell_size}", f"standard errors {', '.join(errors)}", *self.warnings)
-        )
+        fit = f"knitlab calibrate {record}, relaxed period {self.period:g} mm"
+        parts = [f"{fit}, for cell_size {cell_size}", f"standard errors {', '.join(errors)}"]
+        return "; ".join([*parts, *self.warnings])
 
     def comparison_report(self, linear: "Calibration") -> list[str]:
         """Which of this law and linear springs the curve supports, in lines of text."""
@@ -260,14 +263,21 @@ def calibrate(
         raise invalid("law", f"is {law!r}; give linear, stiffening or the curve of a spring")
     if along is not None:
         if along.per_width != record.per_width:
-            kinds = {True: "force over width", False: "force on one row"}
-            message = f"has a {kinds[along.per_width]}, and {record.source} a"
-            hint = "give the widths of both, or none"
-            raise invalid(along.source, f"{message} {kinds[record.per_width]}; {hint}")
+            message = (
+                f"and {record.source} are not both over width; give the widths of both, or none"
+            )
+            raise invalid(along.source, message)
         with naming(along.source):
             check_along(along.strain, along.mean_force)
+    strain, force = record.strain, record.mean_force
+    number = len(FITTED_IF_STIFFENING if law == "stiffening" else FITTED)
     with naming(record.source):
-        _check_across(record, len(FITTED_IF_STIFFENING if law == "stiffening" else FITTED))
+        if len(strain) <= number:
+            raise ValueError(f"has {len(strain)} points; give at least {number + 1}")
+        if not np.any(force):
+            raise ValueError("has a force of zero throughout; give a curve under tension")
+        if not np.sum(strain * force) > 0:
+            raise ValueError("has a force that falls with strain; give tension as positive")
     first = fitted = _fit_across(period, record, law)
     if along is None:
         return fitted
@@ -280,17 +290,6 @@ def calibrate(
             return fitted
     unsettled = "fits across the ridges and along them do not settle; do not use this one"
     return replace(fitted, converged=False, warnings=(*fitted.warnings, unsettled))
-
-
-def _check_across(record: TensionRecord, fitted: int) -> None:
-    strain, force = record.strain, record.mean_force
-    if len(strain) <= fitted:
-        message = f"has {len(strain)} points, which cannot determine {fitted} parameters and"
-        raise ValueError(f"{message} their errors; give at least {fitted + 1}")
-    if not np.any(force):
-        raise ValueError("has a force of zero throughout; give a curve under tension")
-    if not np.sum(strain * force) > 0:
-        raise ValueError("has a force that falls with strain; give tension as positive")
 
 
 def _fit_across(

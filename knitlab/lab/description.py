@@ -191,9 +191,7 @@ class Description(StrictModel):
     def _has_dependencies(self) -> "Description":
         markers, tensile, capacitance = self.markers, self.tensile, self.capacitance
         if self.source == SIMULATION:
-            raise ValueError(
-                f"source = {SIMULATION} is reserved for simulations; give another name"
-            )
+            raise ValueError(f"source = {SIMULATION} is reserved; give another name")
         if not tensile and capacitance:
             raise ValueError("[capacitance] needs [tensile], for its strains; add it")
         if not tensile and markers and markers.frame_rate:

@@ -81,9 +81,7 @@ class Fit:
     @property
     def report(self) -> list[str]:
         """The fit as lines of text."""
-        lines = [
-            f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
-        ]
+        lines = ["parameter           table    fitted        ±  factor  from test"]
         for name, factor in self.factors.items():
             side, quantity = STRIPE_PARAMETERS[name]
             table = getattr(getattr(self.before, side), quantity)
@@ -98,11 +96,8 @@ class Fit:
         first, last = map(self.target.root_mean_square, self.curves)
         for name, measured in zip(QUANTITIES, self.target.measured, strict=True):
             if measured.any():
-                difference = f"{first[name]:.3g} before, {last[name]:.3g} after"
-                variable = VARIABLES[name]
-                lines.append(
-                    f"{variable.long_name}: RMS difference {difference} [{variable.units}]"
-                )
+                rms = f"RMS difference {first[name]:.3g} before, {last[name]:.3g} after"
+                lines.append(f"{VARIABLES[name].long_name}: {rms} [{VARIABLES[name].units}]")
         before, after = self.chi_squared
         count = f"over {int(self.target.measured.sum())} values; {self.tests} tests"
         return [*lines, f"chi² {before:.4g} before, {after:.4g} after, {count}"]

@@ -14,6 +14,7 @@ WORTH = 2.0  # AICc by which a fit is preferred: about the penalty of one parame
 
 Points = Float[np.ndarray, " point"]
 Matrix = Float[np.ndarray, "fitted fitted"]
+Jacobian = Float[np.ndarray, "point fitted"]
 TRIED_CORRELATIONS = np.tanh(np.linspace(0, 2.65, 54))
 """Trial autocorrelations of residuals, from 0 to 0.99."""
 
@@ -53,15 +54,13 @@ def errors_by_scatter(repeats: Float[np.ndarray, "repeat fitted"]) -> FitErrors:
     return FitErrors(np.cov(repeats.T) / len(repeats), len(repeats) - 1)
 
 
-def covariance_of_unit_noise(jacobian: Float[np.ndarray, "point fitted"]) -> Matrix:
+def covariance_of_unit_noise(jacobian: Jacobian) -> Matrix:
     """Covariance of fitted parameters if all residuals are independent, with variance 1."""
     inverse = _inverse(jacobian)[1]
     return inverse @ inverse.T
 
 
-def covariance_by_groups(
-    jacobian: Float[np.ndarray, "point fitted"], residuals: Points, sizes: Sequence[int]
-) -> Matrix:
+def covariance_by_groups(jacobian: Jacobian, residuals: Points, sizes: Sequence[int]) -> Matrix:
     """Covariance of a fit to groups of points, of these sizes, that differ as wholes."""
     inverse, ends, count = covariance_of_unit_noise(jacobian), np.cumsum(sizes)[:-1], len(sizes)
     groups = zip(np.split(jacobian, ends), np.split(residuals, ends), strict=True)
@@ -69,9 +68,7 @@ def covariance_by_groups(
     return count / (count - 1) * inverse @ (scores.T @ scores) @ inverse
 
 
-def errors_by_residuals(
-    jacobian: Float[np.ndarray, "point fitted"], residuals: Points
-) -> FitErrors:
+def errors_by_residuals(jacobian: Jacobian, residuals: Points) -> FitErrors:
     """Errors of a least-squares fit by its residuals, whose neighbours may be correlated.
 
     Residuals in order are taken as V_ij = σ² ρ^|i−j|. The covariance B V Bᵀ, with the Jacobian's
@@ -113,9 +110,7 @@ def errors_by_residuals(
     )
 
 
-def _inverse(
-    jacobian: Float[np.ndarray, "point fitted"],
-) -> tuple[Float[np.ndarray, "point fitted"], Float[np.ndarray, "fitted point"]]:
+def _inverse(jacobian: Jacobian) -> tuple[Jacobian, Float[np.ndarray, "fitted point"]]:
     """An orthonormal basis of the columns of a Jacobian, and its pseudoinverse."""
     span, singular, right = np.linalg.svd(jacobian, full_matrices=False)
     # Round-off must not count as information.

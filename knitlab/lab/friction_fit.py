@@ -40,7 +40,10 @@ Parameters = Float[np.ndarray, " fitted"]  # some of FITTED, k_s and k_t also as
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionFit(SheetFit):
-    """Stripe and friction whose sheet reproduces cycles; errors by points or passages."""
+    """Stripe and friction [rad] whose sheet reproduces the cycles, with standard errors by name.
+
+    Errors are the larger of those of independent points and of passages that differ as wholes.
+    """
 
     cycles: LoadingCycles
     fitted: tuple[Float[np.ndarray, " _"], ...]  # forces of every passage

@@ -149,8 +149,7 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     rows, columns = sample.unit_cells
     if not (1 <= marked_rows <= rows and 1 <= marked_columns <= columns):
         shown = f"{marked_rows} × {marked_columns} unit cells of a sample of {rows} × {columns}"
-        hint = "give markers_per_cell, or a table of places"
-        raise invalid(str(path), f"shows {shown}; {hint}")
+        raise invalid(str(path), f"shows {shown}; give markers_per_cell, or a table of places")
     cells = lattice_vectors(marked.relaxed).reshape(-1, 2, 2)
     edges = cells[np.isfinite(cells).all(axis=(1, 2))]
     if not len(edges):

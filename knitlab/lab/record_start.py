@@ -131,9 +131,7 @@ def start_correction(
     for name, start in known.items():
         left = start.force - offsets[name]
         if abs(left - preload) > max(start.noise, NEAR_PRELOAD * preload):
-            message = (
-                f"is {left:.3g} {unit} at zero strain, not the preload of {preload:.3g} {unit}"
-            )
+            message = f"is {left:.3g} {unit} at zero strain, not a preload of {preload:.3g} {unit}"
             hint = "if the load cell was zeroed under it, also give zero = start; else correct it"
             raise invalid(_named(where, name, starts), f"{message}; {hint}")
     if not slope > preload:

@@ -68,7 +68,7 @@ def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
 
 
 def _holds(extension: Record) -> list[tuple[int, int]]:
-    """First and last records of spans in which the usual speed would exceed the noise by far."""
+    """First and last records of the spans in which the machine stands still but for noise."""
     steps = np.abs(np.diff(extension))
     if len(steps) < 2 or not steps.any():
         return []

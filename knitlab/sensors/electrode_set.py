@@ -83,9 +83,7 @@ class ElectrodeSet:
             shared = [strip, *filter(None, map(strip.shared, others))]
             crossing = [each.extents for each in shared if each.area > 0]
             x, y = (sorted({end for pair in crossing for end in pair[k]}) for k in (0, 1))
-            pieces += [
-                Strip(*columns, *rows) for columns, rows in product(pairwise(x), pairwise(y))
-            ]
+            pieces += [Strip(*a, *b) for a, b in product(pairwise(x), pairwise(y))]
         return tuple(pieces)
 
     @property
@@ -116,9 +114,7 @@ def electrode_set(case: Case, capacitor: Capacitor, names: Sequence[str] = ()) -
         count = len(ridge_lines(replace(layout, within="fabric"), case.sample, case.options))
         names = [f"{layout.along[0]}{k + 1}" for k in range(count)]
     if len(names) < 2 or len(set(names)) < len(names):
-        raise invalid(
-            "electrodes", f"are {', '.join(names) or 'none'}; give at least two different names"
-        )
+        raise invalid("electrodes", f"are {', '.join(names) or 'none'}; give two different names")
     letters = {part[:1] for name in names for part in name.split("+")} & {"w", "c"}
     if shape.periodic and letters == {"w", "c"}:
         message = "cross those along courses, but periodic electrodes repeat along one direction"

@@ -120,8 +120,7 @@ def good_stripes() -> xr.Dataset:
     for knit, line in sizes.items():
         for place, n in enumerate(line):
             soft, stiff = 0.4 / 4**place, 1.0
-            knee = 0.5 + 0.3 * place
-            force = soft * strains + (stiff - soft) * np.maximum(strains - knee, 0)
+            force = soft * strains + (stiff - soft) * np.maximum(strains - (0.5 + 0.3 * place), 0)
             at = {"knit": knit, "n": n, "boundary": "periodic"}
             for name, value in {
                 "row_force": force,

@@ -10,14 +10,7 @@ from hypothesis import strategies as st
 from knitlab.claims import margin as margins
 from knitlab.claims.checks import weakest_significant
 from knitlab.claims.claims import read_claims
-from knitlab.claims.margin import (
-    CheckResult,
-    Grade,
-    above,
-    below,
-    within,
-    worst,
-)
+from knitlab.claims.margin import CheckResult, Grade, above, below, within, worst
 from tests.claims.test_claims import good_checkerboards
 
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)
@@ -27,12 +20,9 @@ STRICT = st.booleans()
 
 @given(NUMBER, NUMBER, STRICT)
 def test_a_margin_is_at_least_0_where_the_comparison_holds(value, limit, strict):
-    assert (above(value, limit, strict=strict) >= 0) == (
-        value > limit if strict else value >= limit
-    )
-    assert (below(value, limit, strict=strict) >= 0) == (
-        value < limit if strict else value <= limit
-    )
+    met = value != limit or not strict
+    assert (above(value, limit, strict=strict) >= 0) == (met and value >= limit)
+    assert (below(value, limit, strict=strict) >= 0) == (met and value <= limit)
 
 
 @given(NUMBER, NUMBER, NUMBER, STRICT)

@@ -90,9 +90,8 @@ def test_cubes_of_the_same_options_are_judged_together():
 def test_options_of_stripes_alone_are_ranked_by_their_claims():
     bent = good_stripes()
     bent["row_force"].loc[{"knit": "rib", "n": 4}] = np.linspace(0, 1, 41)
-    best, other = ranked(
-        stated(bent, cell_size="relaxed"), stated(good_stripes(), cell_size="flat")
-    )
+    stripes = stated(good_stripes(), cell_size="flat")
+    best, other = ranked(stated(bent, cell_size="relaxed"), stripes)
     assert (best.options, other.options) == ({"cell_size": "flat"}, {"cell_size": "relaxed"})
 
 

@@ -37,11 +37,6 @@ FACTORS = {
 }
 
 
-def hidden(n_stripe, n_subunit, **factors):
-    """Poisson's ratio of a fabric whose stripes are not those of the tables, as a target."""
-    return wanted(varied(n_stripe, n_subunit, factors))
-
-
 def varied(n_stripe, n_subunit, factors, **options):
     """Periodic fabric whose stripes are those of the tables times factors."""
     stripes = kl.defaults().stripes
@@ -57,11 +52,10 @@ def varied(n_stripe, n_subunit, factors, **options):
 
 def wanted(design):
     """Poisson's ratio of a design, as a target."""
-    test = kl.simulate(design, STRAINS, **FLAT)
     return {
         "name": "poisson_ratio",
         "applied_strain": STRAINS[1:].tolist(),
-        "value": test["poisson_ratio"].values[1:].tolist(),
+        "value": kl.simulate(design, STRAINS, **FLAT)["poisson_ratio"].values[1:].tolist(),
         "tolerance": 0.01,
     }
 
@@ -78,8 +72,7 @@ def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_number
     vary = SMALL | {"pattern": ["checkerboard", "ribbed_bands", "basket"], "k_t_factor": [0.7, 1.4]}
     result = designed(tmp_path / "design", targets=target, vary=vary, starts=1)
     assert result.met
-    best = result.table.iloc[0]
-    assert best["pattern"] == "ribbed_bands"
+    assert result.table.iloc[0]["pattern"] == "ribbed_bands"
     cube = kl.run(str(result.workflows[0]), results=tmp_path / "again", workers=0)
     np.testing.assert_allclose(cube["poisson_ratio"].values.ravel()[1:], target["value"], atol=0.01)
 
@@ -89,11 +82,8 @@ def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_number
 def test_a_hidden_fabric_is_met_and_undetermined_parameters_are_reported(tmp_path, design):
     factors = dict(zip(FACTORS, (1.2, 0.9, 0.8, 1.1), strict=True))
     n_stripe, n_subunit = design
-    result = designed(
-        tmp_path,
-        targets=hidden(n_stripe, n_subunit, **factors),
-        vary={"n_stripe": [n_stripe], "n_subunit": [n_subunit], **FACTORS},
-    )
+    vary = {"n_stripe": [n_stripe], "n_subunit": [n_subunit], **FACTORS}
+    result = designed(tmp_path, targets=wanted(varied(*design, factors)), vary=vary)
     assert result.met
     assert result.simulations <= 60
     assert result.table["off_by_1"].item() <= 0.01
@@ -112,8 +102,7 @@ def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_can_be_queri
         np.testing.assert_allclose(
             result.cube[name].values.ravel(), again[name].values.ravel(), rtol=1e-9
         )
-    listed = kl.query(result.folder, where="distance_worst >= distance")
-    assert listed["candidate"].tolist() == [1]
+    assert kl.query(result.folder, where="distance_worst >= distance")["candidate"].tolist() == [1]
     assert (result.table["distance_worst"] >= result.table["distance"]).all()
     files = kl.find(result.folder, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15").table
     assert files["off_by_1"].item() == pytest.approx(result.table["off_by_1"].item())
@@ -137,11 +126,8 @@ def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_pat
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_conflicting_targets_give_a_pareto_front(tmp_path):
-    result = designed(
-        tmp_path,
-        targets=["reaction_force = 0.1 ± 0.01 @ 0.1", "reaction_force = 2 ± 0.01 @ 0.15"],
-        figures=True,
-    )
+    targets = ["reaction_force = 0.1 ± 0.01 @ 0.1", "reaction_force = 2 ± 0.01 @ 0.15"]
+    result = designed(tmp_path, targets=targets, figures=True)
     assert not result.met
     assert (result.folder / "figures" / "pareto.png").is_file()
 
@@ -149,13 +135,10 @@ def test_conflicting_targets_give_a_pareto_front(tmp_path):
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_constraints_are_kept(tmp_path):
-    free = designed(tmp_path, targets="reaction_force = 0.5 ± 0.01 @ 0.1", name="free")
-    held = designed(
-        tmp_path,
-        targets="reaction_force = 0.5 ± 0.01 @ 0.1",
-        subject_to="poisson_ratio > -0.05 @ 0.1",
-        name="held",
-    )
+    targets = "reaction_force = 0.5 ± 0.01 @ 0.1"
+    free = designed(tmp_path, targets=targets, name="free")
+    constraint = "poisson_ratio > -0.05 @ 0.1"
+    held = designed(tmp_path, targets=targets, subject_to=constraint, name="held")
     for result, broken in ((free, True), (held, False)):
         ratio = result.cube["poisson_ratio"].sel(applied_strain=0.1).item()
         assert (ratio < -0.05) == broken, ratio
@@ -163,11 +146,8 @@ def test_constraints_are_kept(tmp_path):
 
 @pytest.mark.slow
 def test_a_search_that_starts_on_a_bound_leaves_it(tmp_path):
-    result = designed(
-        tmp_path,
-        targets="poisson_ratio = -0.3 ± 0.03 @ 0.05:0.1",
-        vary=SMALL | {"k_t_factor": [1.0, 2.0]},
-    )
+    vary = SMALL | {"k_t_factor": [1.0, 2.0]}
+    result = designed(tmp_path, targets="poisson_ratio = -0.3 ± 0.03 @ 0.05:0.1", vary=vary)
     (search,) = result.searches
     assert search.held_by == ["k_t_factor <= 2"]
     assert search.trials[search.best].distance < 0.6 * search.trials[0].distance
@@ -207,8 +187,7 @@ def test_a_budget_of_one_is_one_simulation(tmp_path):
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_a_target_without_derivatives_is_searched_without_gradients(tmp_path):
-    result = designed(tmp_path, targets="wavelength_x = 2.42 ± 0.01", budget=25)
-    (search,) = result.searches
+    (search,) = designed(tmp_path, targets="wavelength_x = 2.42 ± 0.01", budget=25).searches
     assert search.methods == ["CMA-ES"]
     assert search.trials[search.best].distance < 0.5 * search.trials[0].distance
 
@@ -231,24 +210,14 @@ def test_functions_of_the_shape_can_be_targets(tmp_path):
     def thickness(shape):
         return jnp.ptp(shape.positions[..., 2])
 
-    result = designed(
-        tmp_path, targets="thickness = 0.72 ± 0.01 @ 0.1", measures={"thickness": thickness}
-    )
+    asked = {"targets": "thickness = 0.72 ± 0.01 @ 0.1", "measures": {"thickness": thickness}}
+    result = designed(tmp_path, **asked)
     assert result.searches[0].methods == ["least squares"]
-    again = designed(
-        tmp_path, targets="thickness = 0.72 ± 0.01 @ 0.1", measures={"thickness": thickness}
-    )
+    again = designed(tmp_path, **asked)
     assert again.trials.equals(result.trials)
-    reached = result.cube["thickness"].sel(applied_strain=0.1).item()
-    assert reached == pytest.approx(0.72, abs=0.01)
+    assert result.cube["thickness"].sel(applied_strain=0.1).item() == pytest.approx(0.72, abs=0.01)
     with refused("workers"):
-        designed(
-            tmp_path,
-            targets="thickness = 1 @ 0.1",
-            measures={"thickness": thickness},
-            workers=1,
-            name="spawned",
-        )
+        designed(tmp_path, **asked, workers=1, name="spawned")
 
 
 REQUEST = """
@@ -311,8 +280,7 @@ def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
 @pytest.mark.nightly
 def test_a_killed_design_resumes_to_the_same_result(tmp_path):
     (tmp_path / "sleeve.toml").write_text(REQUEST)
-    words = ["design", "sleeve.toml", "--results", str(tmp_path / "results")]
-    kill_command(tmp_path, words, 3)
+    kill_command(tmp_path, ["design", "sleeve.toml", "--results", str(tmp_path / "results")], 3)
     trials = tmp_path / "results" / "sleeve" / "trials" / "cases"
     before = {path.name: path.stat().st_mtime_ns for path in trials.glob("*.nc")}
     assert before

@@ -54,9 +54,8 @@ def test_distances_are_those_of_a_fine_grid():
         np.sqrt(np.mean((-0.5 + wide - (-0.5 + 2 * (wide - 0.1))) ** 2)),
     ]
     assert asked.off_by(trial) == pytest.approx(expected, rel=2e-3)
-    scaled = np.array(expected) / [0.05, 0.2, 0.5, 0.1]
     assert asked.distance(asked.off_by(trial)) == pytest.approx(
-        np.sqrt(np.mean(scaled**2)), rel=2e-3
+        np.sqrt(np.mean((np.array(expected) / [0.05, 0.2, 0.5, 0.1]) ** 2)), rel=2e-3
     )
 
 

@@ -53,10 +53,8 @@ def test_designs_that_fail_in_one_of_both_are_named():
     cube = side_by_side()
     cube["status"][1, 0, 0] = Status.failed
     figure = contact(cube)
-    assert [label.get_text() for label in figure.axes[1].get_yticklabels()] == [
-        "(4, 16)",
-        "(4, 32)",
-    ]
+    names = [label.get_text() for label in figure.axes[1].get_yticklabels()]
+    assert names == ["(4, 16)", "(4, 32)"]
     assert "(2, 16)" in figure.get_supxlabel()
 
 

@@ -6,10 +6,8 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.proj3d import proj_transform
-from PIL import Image
 
 from knitlab.figures.drawing import draw
-from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import draw_sheet, frame_sheet
 from knitlab.figures.style import print_style, value_colours
 from tests.cubes.artificial_cubes import synthetic_cube
@@ -74,19 +72,6 @@ def test_nothing_is_cut_off(kind):
     assert box.y1 < height + room
 
 
-def test_names_of_the_pareto_front_lie_beyond_it_and_stay_apart():
-    with print_style():
-        figure = drawn(draw("sensor", [with_electrodes()]))
-    axes = figure.axes[2]
-    assert sorted(text.get_text() for text in axes.texts) == ["(2, 16)", "(4, 16)"]
-    one, other = (text.get_window_extent() for text in axes.texts)
-    assert not one.overlaps(other)
-    points = np.concatenate([line.get_xydata() for line in axes.lines])
-    for x, y in axes.transData.transform(points):
-        assert not one.contains(x, y)
-        assert not other.contains(x, y)
-
-
 @pytest.mark.parametrize("size", [(1, 1, 0.1), (10, 1, 1), (1, 8, 3)])
 def test_a_sheet_fills_its_frame_and_does_not_leave_it(size):
     y, x = np.mgrid[:5, :5] / 4
@@ -104,19 +89,3 @@ def test_colours_follow_decades_where_values_span_several():
     colours = value_colours(np.array([1e-9, 1e-6, 1e-3, np.nan]))
     assert colours.norm(1e-6) == pytest.approx(0.5)
     assert colours.get_array().tolist() == [1e-9, 1e-3]
-
-
-def test_a_png_is_finer_than_300_dots_an_inch_and_true_to_its_colours(tmp_path):
-    with print_style():
-        figure = draw("auxetic", [synthetic_cube()])
-        save(figure, tmp_path / "map.png")
-        drawn(figure)
-    image = Image.open(tmp_path / "map.png")
-    width, height = figure.get_size_inches()
-    assert min(image.info["dpi"]) > 300
-    assert min(image.width / width, image.height / height) > 300
-    value = next(patch for patch in figure.axes[0].patches if not patch.get_hatch())
-    x, y = figure.axes[0].transData.transform((value.get_x() + 0.9, value.get_y() + 0.1))
-    scale = image.width / (width * figure.dpi)
-    pixel = image.convert("RGB").getpixel((int(x * scale), image.height - int(y * scale)))
-    assert np.allclose(np.array(pixel) / 255, value.get_facecolor()[:3], atol=0.02)

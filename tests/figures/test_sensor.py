@@ -67,8 +67,7 @@ def test_the_map_writes_both_figures_and_lists_the_front():
     assert values_written(wide) == ["30%", "10%", "5%"]
     hatched = [patch for patch in steep.patches if patch.get_hatch()]
     assert len(hatched) == 3, "failed, pending and not converged are not marked"
-    title = trade_off.get_title(loc="left")
-    assert title.endswith("(4, 16) 2.00 pF, 10%; (2, 16) 0.50 pF, 30%")
+    assert trade_off.get_title(loc="left").endswith("(4, 16) 2.00 pF, 10%; (2, 16) 0.50 pF, 30%")
 
 
 def test_the_papers_checkerboards_are_drawn_with_their_slopes():
@@ -96,9 +95,7 @@ def test_a_map_of_one_cube_refuses_two(tmp_path):
         result = CliRunner().invoke(main, ["map", kind, cube, cube, "-o", output])
         assert result.exit_code == 2
         assert problem in result.output
-    drawn = CliRunner().invoke(
-        main, ["map", "capacitors", cube, cube, "-o", str(tmp_path / "map.png")]
-    )
+    drawn = CliRunner().invoke(main, ["map", "capacitors", cube, cube, "-o", output])
     assert drawn.exit_code == 0, drawn.output
 
 

@@ -36,8 +36,7 @@ def test_marks_are_the_values_of_the_designs_that_are_ok():
 
 
 def test_designs_without_value_are_counted():
-    legend = swept(two_layouts()).legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == [
+    assert [text.get_text() for text in swept(two_layouts()).legends[0].get_texts()] == [
         "checkerboard (3 without value)",
         "checkerboard_courses (4 without value)",
     ]

@@ -94,8 +94,7 @@ class Laboratory:
     def tracks(self) -> np.ndarray:
         strain = self.test.strain(np.arange(0, self.duration, 1 / self.frame_rate), PEAK)
         corners = positions(strain)
-        count = corners.shape[1] * corners.shape[2]
-        order = np.arange(count) if self.order is None else self.order
+        order = np.arange(corners.shape[1] * corners.shape[2]) if self.order is None else self.order
         return tracked(corners, self.camera, order, self.random)
 
     def machine(self) -> pd.DataFrame:

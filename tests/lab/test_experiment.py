@@ -13,16 +13,7 @@ from knitlab.lab.experiment import import_records
 from knitlab.observables.capacitance.sensor import mean_slope
 from knitlab.observables.schema import COORDINATES, VARIABLES
 from tests.figures.test_sensor import with_electrodes
-from tests.lab.recorded import (
-    LENGTH,
-    NU,
-    PEAK,
-    STIFFNESS,
-    TEST,
-    WIDTH,
-    Laboratory,
-    positions,
-)
+from tests.lab.recorded import LENGTH, NU, PEAK, STIFFNESS, TEST, WIDTH, Laboratory, positions
 from workflows.laboratory.make_synthetic import tracked
 
 KINDS = ("markers", "tensile", "capacitance")
@@ -84,8 +75,7 @@ def test_imports_in_any_order_and_twice_make_one_cube(tmp_path, cube):
 def test_a_damaged_list_of_imports_is_refused(tmp_path, imports):
     path = Laboratory(tmp_path).write()
     file = import_records("tensile", path, tmp_path).path
-    changed = xr.load_dataset(file).assign_attrs(imports=imports)
-    changed.to_netcdf(file)
+    xr.load_dataset(file).assign_attrs(imports=imports).to_netcdf(file)
     with pytest.raises(InputError, match="import all records again"):
         import_records("markers", path, tmp_path)
 
@@ -134,8 +124,7 @@ def test_a_drifting_camera_changes_no_strain(tmp_path, drift, still):
 
 @pytest.mark.slow
 def test_cycles_are_separated_along_a_dimension(tmp_path):
-    laboratory = Laboratory(tmp_path, test=replace(TEST, cycles=3))
-    path = laboratory.write()
+    path = Laboratory(tmp_path, test=replace(TEST, cycles=3)).write()
     for kind in KINDS:
         imported = import_records(kind, path, tmp_path)
     assert "3 cycles of the machine" in imported.summary
@@ -145,9 +134,8 @@ def test_cycles_are_separated_along_a_dimension(tmp_path):
     strain = cube["applied_strain"].values
     for name, values in (("mean_strain_yy", strain), ("capacitance", 5 - 4 * strain)):
         np.testing.assert_allclose(cube[name].squeeze(), np.tile(values, (3, 1)), atol=1e-8)
-    said = CliRunner().invoke(
-        main, ["query", str(imported.path), "--columns", "cycle,source,sensitivity"]
-    )
+    words = ["query", str(imported.path), "--columns", "cycle,source,sensitivity"]
+    said = CliRunner().invoke(main, words)
     assert [line.split() for line in said.stdout.splitlines()[1:]] == [
         [str(cycle), "experiment", "4"] for cycle in (1, 2, 3)
     ]
@@ -162,8 +150,7 @@ def test_markers_alone_need_no_machine(tmp_path):
     table["strain_per_frame"] = TEST.strain_rate / laboratory.frame_rate
     path = laboratory.write(description)
     tracks = np.load(tmp_path / "markers.npy")
-    pulled = round(PEAK / table["strain_per_frame"]) + 1
-    np.save(tmp_path / "markers.npy", tracks[:pulled])
+    np.save(tmp_path / "markers.npy", tracks[: (round(PEAK / table["strain_per_frame"]) + 1)])
     imported = import_records("markers", path, tmp_path).cube.squeeze()
     np.testing.assert_allclose(imported["mean_strain_yy"], imported["applied_strain"], atol=1e-9)
 
@@ -174,13 +161,6 @@ def both(tmp_path_factory, cube):
     with_electrodes().to_netcdf(folder / "simulated.nc")
     cube.to_netcdf(folder / "measured.nc")
     return folder / "simulated.nc", folder / "measured.nc"
-
-
-def test_a_figure_that_needs_a_simulation_refuses_an_experiment(tmp_path, both):
-    words = ["map", "shape", str(both[1]), "-o", str(tmp_path / "map.png")]
-    result = CliRunner().invoke(main, words)
-    assert result.exit_code == 2
-    assert "draw auxetic" in result.output
 
 
 def test_two_sources_are_queried_together(both):

@@ -125,8 +125,7 @@ def test_a_test_continued_from_another_reaches_the_states_of_a_full_test(case):
 @pytest.mark.slow
 def test_without_data_the_fit_keeps_the_tables(case, truth):
     target = noisy(truth, 0.005, seed=1)
-    vague = replace(target, errors=target.errors * 1e6)
-    fit = fit_stripes(case, vague, prior_std=0.1)
+    fit = fit_stripes(case, replace(target, errors=target.errors * 1e6), prior_std=0.1)
     for name in FITTED:
         assert fit.factors[name] == pytest.approx(1.0, abs=1e-3)
         assert fit.standard_errors[name] == pytest.approx(0.1, rel=1e-3)
@@ -154,9 +153,7 @@ def test_a_sample_that_does_not_relax_is_refused(case, truth):
 
 @pytest.mark.slow
 @pytest.mark.nightly
-def test_an_interrupted_fit_continues_with_the_tests_that_it_has(
-    case, truth, tmp_path, monkeypatch
-):
+def test_an_interrupted_fit_continues_with_its_tests(case, truth, tmp_path, monkeypatch):
     short = replace(case, applied_strain=STRAINS[:3])
     measured = noisy(truth, 0.005, seed=1)
     target = MeasuredTest(STRAINS[1:3], measured.values[:, :2], measured.errors[:, :2])
@@ -208,8 +205,7 @@ def test_the_report_and_the_stripe_file_state_what_changed(tmp_path, fit):
     assert "RMS difference" in text
     path = tmp_path / "fitted.toml"
     fit.material(tmp_path / "cube.nc").write(path)
-    table = read_toml(path)
-    assert table["rib"]["n"]["4"]["k_t"] == pytest.approx(fit.after.weft.k_t, rel=1e-5)
+    assert read_toml(path)["rib"]["n"]["4"]["k_t"] == pytest.approx(fit.after.weft.k_t, rel=1e-5)
     # They can be used as they are.
     read_parameters(shipped("params"))
     (used,) = make_plan("laboratory", (*PERIODIC, f"material={path}")).cases.values()
@@ -235,8 +231,7 @@ def experiment(case, truth, **changes):
 
 @pytest.mark.slow
 def test_a_target_has_the_size_of_the_sample_and_the_requested_errors(case, truth):
-    cube = experiment(case, truth)
-    target = measured_test(cube, case, model_error=0.01)
+    target = measured_test(experiment(case, truth), case, model_error=0.01)
     assert target.applied_strain == STRAINS[1:]
     # The experiment is two unit cells wide, the case one.
     np.testing.assert_allclose(target.values[:2], truth.values[:2])

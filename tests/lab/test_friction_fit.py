@@ -62,8 +62,7 @@ def test_cycles_are_those_of_a_fold_that_turns_in_small_steps():
             hinge.turn(angle - rest)
             curve.append(state(angle, hinge.moment))
         strain, force = np.array(curve).T
-        end = float(strain.max())
-        even = np.linspace(0, end, 40)
+        even = np.linspace(0, float(strain.max()), 40)
         loaded = Passage(even, even, loading=True)
         at = strain[force > 0]
         history = [loaded] if passage is THERE else [loaded, Passage(at, at, loading=False)]

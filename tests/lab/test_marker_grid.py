@@ -45,8 +45,7 @@ def test_every_marker_finds_its_place(grid):
     markers = found.marker[tuple(rows_columns.T)]
     assert sorted(markers) == sorted(np.flatnonzero(seen))
     # A whole row or column at the edge may be missing, which cannot be detected.
-    expected = place[markers] - place[seen].min(axis=0)
-    np.testing.assert_array_equal(rows_columns, expected)
+    np.testing.assert_array_equal(rows_columns, place[markers] - place[seen].min(axis=0))
 
 
 def lattice(rows=5, columns=4):
@@ -54,8 +53,7 @@ def lattice(rows=5, columns=4):
 
 
 def test_stray_markers_are_ignored():
-    points = np.concatenate([lattice(), [[14.0, 26.0], [200.0, 3.0]]])
-    found = find_grid(points)
+    found = find_grid(np.concatenate([lattice(), [[14.0, 26.0], [200.0, 3.0]]]))
     assert found.strays == (20, 21)
     assert found.marker.shape == (5, 4)
 

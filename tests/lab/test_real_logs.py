@@ -34,8 +34,7 @@ def test_what_the_meter_could_not_measure_is_left_out_and_counted(laboratory, re
 
 
 def test_a_status_in_words_is_not_a_number_to_check(laboratory):
-    meter = laboratory.meter().assign(status="ok")
-    meter.to_csv(laboratory.folder / "meter.csv", index=False)
+    laboratory.meter().assign(status="ok").to_csv(laboratory.folder / "meter.csv", index=False)
     assert np.isfinite(imported(laboratory, "capacitance").cube.capacitance).all()
 
 

@@ -13,8 +13,7 @@ AT = np.linspace(0, 0.4, 11)
 def test_parabolas_are_reproduced_exactly():
     strain = np.sort(np.random.default_rng(0).uniform(0, 0.4, 400))
     strain[[0, -1]] = 0, 0.4
-    values = np.stack([2 + 3 * strain**2, -strain], axis=1)
-    found, error, _ = resampled(AT, strain, values)
+    found, error, _ = resampled(AT, strain, np.stack([2 + 3 * strain**2, -strain], axis=1))
     np.testing.assert_allclose(found, np.stack([2 + 3 * AT**2, -AT], axis=1), atol=1e-12)
     np.testing.assert_allclose(error, 0, atol=1e-12)
 
@@ -38,8 +37,7 @@ def test_what_is_missing_is_missing_by_itself():
     np.testing.assert_allclose(found[:, 0], AT, atol=1e-12)
     lost = np.isnan(found[:, 1])
     assert lost.any()
-    gap = (strain[60] <= AT) & (strain[119] >= AT)
-    np.testing.assert_array_equal(lost & ~gap, False)
+    np.testing.assert_array_equal(lost & ~((strain[60] <= AT) & (strain[119] >= AT)), False)
     np.testing.assert_allclose(found[~lost, 1], AT[~lost], atol=1e-12)
 
 
@@ -53,8 +51,7 @@ def test_a_few_frames_are_joined_by_straight_lines_without_an_error():
 def test_nothing_is_extrapolated_beyond_the_records():
     strain = np.linspace(0.1, 0.3, 101)
     found = resampled(AT, strain, strain).values
-    known = (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9)
-    np.testing.assert_array_equal(np.isfinite(found), known)
+    np.testing.assert_array_equal(np.isfinite(found), (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9))
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -123,5 +120,4 @@ def test_a_slow_ramp_is_not_a_hold():
     fast = np.linspace(0.5, 6, 111)[1:]
     for extension in (np.concatenate([slow, fast]), np.round(np.concatenate([slow, fast]), 2)):
         (cycle,) = cycles(np.arange(len(extension), dtype=float), extension, 0.1)
-        during = cycle.loaded(np.arange(len(extension), dtype=float))
-        assert during.sum() > 0.9 * len(extension)
+        assert cycle.loaded(np.arange(len(extension), dtype=float)).sum() > 0.9 * len(extension)

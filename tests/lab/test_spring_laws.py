@@ -88,8 +88,7 @@ def test_smooth_misfit_is_no_evidence_of_many_points():
     independent, correlated = [], []
     for _ in range(50):
         measured = lfilter([1], [1, -0.8], random.normal(size=len(at)))
-        straight = measured - at * (at @ measured) / (at @ at)
-        found = compare(measured, straight, (0, 1))
+        found = compare(measured, measured - at * (at @ measured) / (at @ at), (0, 1))
         independent.append(found.gain > 2)
         correlated.append(found.wanted)
     assert np.mean(independent) > 0.35
@@ -160,8 +159,7 @@ def test_a_bad_spring_curve_ends_with_code_2(in_folder, more, problem):
 @pytest.mark.parametrize("law", ["linear", "stiffening"])
 def test_the_assumed_period_of_a_curve_only_scales_the_stiffnesses(law):
     """As stated in the documentation for swatches whose period is not known."""
-    swatch = Path(__file__).parents[2] / "docs/examples/swatches/rib.csv"
-    measured = read_tension_record(swatch)
+    measured = read_tension_record(Path(__file__).parents[2] / "docs/examples/swatches/rib.csv")
     one, ten = (
         kl.calibrate(measured.strain, measured.force, period=of, law=law) for of in (1.0, 10.0)
     )

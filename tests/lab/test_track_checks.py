@@ -111,8 +111,7 @@ def test_affine_deformation_has_no_departure(seed):
 def test_markers_that_come_together_slowly_are_both_left_out():
     relaxed, corners = fabric(7, 6, 60, 0.2, 0.5, 0.0, np.random.default_rng(0))
     together = corners.copy()
-    share = np.linspace(0, 1, 60)[:, None]
-    together[:, 3, 3] += share * (together[:, 3, 4] - together[:, 3, 3])
+    together[:, 3, 3] += np.linspace(0, 1, 60)[:, None] * (together[:, 3, 4] - together[:, 3, 3])
     _, dropped = without_implausible(relaxed, together)
     assert {each[:2] for each in dropped} == {(3, 3), (3, 4)}
     assert "coincides" in dropped[-1].reason

@@ -225,7 +225,6 @@ def test_a_damaged_table_is_refused(tmp_path, rows, part):
 def test_a_damaged_header_of_an_array_is_refused(tmp_path, shape):
     path = tmp_path / "tracks.npy"
     text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
-    start = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
-    path.write_bytes(start + text + bytes(480))
+    path.write_bytes((b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")) + text + bytes(480))
     with refused("numpy.save"):
         read_tracks(path)

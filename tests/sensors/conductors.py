@@ -33,8 +33,7 @@ def net_of(points):
 def plate(corner, one, other, lines, other_lines):
     """A flat parallelogram with two given sides, divided along lines from 0 to 1."""
     corner, one, other = (np.asarray(vector, float) for vector in (corner, one, other))
-    points = lines[:, None, None] * one + other_lines[None, :, None] * other
-    return net_of(corner + points)
+    return net_of(corner + (lines[:, None, None] * one + other_lines[None, :, None] * other))
 
 
 def cube(lines, side=1.0):

@@ -200,8 +200,7 @@ def test_a_matrix_is_that_of_conductors():
 
 
 def test_a_conductor_within_another_is_shielded():
-    beside = sphere(2) + np.array([4.0, 0, 0])
-    matrix = maxwell(sphere(2), sphere(4, 2.0), beside)
+    matrix = maxwell(sphere(2), sphere(4, 2.0), sphere(2) + np.array([4.0, 0, 0]))
     assert abs(matrix[0, 2]) < 3e-3 * matrix[2, 2]
     assert matrix[0, 1] == pytest.approx(-matrix[0, 0], rel=3e-3)
     assert -matrix[1, 2] > 0.2 * matrix[2, 2]

@@ -172,19 +172,10 @@ def test_panels_beyond_the_periodic_boundary_lie_on_images_of_nodes(laid):
     electrodes = laid(shape, 3.5)
     open_shape = MeshShape(2 * shape.cells_y, 2 * shape.cells_x, periodic=False)
     rows, columns = np.mgrid[: open_shape.nodes_y, : open_shape.nodes_x]
-    nodes = configuration.positions
-    tiled = nodes[rows % shape.nodes_y, columns % shape.nodes_x]
+    tiled = configuration.positions[rows % shape.nodes_y, columns % shape.nodes_x]
     tiled[..., 0] += columns // shape.nodes_x * configuration.lengths[0]
     tiled[..., 1] += rows // shape.nodes_y * configuration.lengths[1]
     chart = panel_chart(electrodes, shape, 2)
     assert chart.cell.max() == 8
     expected = panels_on(chart, open_shape, Configuration(tiled, np.zeros(2)))
     assert np.allclose(panels_on(chart, shape, configuration), expected, atol=1e-12)
-
-
-def test_panels_of_many_states_are_those_of_each():
-    shape, _, flat = rib(PERIODIC)
-    states = [shaken(flat, 0.3, seed) for seed in range(3)]
-    chart = panel_chart(up_the_warp(shape), shape, 1)
-    alone = [panels_on(chart, shape, state) for state in states]
-    assert np.array_equal(panels_on(chart, shape, Configuration.stacked(states)), np.stack(alone))

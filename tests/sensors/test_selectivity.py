@@ -29,14 +29,13 @@ def small_test(load="warp", along="wale", strains=(0.0, SMALL), **settings):
     """A test of a small checkerboard with two ridges plated."""
     known = kl.defaults()
     layout = kl.ElectrodeLayout(along=along, within="fabric", face="both", width=1.0)
-    capacitor = replace(known.capacitor, layout=layout, **settings)
     return kl.simulate(
         kl.Design(4, 8, boundary="periodic"),
         strains,
         protocol=kl.Protocol(load=load, load_ratio=0.0 if load == "biaxial" else None),
         model=kl.Model(cell_size="flat"),
         sheet=replace(known.sheet, z_max=1.9),
-        capacitor=capacitor,
+        capacitor=replace(known.capacitor, layout=layout, **settings),
     )
 
 

@@ -95,25 +95,22 @@ def test_figures_of_merit_scale_with_their_units(capacitance, strain):
 
 def test_hysteresis_is_the_widest_loop_over_the_range():
     loading = np.array([np.nan, 4.0, 3.0, 2.0])
-    unloading = np.array([9.0, 3.5, 3.0, 2.0])
-    assert hysteresis(loading, unloading) == pytest.approx(0.25)
+    assert hysteresis(loading, np.array([9.0, 3.5, 3.0, 2.0])) == pytest.approx(0.25)
     assert hysteresis(loading, loading) == 0
     assert np.isnan(hysteresis(loading, np.full(4, np.nan)))
 
 
-def test_unfolding_ends_where_a_part_of_the_fold_is_left():
-    fold = 2 * (1 - STRAIN / 0.7)
-    assert strain_unfolded(STRAIN, fold, 0.5) == pytest.approx(0.4)
-
-
-def test_unfolding_ends_where_folds_begin_to_close_again():
-    fold = 1 + (STRAIN - 0.4) ** 2
-    assert strain_unfolded(STRAIN, fold, 0.1) == pytest.approx(0.4)
-
-
-def test_unfolding_that_continues_is_not_complete():
-    assert np.isnan(strain_unfolded(STRAIN, 2 - STRAIN, 0.1))
-    assert np.isnan(strain_unfolded(STRAIN, 2 + STRAIN, 0.1))
+@pytest.mark.parametrize(
+    ("fold", "part", "end"),
+    [
+        (2 * (1 - STRAIN / 0.7), 0.5, 0.4),  # a part of the fold is left
+        (1 + (STRAIN - 0.4) ** 2, 0.1, 0.4),  # it begins to close again
+        (2 - STRAIN, 0.1, np.nan),
+        (2 + STRAIN, 0.1, np.nan),
+    ],
+)
+def test_unfolding_ends_where_little_is_left_or_folds_close_again(fold, part, end):
+    assert strain_unfolded(STRAIN, fold, part) == pytest.approx(end, nan_ok=True)
 
 
 def test_the_sensing_range_is_the_longest_without_a_gap():

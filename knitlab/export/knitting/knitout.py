@@ -28,9 +28,7 @@ def knitout(chart: StitchChart, machine: Machine) -> str:
         path = f"chart of {chart.wales} wales"
         raise invalid(path, f"{message}; take {fitting}, or another machine")
     if chart.electrodes and machine.carriers_of_a_stitch == 1:
-        message = (
-            f"is plated, but {machine.model} ({machine.back_end}) takes one carrier per stitch"
-        )
+        message = f"is plated, but {machine.model} ({machine.back_end}) takes one carrier a stitch"
         raise invalid(f"chart {chart.size}", f"{message}; leave out its electrodes")
     return "\n".join([*_header(chart, machine), *_Program(chart, machine).written()]) + "\n"
 

@@ -184,9 +184,7 @@ def _known(kind: str, name: str, table: Mapping[str, Any]) -> str:
         if same_model(each, name):
             return each
     hint = "take one of these, and replace the values in which yours differs"
-    raise invalid(
-        f"machine {kind}", f"is {shown(name)}, and knitlab knows {', '.join(table)}; {hint}"
-    )
+    raise invalid(f"machine {kind}", f"is {shown(name)}; knitlab knows {', '.join(table)}; {hint}")
 
 
 def _combination_mistakes(machine: Machine) -> list[Mistake]:

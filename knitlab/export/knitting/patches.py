@@ -159,9 +159,7 @@ class ReadChart:
     @property
     def repeat(self) -> tuple[tuple[Band, ...], tuple[Band, ...]]:
         """The rows and the columns of patches that repeat."""
-        return _smallest_repeat(self.rows, self.letters), _smallest_repeat(
-            self.columns, self.letters.T
-        )
+        return _repeating(self.rows, self.letters), _repeating(self.columns, self.letters.T)
 
     def save_pattern(self, path: str | Path) -> Path:
         """Write the pattern as a ``.toml`` file for ``[design] pattern_files``, with its name."""
@@ -169,16 +167,6 @@ class ReadChart:
         check_suffix(path, TOML, "a pattern")
         write_toml(path, {pattern_name(path): self.pattern().model_dump(exclude_defaults=True)})
         return path
-
-    def _patches_in_words(
-        self, rows: tuple[Band, ...], columns: tuple[Band, ...]
-    ) -> Iterator[tuple[str, str]]:
-        for (i, row), (j, column) in product(enumerate(rows), enumerate(columns)):
-            knit = KNIT_OF_LETTER[self.letters[i, j]]
-            across = {"rib": column, "garter": row}.get(knit)
-            stripe = f", stripes of {across.stripe} {across.axis}s" if across else ""
-            spans = (_span(band.axis, range(band.start, band.stop)) for band in (row, column))
-            yield "patch", f"{', '.join(spans)}: {knit}{stripe}"
 
     def summary(self, gauge: Gauge) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""
@@ -189,7 +177,12 @@ class ReadChart:
             yield "begins at", "course {}, wale {} of the file".format(*self.begins_at)
         rows, columns = self.repeat
         if len(rows) * len(columns) <= MAX_PATCHES:
-            yield from self._patches_in_words(rows, columns)
+            for (i, row), (j, column) in product(enumerate(rows), enumerate(columns)):
+                knit = KNIT_OF_LETTER[self.letters[i, j]]
+                across = {"rib": column, "garter": row}.get(knit)
+                stripe = f", stripes of {across.stripe} {across.axis}s" if across else ""
+                spans = (_span(band.axis, range(band.start, band.stop)) for band in (row, column))
+                yield "patch", f"{', '.join(spans)}: {knit}{stripe}"
         else:
             for row in self.letters[: len(rows), : len(columns)][::-1]:
                 yield "patches", "".join(row)
@@ -216,7 +209,7 @@ def _span(name: str, numbers: np.ndarray | range) -> str:
     return f"{name} {first}" if first == last else f"{name}s {first} to {last}"
 
 
-def _smallest_repeat(bands: tuple[Band, ...], letters: np.ndarray) -> tuple[Band, ...]:
+def _repeating(bands: tuple[Band, ...], letters: np.ndarray) -> tuple[Band, ...]:
     """The first bands, in a number that divides that of all, after which they begin again."""
     keys = [(b.size, b.stripe, "".join(of)) for b, of in zip(bands, letters, strict=True)]
     numbers = (n for n in range(1, len(keys) + 1) if len(keys) % n == 0)
@@ -266,7 +259,7 @@ def _read(
         wrong = {letter: front[patch] != knit for letter, knit in _knits(row, column, back_first)}
         letters[i, j] = min(wrong, key=lambda letter: int(wrong[letter].sum()))
         odd[patch] = wrong[letters[i, j]]
-    repeat = _smallest_repeat((*rows,), letters), _smallest_repeat((*columns,), letters.T)
+    repeat = _repeating((*rows,), letters), _repeating((*columns,), letters.T)
     knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(letters)
     borders = np.array([0, *(b.stop for b in rows)]), np.array([0, *(b.stop for b in columns)])
     size = repeat[0][-1].stop, repeat[1][-1].stop

@@ -109,7 +109,13 @@ class Specification:
     @property
     def remarks(self) -> list[str]:
         """What deserves a look before it is knitted."""
-        remarks = [*self.differences, *self._missing_sizes]
+        remarks = list(self.differences)
+        for use, name in (("body", "stitch_size"), ("plated", "plated_stitch_size")):
+            used = use == "body" or self.chart.electrodes
+            if used and getattr(self.machine, f"{use}_stitch_size") is None:
+                hint = f"set {name} of the material or {use}_stitch_size of the machine"
+                message = f"no stitch size of the {use} is given: find it with a swatch"
+                remarks.append(f"{message}, and {hint}")
         for carrier, passed in longest_floats(self.operations).items():
             if passed > self.machine.longest_float:
                 remarks.append(f"the yarn of carrier {carrier} floats past {passed} needles")
@@ -120,17 +126,6 @@ class Specification:
         if self.prediction is not None and self.prediction.passes_through_itself:
             remarks.append("the relaxed shape passes through itself: its size is uncertain")
         return remarks
-
-    @property
-    def _missing_sizes(self) -> list[str]:
-        uses = {"body": "stitch_size", "plated": "plated_stitch_size"}
-        hint = "find it with a swatch, and set {} of the material or {}_stitch_size of the machine"
-        return [
-            f"no stitch size of the {use} is given: {hint.format(name, use)}"
-            for use, name in uses.items()
-            if getattr(self.machine, f"{use}_stitch_size") is None
-            and (use == "body" or self.chart.electrodes)
-        ]
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""

@@ -46,9 +46,7 @@ def fabric_meshes(
         raise invalid(given, "applies to periodic fabric only; for a sample with edges, give 1 1")
     faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
     if faces > MAX_FACES:
-        raise invalid(
-            given, f"makes {faces:,} grid cells; take fewer repeats, for at most {MAX_FACES:,}"
-        )
+        raise invalid(given, f"makes {faces:,} cells, above {MAX_FACES:,}; take fewer repeats")
     shown = case_file.isel(applied_strain=list(strains))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
     folds = _fold_angles(case, shown, relaxed.shape[:2])

@@ -48,8 +48,7 @@ class MeshFormat:
     is_series: bool = False  # whether one file holds a mesh for each strain
 
 
-FORMATS: dict[str, MeshFormat] = {}
-"""Every format by its suffix; the functions below add them."""
+FORMATS: dict[str, MeshFormat] = {}  # every format by its suffix; the functions below add them
 
 
 def mesh_format(suffix: str, **properties: Any) -> Callable[[Writer], Writer]:

@@ -50,18 +50,13 @@ def case_plates(case_file: xr.Dataset, selections: Mapping[str, Any] = {}) -> xr
     if case.options.boundary != "periodic":
         raise invalid(case.label, NOT_PERIODIC)
     if case.friction.acts:
-        raise invalid(
-            case.label,
-            "has friction, which plates do not model; simulate it with fold_friction = 0",
-        )
+        raise invalid(case.label, "has friction, unlike plates; simulate with fold_friction = 0")
     _, fabric = case.assemble()
     solver = PlateSolver(case.mesh_shape, sheared="length_shear" in case_file)
     factor = cloth_per_network(case_file)
-    indices = list[int]()
-    plates = list[dict[str, Any]]()
+    indices, plates = list[int](), list[dict[str, Any]]()
     for state in stored_states(case_file, selections):
-        plate = Plate.unknown(state.status)
-        lengths = np.full(3, np.nan)
+        plate, lengths = Plate.unknown(state.status), np.full(3, np.nan)
         if state.shape is not None:
             lengths = factor * np.asarray(state.shape.lengths)
             plate, _ = solver.response(fabric, state.shape)

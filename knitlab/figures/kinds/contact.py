@@ -42,9 +42,7 @@ def contact(cube: xr.Dataset) -> Figure:
     planned = (without["status"] != Status.excluded) & (touching["status"] != Status.excluded)
     usable = (without["status"] == Status.ok) & (touching["status"] == Status.ok)
     if not usable.any():
-        raise invalid(
-            "contact", "no design of the selection is ok both without contact and with it"
-        )
+        raise invalid("contact", "no selected design is ok both without contact and with it")
     left_out = ", ".join(map(str, stacked["design"].values[(planned & ~usable).values]))
     without, touching = without.isel(design=usable.values), touching.isel(design=usable.values)
     designs = without["design"].values

@@ -73,9 +73,8 @@ def grid(
             if code is not Status.excluded:
                 look = {"linewidth": 1.0 if large else 0.2} | cells.MARKS[code]
                 cells.cell(axes, row, column, **look)
-    cells.name_columns_and_rows(
-        axes, *([_text(each, "g") for each in values[dim].values] for dim in (x, y))
-    )
+    names = ([_text(each, "g") for each in values[dim].values] for dim in (x, y))
+    cells.name_columns_and_rows(axes, *names)
     upright = partial(fill, width=26, break_long_words=False)
     axes.set(xlabel=_axis_label(cube, x), ylabel=upright(_axis_label(cube, y)))
     style.colour_bar(axes, colours, pad=0.01, label=upright(style.variable_label(values)))
@@ -139,9 +138,7 @@ def _plane(
     others = [str(dim) for dim in cube[of].dims if dim not in (x, y)]
     if several := [dim for dim in others if cube.sizes[dim] > 1]:
         if unlabelled := [dim for dim in several if dim not in cube.coords]:
-            raise invalid(
-                of, f"has several values along {', '.join(unlabelled)}; make these x and y"
-            )
+            raise invalid(of, f"varies along {', '.join(unlabelled)}; make these x and y")
         raise invalid("grid", f"shows two dimensions; select {choices(cube, several)}")
     plane = cube[of].isel(dict.fromkeys(others, 0)).transpose(y, x)
     # A grid that shows no dimension of the designs shows one of them.

@@ -24,9 +24,7 @@ def swept(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
     designs = base_dims(cube)
     if {*cube[of].dims} - {*swept, *designs}:
-        raise invalid(
-            "of", f"{of} is not a single number of a design; choose another, or reduce it"
-        )
+        raise invalid("of", f"{of} is not one number of a design; choose another, or reduce it")
     if len(swept) != 1:
         message = f"sweeps {', '.join(swept)}; select one value of all but one"
         none = "has no swept setting; give several values of one to a workflow"

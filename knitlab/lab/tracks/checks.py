@@ -50,9 +50,7 @@ def without_implausible(relaxed: Field, corners: Corners) -> tuple[Corners, list
         for marker in _jumping(now - before, JUMP * step):
             drop(marker, frame, "jumps away from its neighbours")
         at = _shifted(now, 1)
-        close = np.any(
-            [_length(now - at(*each)) < COINCIDENT * step for each in DIRECTIONS], axis=0
-        )
+        close = np.any([_length(now - at(y, x)) < COINCIDENT * step for y, x in DIRECTIONS], axis=0)
         for row, column in np.argwhere(close).tolist():
             drop((row, column), frame, "coincides with another marker")
         while (over := _turned_over(now)).any():

@@ -46,8 +46,7 @@ def test_programs_are_read_with_their_comments_or_without(tmp_path, end, model, 
     lines = sample.program.split("\n")
     if not marked:
         lines = [line for line in lines if not line.startswith(";") or line[1] in ";!"]
-    path = written(tmp_path / "sample.k", "\n".join(lines))
-    stitches, _ = read_stitches(path, carrier=3)
+    stitches, _ = read_stitches(written(tmp_path / "sample.k", "\n".join(lines)), carrier=3)
     before = 0 if marked else sample.machine.setup_courses
     assert (stitches[before:] == sample.chart.front).all()
     assert stitches[:before].all()

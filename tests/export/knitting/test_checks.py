@@ -62,10 +62,7 @@ SEEDED = {
     ),
     "hook not released": (replaced("releasehook 3", after=";cast-on"), "hook"),
     "hook released twice": (replaced(TURN, TURN, "releasehook 3"), "does not hold carrier 3"),
-    "carrier brought in rightwards": (
-        replaced("inhook 4", "inhook 4", "tuck + b2 4"),
-        "rightwards",
-    ),
+    "carrier brought in rightwards": (replaced("inhook 4", "inhook 4", "tuck + b2 4"), "rightward"),
     "conductor alone": (replaced("knit - b2 3 4", "knit - b2 4"), "body's carrier 3"),
     "conductors joined": (replaced("knit - b2 3 4", "inhook 5", "knit - b2 5 4"), "two electrodes"),
     "three carriers": (replaced("knit - b2 3 4", "knit - b2 3 4 1"), "3 carriers"),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from knitlab.export.knitting.instructions import instructions
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from tests.export.knitting.charts import case_of, chart_of_arrays
+from tests.export.knitting.charts import case_of
 from tests.export.knitting.test_round_trip import charts
 
 TERM = re.compile(r"([kp])(\d+)(?: with ([AB]))?")
@@ -90,13 +90,3 @@ def test_any_chart_is_knitted_from_its_words(chart, in_the_round):
 def test_designs_are_knitted_from_their_words(settings, in_the_round):
     chart = stitch_chart(case_of(**settings))
     assert (knitted(instructions(chart, in_the_round)) == map_letters(chart)).all()
-
-
-def test_rib_is_knitted_in_two_lines():
-    rib = chart_of_arrays(np.tile([1, 1, 0, 0], (6, 3)))
-    assert instructions(rib).splitlines()[-4:] == [
-        "Cast on 12 sts.",
-        "Rows 1, 3 and 5 (RS): *p2, k2; rep from * to end.",
-        "Rows 2, 4 and 6 (WS): *p2, k2; rep from * to end.",
-        "Bind off.",
-    ]

@@ -38,8 +38,7 @@ def test_the_header_is_what_back_ends_want():
 
 def test_only_wales_that_change_their_bed_are_transferred():
     moved = Counter(operation.opcode for operation in body())["xfer"]
-    first = int((~CHART.front[0]).sum())
-    assert moved == CHART.transfers + first
+    assert moved == CHART.transfers + int((~CHART.front[0]).sum())
 
 
 def test_every_stitch_is_knitted_once_and_plated_ones_with_two_carriers():
@@ -71,8 +70,7 @@ def test_a_conductor_that_starts_rightwards_is_anchored_by_tucks_leftwards():
 
 def test_without_hooks_all_begins_rightwards_and_in_and_out_bring_yarn():
     machine = read_machine({"model": "kniterate", "waste_courses": 2})
-    chart = chart_of_arrays([[1, 0, 1, 1], [1, 1, 0, 1]])
-    program = knitout(chart, machine)
+    program = knitout(chart_of_arrays([[1, 0, 1, 1], [1, 1, 0, 1]]), machine)
     opcodes = Counter(each.opcode for each in operations(program))
     assert opcodes["in"] == opcodes["out"] == 3
     assert not [name for name in opcodes if name.endswith("hook")]
@@ -98,8 +96,7 @@ def test_bind_off_moves_every_loop_but_the_last_onto_its_neighbour():
 
 def test_a_dropped_sample_ends_in_waste():
     program = knitout(CHART, read_machine({"end": "drop", "waste_courses": 4}))
-    dropped = [each for each in operations(program) if each.opcode == "drop"]
-    assert len(dropped) == CHART.wales
+    assert len([each for each in operations(program) if each.opcode == "drop"]) == CHART.wales
     assert program.count("inhook 1\n") == 2
 
 

@@ -21,12 +21,8 @@ def leads_of(chart):
 def test_conductors_along_wales_leave_at_the_lower_and_the_upper_edge(repeats):
     chart = stitch_chart(case_of("sensor", n_stripe=2, n_subunit=16), repeats)
     found = leads_of(chart)
-    assert [(each.electrode, each.enters) for each in found] == [
-        (1, True),
-        (1, False),
-        (2, True),
-        (2, False),
-    ]
+    ends = [(each.electrode, each.enters) for each in found]
+    assert ends == [(1, True), (1, False), (2, True), (2, False)]
     for each in found:
         assert each.course == (0 if each.enters else chart.courses - 1)
         assert chart.plated[each.course, each.wale] == each.electrode

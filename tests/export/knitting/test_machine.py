@@ -26,8 +26,7 @@ def test_every_value_of_the_file_has_its_unit_and_source():
 @pytest.mark.parametrize("model", FILE["machines"])
 def test_every_machine_is_as_its_table_and_its_back_end_say(model):
     machine, table = read_machine({"model": model}), FILE["machines"][model]
-    of_back_end = FILE["back_ends"][machine.back_end]
-    for name, entry in (table | of_back_end).items():
+    for name, entry in (table | FILE["back_ends"][machine.back_end]).items():
         assert getattr(machine, name) == entry["value"]
     assert machine.pitch == pytest.approx(25.4 / table["needles_per_inch"]["value"])
     # A program names the carriers of a list that its back end takes.

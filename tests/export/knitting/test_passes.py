@@ -65,8 +65,7 @@ def test_floats_pass_the_needles_between_two_stitches_of_a_yarn():
 def test_every_group_of_a_plated_course_takes_a_pass_of_its_own():
     plated = np.zeros((10, 20), int)
     plated[:, 5:8], plated[:, 12:14] = 1, 2
-    chart = chart_of_arrays(np.ones((10, 20)), plated)
-    sheet = specification_of(chart)
+    sheet = specification_of(chart_of_arrays(np.ones((10, 20)), plated))
     # Five passes in place of one, all in one direction, with four empty ones between.
     # Each conductor's anchor takes one more, from which the carriage comes back.
     for kind in ("knit", "empty"):

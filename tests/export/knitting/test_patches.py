@@ -26,21 +26,19 @@ def knits_of(chart):
 
 def chart_of(design, start):
     parameters = kl.defaults().with_tables(model=kl.Model(garter_start=start))
-    case = case_of_design(design, [0.0], parameters, kl.Protocol(), electrodes=False)
-    return stitch_chart(case)
+    return stitch_chart(case_of_design(design, [0.0], parameters, kl.Protocol(), electrodes=False))
 
 
 def assert_is_read_back(chart):
     read = read_patches(chart.front, "any")
     assert read.messages == ()
-    repeats = read.chart.repeats
     # The pattern makes the same stitches, through the model.
     design = kl.Design(
         read.n_stripe,
         read.n_subunit,
         boundary="periodic",
         pattern=read.pattern(),
-        unit_cells=repeats,
+        unit_cells=read.chart.repeats,
     )
     course, wale = read.begins_at
     begun = np.roll(chart.front, (1 - course, 1 - wale), (0, 1))
@@ -65,8 +63,7 @@ def test_every_design_of_the_paper_is_read_back(design):
 def test_other_patterns_are_read_back(pattern, start):
     sizes = {} if pattern.startswith("graded") else {"n_stripe": 4, "n_subunit": 16}
     workflow = "periodic" if sizes else "graded"
-    case = case_of(workflow, pattern=pattern, garter_start=start, **sizes)
-    chart = stitch_chart(case)
+    chart = stitch_chart(case_of(workflow, pattern=pattern, garter_start=start, **sizes))
     read = assert_is_read_back(chart)
     assert read.garter_start == start
     assert (knits_of(read.chart) == knits_of(chart)).all()
@@ -103,8 +100,7 @@ def patterns(draw):
 @given(patterns(), st.sampled_from(STARTS))
 def test_any_pattern_of_slender_stripes_is_read_back_as_the_same_stitches(pattern, start):
     """Where several patterns have the same stitches, one may be found that begins elsewhere."""
-    design = kl.Design(2, 8, boundary="periodic", pattern=pattern)
-    assert_is_read_back(chart_of(design, start))
+    assert_is_read_back(chart_of(kl.Design(2, 8, boundary="periodic", pattern=pattern), start))
 
 
 def test_a_chart_that_begins_within_a_stripe_is_moved_over_its_edges():

@@ -17,8 +17,7 @@ PATTERNS = ["checkerboard", "basket", "ribbed_bands", "framed", "graded_stripes"
 
 def runs(line):
     """Lengths of the runs of equal values of a line."""
-    ends = np.flatnonzero(np.diff(line)) + 1
-    return np.diff([0, *ends, len(line)]).tolist()
+    return np.diff([0, *(np.flatnonzero(np.diff(line)) + 1), len(line)]).tolist()
 
 
 def test_a_rib_patch_alternates_n_wales_and_a_garter_patch_2n_courses():
@@ -72,8 +71,7 @@ def test_folds_at_stripe_borders_lie_just_where_the_bed_changes_within_like_patc
     ):
         changes = chart.front != np.roll(chart.front, 1, axis=along)
         at_lines = changes[np.ix_(rows[:-1], columns[:-1])]
-        inside = cells & np.roll(cells, 1, axis=along)
-        assert ((sense != 0) == (at_lines & inside)).all()
+        assert ((sense != 0) == (at_lines & (cells & np.roll(cells, 1, axis=along)))).all()
 
 
 @pytest.mark.slow
@@ -109,20 +107,10 @@ def test_electrodes_take_whole_stitches_about_their_ridges():
 @pytest.mark.parametrize(
     ("layout", "knit"), [("checkerboard", "rib"), ("checkerboard_courses", "garter")]
 )
-def test_conductors_of_the_front_cover_mountains_of_how_plain_knit_curls(
-    phase, start, layout, knit
-):
+def test_conductors_of_the_front_cover_mountains_of_curled_knit(phase, start, layout, knit):
     """Rib rises in front stripes, which curl to their back at their sides; garter in back ones."""
-    chart = stitch_chart(
-        case_of(
-            "sensor",
-            n_stripe=4,
-            n_subunit=32,
-            layout=layout,
-            fold_phase=phase,
-            garter_start=start,
-        )
-    )
+    settings = {"layout": layout, "fold_phase": phase, "garter_start": start}
+    chart = stitch_chart(case_of("sensor", n_stripe=4, n_subunit=32, **settings))
     in_patches = np.repeat(
         np.repeat(chart.knit == knit, np.diff(chart.row_borders), axis=0),
         np.diff(chart.column_borders),
@@ -142,14 +130,12 @@ def test_electrodes_that_touch_as_whole_stitches_are_refused():
 
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_single_folds_are_lines_on_one_bed_between_panels_on_both(boundary):
-    case = case_of(**DESIGN, pattern="miura", boundary=boundary)
-    chart = stitch_chart(case)
+    chart = stitch_chart(case_of(**DESIGN, pattern="miura", boundary=boundary))
     front = chart.front.copy()
     # Along wales a front line is a mountain, which ends where the next course line begins.
     middle = chart.column_borders[1]
     for row, (low, high) in enumerate(itertools.pairwise(chart.row_borders)):
-        line = front[low + 2 : high - 2, middle - 1 : middle + 1]
-        assert (line == (row % 2 == 0)).all()
+        assert (front[low + 2 : high - 2, middle - 1 : middle + 1] == (row % 2 == 0)).all()
         front[low + 2 : high - 2, middle - 1 : middle + 1] = [False, True]  # as the rib there
     # Along courses a front line is a valley; the pattern begins with a mountain.
     for row, border in enumerate(chart.row_borders[1:4]):
@@ -171,8 +157,7 @@ def test_folds_of_a_pattern_of_one_line():
 
 
 def test_single_folds_beside_stripes_are_refused():
-    fold = {"along": "course", "at": 1, "theta_0": 1.5}
-    pattern = kl.Pattern(rows=("PR", "PP"), folds=[fold])
+    pattern = kl.Pattern(rows=("PR", "PP"), folds=[{"along": "course", "at": 1, "theta_0": 1.5}])
     with refused("1 single folds", "plain knit"):
         kl.knit(kl.Design(2, 8, boundary="periodic", pattern=pattern))
 

@@ -31,8 +31,7 @@ def kept_case() -> Case:
 
 def sample(case: Case) -> Case:
     """The fabric of a case between clamps, 1 × 2 unit cells."""
-    clamped = replace(case.options, boundary="clamped")
-    return replace(case, options=clamped, unit_cells=(1, 2))
+    return replace(case, options=replace(case.options, boundary="clamped"), unit_cells=(1, 2))
 
 
 def flat_test(case: Case, stretch: tuple[float, float] = (1.0, 1.0)) -> xr.Dataset:

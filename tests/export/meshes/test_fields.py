@@ -31,8 +31,7 @@ def grid(mesh, field, rows):
 def test_nodes_and_heights_are_those_of_the_case_file():
     mesh = fabric_meshes(kept_file(), [5])[0]
     position = kept_file()["position"].sel(applied_strain=0.15).values
-    nodes = mesh.nodes.reshape(17, 17, 3)
-    assert (nodes[:16, :16] == position).all()
+    assert (mesh.nodes.reshape(17, 17, 3)[:16, :16] == position).all()
     assert (mesh.node_fields[HEIGHT] == mesh.nodes[:, 2]).all()
     assert set(mesh.node_fields[APPLIED_STRAIN].tolist()) == {0.15}
 
@@ -69,8 +68,7 @@ def test_knit_and_patch_are_those_of_the_pattern():
 
 
 def test_a_stretched_sheet_has_the_stretch_it_is_given():
-    test = flat_test(kept_case(), stretch=(0.9, 1.2))
-    relaxed, stretched = fabric_meshes(test, [0, 1])
+    relaxed, stretched = fabric_meshes(flat_test(kept_case(), stretch=(0.9, 1.2)), [0, 1])
     for name, value in (("stretch_weft [1]", -0.1), ("stretch_warp [1]", 0.2)):
         np.testing.assert_allclose(relaxed.face_fields[name], 0, atol=1e-12)
         np.testing.assert_allclose(stretched.face_fields[name], value, rtol=1e-12)
@@ -79,20 +77,17 @@ def test_a_stretched_sheet_has_the_stretch_it_is_given():
 
 
 def test_strains_of_unit_cells_are_those_of_the_case_file():
-    case = sample(kept_case())
-    test = flat_test(case)
+    test = flat_test(sample(kept_case()))
     mesh = fabric_meshes(test, [1])[0]
     for name in ("strain_xx", "strain_yy"):
         in_cells = grid(mesh, f"{name} [1]", 16).reshape(1, 16, 2, 16)
-        expected = test[name].values[1][:, None, :, None]
-        assert (in_cells == expected).all()
+        assert (in_cells == test[name].values[1][:, None, :, None]).all()
 
 
 def folded_lines(case, sense):
     """A test of a flat fabric, folded by an angle along every second grid line of its wales."""
     test = flat_test(case)
-    columns = np.arange(test.sizes["node_x"])
-    height = 0.1 * np.where(columns % 4 == 2, sense, 0.0)
+    height = 0.1 * np.where(np.arange(test.sizes["node_x"]) % 4 == 2, sense, 0.0)
     test["position"].loc[{"component": "z"}] = np.broadcast_to(height, test["position"].shape[:-1])
     return test
 
@@ -101,12 +96,9 @@ def folded_lines(case, sense):
 @pytest.mark.parametrize("periodic", [True, False])
 def test_fold_angles_are_at_fold_lines_alone_and_positive_for_a_mountain(periodic, sense):
     case = kept_case() if periodic else sample(kept_case())
-    test = folded_lines(case, sense)
-    mesh = fabric_meshes(test, [0])[0]
-    folds = mesh.node_fields[FOLD_ANGLE].reshape(17, -1)
+    folds = fabric_meshes(folded_lines(case, sense), [0])[0].node_fields[FOLD_ANGLE].reshape(17, -1)
     # A rib patch folds at lines 2, 4 and 6 of its 8 cells; at 2 and 6 the sheet has a ridge.
-    width = case.flat_cell[0] / 16
-    ridge = sense * 2 * np.arctan(0.1 / width)
+    ridge = sense * 2 * np.arctan(0.1 / (case.flat_cell[0] / 16))
     rib = folds[1:8, :9]
     np.testing.assert_allclose(rib[:, [2, 6]], ridge, rtol=1e-9)
     np.testing.assert_allclose(rib[:, [0, 1, 3, 4, 5, 7, 8]], 0, atol=1e-9)
@@ -144,10 +136,8 @@ def test_electrodes_cover_the_cells_about_their_ridges(layout, covered, part):
 
 
 def test_an_electrode_over_the_seam_goes_on_at_the_other_side():
-    mask = tuple(["BB......A......." for _ in range(16)])
-    case = with_electrodes(ElectrodeLayout(mask=mask))
-    mesh = fabric_meshes(flat_test(case), [0])[0]
-    electrode = grid(mesh, ELECTRODE, 16)
+    case = with_electrodes(ElectrodeLayout(mask=tuple(["BB......A......." for _ in range(16)])))
+    electrode = grid(fabric_meshes(flat_test(case), [0])[0], ELECTRODE, 16)
     assert sorted({*np.nonzero(electrode == 2)[1].tolist()}) == [0, 1]
     assert sorted({*np.nonzero(electrode == 1)[1].tolist()}) == [8]
 
@@ -157,8 +147,7 @@ def test_a_fabric_without_electrodes_has_no_field_of_them():
 
 
 def test_a_sample_between_clamps_keeps_its_own_nodes():
-    case = sample(kept_case())
-    test = flat_test(case)
+    test = flat_test(sample(kept_case()))
     assert (closed_nodes(test) == test["position"].values).all()
 
 

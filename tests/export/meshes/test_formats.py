@@ -85,8 +85,7 @@ def by_corners(triangles):
 
 def test_a_ply_file_has_colours_and_the_fields_of_nodes(mesh, written):
     path = written(".ply")
-    colours = node_colours(mesh)
-    assert (loaded(path).visual.vertex_colors[:, :3] == colours).all()
+    assert (loaded(path).visual.vertex_colors[:, :3] == node_colours(mesh)).all()
     read = meshio.read(path).point_data
     assert list(read) == ["red", "green", "blue", "height_mm", "fold_angle_rad", "applied_strain"]
     for name, values in zip(list(read)[3:], mesh.node_fields.values(), strict=True):
@@ -116,8 +115,7 @@ def test_a_printed_solid_is_watertight_once_its_corners_are_joined(sheet, tmp_pa
 
 
 def test_a_glb_file_is_in_metres_with_y_up(mesh, written):
-    path = written(".glb")
-    scene = trimesh.load_scene(path)
+    scene = trimesh.load_scene(written(".glb"))
     (body,) = scene.geometry.values()
     assert body.visual.material.doubleSided
     np.testing.assert_allclose(body.vertices, mesh.nodes, rtol=1e-6)
@@ -158,11 +156,8 @@ def test_linear_light_is_that_of_the_standard():
 def test_a_series_lists_a_file_for_every_strain(tmp_path):
     meshes = fabric_meshes(kept_file(), [0, 2])
     files = write_meshes(Shapes(meshes, [0.0, 0.06]), tmp_path / "pulled.pvd")
-    assert [str(each.relative_to(tmp_path)) for each in files] == [
-        "pulled.pvd",
-        "pulled/strain_0.vtu",
-        "pulled/strain_0.06.vtu",
-    ]
+    names = [str(each.relative_to(tmp_path)) for each in files]
+    assert names == ["pulled.pvd", "pulled/strain_0.vtu", "pulled/strain_0.06.vtu"]
     root = ElementTree.parse(files[0]).getroot()
     assert root.get("type") == "Collection"
     listed = {float(each.get("timestep")): each.get("file") for each in root.iter("DataSet")}

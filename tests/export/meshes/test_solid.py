@@ -51,8 +51,7 @@ def test_flanks_are_as_thick_as_asked_up_to_the_fold():
     over, under = solid.nodes[solid.faces[:count]], solid.nodes[solid.faces[count : 2 * count]]
     normals = np.cross(over[:, 1] - over[:, 0], over[:, 2] - over[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    apart = ((over[:, :1] - under) * normals[:, None]).sum(-1)
-    assert apart == pytest.approx(thickness, abs=1e-12)
+    assert ((over[:, :1] - under) * normals[:, None]).sum(-1) == pytest.approx(thickness, abs=1e-12)
 
 
 def test_a_fold_sharper_than_the_mitre_limit_is_cut_off():
@@ -70,8 +69,7 @@ def test_the_inner_side_of_an_arch_limits_its_thickness(turn):
 
 
 def test_the_inner_side_of_an_arch_turns_over_beyond_its_limit():
-    turn = 0.8
-    sheet = grid_surface(arch(CELLS, turn))
+    sheet = grid_surface(arch(CELLS, 0.8))
     most = largest_thickness(sheet)
     assert as_trimesh(solid_of(sheet, 0.999 * most)).volume == pytest.approx(
         AREA * 0.999 * most, rel=1e-9

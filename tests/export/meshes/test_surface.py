@@ -12,10 +12,6 @@ def as_trimesh(mesh):
     return trimesh.Trimesh(mesh.nodes, mesh.triangulated().faces, process=False)
 
 
-def areas_of_triangles(a, b, c):
-    return np.linalg.norm(np.cross(b - a, c - a), axis=-1) / 2
-
-
 @given(bumpy_sheets())
 def test_a_sheet_is_oriented_and_its_only_rim_is_its_own(nodes):
     mesh = grid_surface(nodes)
@@ -31,18 +27,6 @@ def test_a_sheet_is_oriented_and_its_only_rim_is_its_own(nodes):
     assert sorted(edges[:, 0].tolist()) == sorted(edges[:, 1].tolist())
     x, y = mesh.nodes[edges][..., :2].transpose(2, 1, 0)
     assert (x[0] * y[1] - x[1] * y[0]).sum() > 0
-
-
-@given(bumpy_sheets())
-def test_triangles_have_the_area_of_the_quads(nodes):
-    mesh = grid_surface(nodes)
-    low_left, low_right, top_left, top_right = (
-        nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, :-1], nodes[1:, 1:]
-    )  # fmt: skip
-    expected = areas_of_triangles(low_left, low_right, top_right) + areas_of_triangles(
-        top_right, top_left, low_left
-    )
-    assert np.isclose(as_trimesh(mesh).area, expected.sum(), rtol=1e-12)
 
 
 def test_fields_follow_their_faces_when_these_are_divided():

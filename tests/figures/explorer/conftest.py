@@ -56,8 +56,7 @@ def troubled(tmp_path_factory):
     cube["self_intersections"].loc[through | {"applied_strain": strains[2]}] = 17
     snapped = {"n_stripe": 6, "n_subunit": 36}
     cube["snapped"].loc[snapped | {"applied_strain": strains[6]}] = 1
-    case_id = cube["case_id"].sel(failed).item()
-    entry = {"case_id": case_id, "status": "failed", "reason": HOSTILE}
+    entry = {"case_id": cube["case_id"].sel(failed).item(), "status": "failed", "reason": HOSTILE}
     entry |= {"case": {"method": "equilibrium"}}
     (folder / "failures.jsonl").write_text(json.dumps(entry) + "\n")
     write_cube(cube, folder / "cube.nc")
@@ -67,14 +66,12 @@ def troubled(tmp_path_factory):
 @pytest.fixture(scope="session")
 def page(tmp_path_factory):
     """The explorer of the preview, of which two designs have their shapes."""
-    folder = tmp_path_factory.mktemp("page")
-    return write_explorer([open_cube(PREVIEW)], folder / "explorer.html")
+    return write_explorer([open_cube(PREVIEW)], tmp_path_factory.mktemp("page") / "explorer.html")
 
 
 @pytest.fixture(scope="session")
 def troubled_page(troubled, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("page")
-    return write_explorer([open_cube(troubled)], folder / "troubled.html")
+    return write_explorer([open_cube(troubled)], tmp_path_factory.mktemp("page") / "troubled.html")
 
 
 @pytest.fixture(scope="module")

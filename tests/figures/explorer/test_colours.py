@@ -54,5 +54,4 @@ def test_lightness_falls_evenly_on_both_sides_of_zero():
 def test_both_signs_are_told_apart_by_every_vision(vision):
     colours = lab(linear("signed") @ np.array(DEFICIENT[vision]).T)
     for quarter in (0, len(colours) // 4):
-        apart = np.linalg.norm(colours[quarter] - colours[-1 - quarter])
-        assert apart > 20
+        assert np.linalg.norm(colours[quarter] - colours[-1 - quarter]) > 20

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from knitlab.figures.explorer.shapes import LEVELS, MIN_STEP, pack_positions
+from knitlab.figures.explorer.shapes import LEVELS, pack_positions
 from tests.figures.explorer.conftest import PREVIEW
 
 NODES = array_shapes(min_dims=3, max_dims=3, max_side=5).map(lambda shape: (*shape, 3))
@@ -43,13 +43,6 @@ def test_positions_are_off_by_half_a_step_at_most(positions):
     packed = pack_positions(positions)
     error = np.abs(unpacked(packed, positions.shape) - positions).max(axis=(0, 1, 2))
     assert (error <= np.array(packed["error"]) * (1 + 1e-6) + 1e-12).all()
-
-
-@given(arrays(float, NODES, elements=LENGTHS))
-def test_a_step_is_a_4095th_of_the_extent(positions):
-    extent = np.ptp(positions, axis=(0, 1, 2))
-    wanted = np.maximum(extent / 4095, MIN_STEP)
-    np.testing.assert_allclose(pack_positions(positions)["step"], wanted)
 
 
 def test_a_simulated_test_is_packed_in_less_than_a_byte_a_number():
