@@ -119,7 +119,7 @@ def test_every_mistake_of_a_file_is_listed_and_its_paths_are_of_its_folder(tmp_p
     with pytest.raises(InputError) as error:
         read_request(path)
     assert len(error.value.mistakes) == 3
-    assert all(str(path) in str(fault) for fault in error.value.mistakes)
+    assert all(str(path) in str(each) for each in error.value.mistakes)
     path.write_text(f'targets = "{TARGET}"\ncubes = ["known"]\n')
     assert read_request(path).cubes == (str(tmp_path / "known"),)
 

@@ -20,6 +20,7 @@ from knitlab.observables.status import Status
 from knitlab.runs.figure_names import FIGURE_NAMES
 from knitlab.runs.plan import make_plan
 from tests.cubes.artificial_cubes import STATUS, synthetic_cube
+from tests.refusals import refused
 
 
 @pytest.fixture
@@ -107,7 +108,7 @@ def test_the_map_shows_the_ratio_at_a_selected_strain():
 
 
 def with_spread(half):
-    """An artificial cube: siblings of (4, 16) differ by a value at 10 % strain, others by 0.02."""
+    """An artificial cube: copies of (4, 16) differ by a value at 10 % strain, others by 0.02."""
     cube = synthetic_cube()
     width = xr.full_like(cube["poisson_ratio"], 0.01)
     width.loc[{"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}] = half
@@ -117,7 +118,7 @@ def with_spread(half):
 
 
 @pytest.mark.parametrize(("half", "mark"), [(0.024, ""), (0.03, "\nspread 0.06")])
-def test_the_map_marks_designs_whose_siblings_differ_by_more_than_a_twentieth(half, mark):
+def test_the_map_marks_designs_whose_copies_differ_by_more_than_a_twentieth(half, mark):
     figure = auxetic([with_spread(half)])
     written = values_written(figure.axes[0])
     assert written == ["0.05\nat 10%", f"−0.80\nat 10%{mark}", "−0.40\nat 10%"]
@@ -125,7 +126,7 @@ def test_the_map_marks_designs_whose_siblings_differ_by_more_than_a_twentieth(ha
     assert any("spread" in note for note in notes) == bool(mark)
 
 
-def test_curves_have_a_band_from_the_lowest_to_the_highest_sibling():
+def test_curves_have_a_band_from_the_lowest_to_the_highest_copy():
     axes = np.array(curves([with_spread(0.03)]).axes).reshape(3, 3)[2, 1]
     first = axes.collections[0].get_paths()[0].vertices
     for strain, low, high in ((0.1, -0.83, -0.77), (0.2, -0.41, -0.39)):
@@ -178,9 +179,8 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
     ],
 )
 def test_what_cannot_be_drawn_writes_nothing(cube_file, tmp_path, kind, output, selections, named):
-    with pytest.raises(InputError) as caught:
+    with refused(*named):
         draw_figure(kind, [cube_file], tmp_path / output, selections)
-    assert all(text in str(caught.value) for text in named)
     assert list(tmp_path.iterdir()) == [cube_file]
 
 

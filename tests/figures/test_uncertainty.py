@@ -4,8 +4,8 @@ import pytest
 
 import knitlab as kl
 from knitlab.figures.drawing import draw, draw_figure
-from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
+from tests.refusals import refused
 
 ROOT = shipped("workflows").parent
 CUBE = ROOT / "results" / "reference" / "acrylic"
@@ -39,7 +39,7 @@ def test_a_cell_has_the_value_its_deviation_and_the_number_to_measure_better(str
 
 
 def test_a_map_of_uncertainty_needs_a_material_and_is_drawn_again_for_another(tmp_path):
-    with pytest.raises(InputError, match="material: is not given"):
+    with refused("material"):
         draw("uncertainty", [kl.open_cube(CUBE)])
     file, output = tmp_path / "a.toml", tmp_path / "a.svg"
     file.write_text(ACRYLIC.read_text())

@@ -8,12 +8,12 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.cubes.cube_file import open_cube
-from knitlab.io.errors import InputError
 from knitlab.lab.experiment import import_records
 from knitlab.observables.capacitance.sensor import mean_slope
 from knitlab.observables.schema import COORDINATES, VARIABLES
 from tests.figures.test_sensor import with_electrodes
 from tests.lab.recorded import LENGTH, NU, PEAK, STIFFNESS, TEST, WIDTH, Laboratory, positions
+from tests.refusals import refused
 from workflows.laboratory.make_synthetic import tracked
 
 KINDS = ("markers", "tensile", "capacitance")
@@ -69,14 +69,13 @@ def test_imports_in_any_order_and_twice_make_one_cube(tmp_path, cube):
 
 
 @pytest.mark.parametrize(
-    "imports",
-    [5, "", '{"tensile": null}', '{"tensile": {"variables": ["of_no_import"]}}'],
+    "imports", [5, "", '{"tensile": null}', '{"tensile": {"variables": ["of_no_import"]}}']
 )
 def test_a_damaged_list_of_imports_is_refused(tmp_path, imports):
     path = Laboratory(tmp_path).write()
     file = import_records("tensile", path, tmp_path).path
     xr.load_dataset(file).assign_attrs(imports=imports).to_netcdf(file)
-    with pytest.raises(InputError, match="import all records again"):
+    with refused("import all records again"):
         import_records("markers", path, tmp_path)
 
 

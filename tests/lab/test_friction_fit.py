@@ -122,14 +122,8 @@ def test_cycles_are_of_one_swatch_and_friction_at_a_late_start_is_no_offset(tmp_
         kl.read_cycles(path)
     plain = kl.read_cycles(path, zero="none")
     assert [each.loading for each in plain.passages] == [True, False, True]
-    path.write_text(
-        "\n".join(
-            [
-                "specimen,strain [1],force [N]",
-                *(f"{number > 40},{line}" for number, line in enumerate(lines)),
-            ]
-        )
-    )
+    numbered = (f"{number > 40},{line}" for number, line in enumerate(lines))
+    path.write_text("\n".join(["specimen,strain [1],force [N]", *numbered]))
     with refused("specimen", "several swatches"):
         kl.read_cycles(path)
 

@@ -281,9 +281,8 @@ def test_a_known_start_gives_the_curve_of_the_spring(tmp_path, truth, known, noi
     assert ("is subtracted from the force" in said) == ("zero" in known)
     assert ("preload of 0.06 N" in said and "%" in said) == ("preload" in known)
     one = kl.read_cycles(path, width=width, **known).passages[0]
-    np.testing.assert_allclose(
-        one.force * (width or 1.0), 2 * one.strain, atol=max(1e-6, 3 * noise)
-    )
+    force = one.force * (width or 1.0)
+    np.testing.assert_allclose(force, 2 * one.strain, atol=max(1e-6, 3 * noise))
 
 
 @pytest.mark.parametrize("truth", [{"tension": 0.06}, {"offset": 0.06}, {"offset": -0.06}])

@@ -35,9 +35,7 @@ def test_three_wires_have_the_matrix_of_their_line_charges():
     inverse = np.linalg.inv(-np.log(apart / 100) / (2 * np.pi * VACUUM_PERMITTIVITY))
     rows = inverse.sum(axis=1)
     wanted = LENGTH * (inverse - np.outer(rows, rows) / rows.sum())
-    found = extrapolated(
-        *(matrix(*wires(centres, n, radius), axis=1, period=LENGTH) for n in (9, 18))
-    )
+    found = extrapolated(*(matrix(*wires(centres, n), axis=1, period=LENGTH) for n in (9, 18)))
     np.testing.assert_allclose(found, wanted, atol=2e-3 * wanted.max())
     np.testing.assert_allclose(found.sum(axis=1), 0, atol=1e-12)
 

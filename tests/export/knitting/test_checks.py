@@ -72,7 +72,7 @@ SEEDED = {
 """Programs with one mistake each, with its line, and words of the message."""
 
 
-def test_the_program_itself_has_no_fault():
+def test_the_program_itself_has_no_mistake():
     assert check(PROGRAM, MACHINE)[0] == []
 
 

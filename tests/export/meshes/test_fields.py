@@ -122,10 +122,8 @@ def with_electrodes(layout):
 def test_electrodes_cover_the_cells_about_their_ridges(layout, covered, part):
     if covered[1] is None:
         # Apart by more than the width: in the first and in the second rib patch.
-        layout, covered = (
-            replace(layout, within="fabric", ridges=(1, 3)),
-            (covered[0], [8, 9, 10, 11]),
-        )
+        layout = replace(layout, within="fabric", ridges=(1, 3))
+        covered = covered[0], [8, 9, 10, 11]
     mesh = fabric_meshes(flat_test(with_electrodes(layout)), [0], (1, 2))[0]
     electrode, plated = grid(mesh, ELECTRODE, 16), grid(mesh, PLATED, 16)
     assert (electrode[:, 16:] == electrode[:, :16]).all()
