@@ -348,7 +348,7 @@ def relaxed_period(
     if period is not None and gauge_stitches is not None:
         raise invalid("period", "is given twice; give period or gauge_stitches")
     if period is not None:
-        return period
+        return float(period)
     if gauge_stitches is None:
         raise invalid("period", "is missing; give it in mm, or gauge_length and gauge_stitches")
     if gauge_length is None:
