@@ -73,26 +73,18 @@ def test_layouts_can_be_a_dimension():
     assert {case.capacitor.layout.width for case in widths.cases.values()} == {1, 2}
 
 
-LAYOUTS = (
-    "checkerboard, checkerboard_courses, checkerboard_faces, checkerboard_narrow, stripe, or give"
-)
-
-
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (("layout=nowhere",), f"there is no layout 'nowhere'; choose from {LAYOUTS}"),
-        (("ridges=1,9",), r"there is no ridge 9: its middle patch has \d+ on face front"),
-        (
-            ("width=20",),
-            r"the electrodes touch, a short circuit: columns .* \(in n_stripe 2  n_subunit 16\)",
-        ),
-        (("mask=AB,A",), r"a mask is a rectangle of letters; give rows of equal length"),
-        (("mask=AX,AB",), r"a mask consists of A, B and '.', not X"),
-        (("mask=AB,AB", "n_stripe=4", "n_subunit=16"), r"the fabric 16 rows of 16 grid cells"),
-        (("span=0.1,0.9",), r"periodic fabric has no ends"),
-        (("permittivity=0.5",), r"permittivity"),
-        (("unloading=true", "method=dynamics"), r"method = dynamics gives no unloading"),
+        (("layout=nowhere",), "nowhere.*checkerboard_narrow"),
+        (("ridges=1,9",), "ridge 9.*front"),
+        (("width=20",), "short circuit.*n_stripe 2  n_subunit 16"),
+        (("mask=AB,A",), "equal length"),
+        (("mask=AX,AB",), "A, B.*X"),
+        (("mask=AB,AB", "n_stripe=4", "n_subunit=16"), "2 rows of 2.*16 rows of 16"),
+        (("span=0.1,0.9",), "span.*clamped"),
+        (("permittivity=0.5",), "permittivity"),
+        (("unloading=true", "method=dynamics"), "dynamics.*unloading"),
     ],
 )
 def test_impossible_electrodes_are_refused_by_the_plan(overrides, message):

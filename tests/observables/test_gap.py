@@ -172,22 +172,19 @@ def test_the_gap_does_not_depend_on_the_panel_size(seed):
     assert fine == pytest.approx(coarse, abs=1e-9)
 
 
-def test_the_gap_of_squares_beside_each_other_is_that_of_their_edges():
-    assert gap(square(), square((1.5, 0.25, 0))) == pytest.approx(0.5)
-
-
-def test_there_is_no_gap_between_surfaces_that_cross():
-    upright = square((0.4, 0.35, -0.5), (0, 0, 1), (0.1, 0.1, 0))
-    assert gap(square(), upright) == 0
-    assert gap(upright, square()) == 0
-
-
-def test_there_is_no_gap_between_surfaces_that_touch():
-    assert gap(square(), square((1.0, 0, 0), (0, 0, 1))) == 0
-
-
-def test_there_is_no_gap_between_surfaces_that_lie_in_each_other():
-    assert gap(square(), square()) == 0
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [
+        (square((1.5, 0.25, 0)), 0.5),
+        (square((0.4, 0.35, -0.5), (0, 0, 1), (0.1, 0.1, 0)), 0),
+        (square((1.0, 0, 0), (0, 0, 1)), 0),
+        (square(), 0),
+    ],
+    ids=["beside each other", "crossing", "touching", "in each other"],
+)
+def test_the_gap_of_squares_is_that_of_their_nearest_points(other, expected):
+    assert gap(square(), other) == pytest.approx(expected)
+    assert gap(other, square()) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("reach", [0.1, 1.9])
@@ -199,15 +196,6 @@ ZIGZAG = [(0, 0), (1, 4), (2, 0), (3, 4), (4, 0)]
 
 
 @pytest.mark.parametrize("motion", range(3))
-def test_a_folded_zigzag_does_not_cross_itself(motion):
-    assert not crossings(turned(folded_strip(ZIGZAG), Rotation.random(rng=motion)))
-
-
-def test_a_tightly_folded_zigzag_does_not_cross_itself():
-    assert not crossings(folded_strip([(1e-3 * x, z) for x, z in ZIGZAG]))
-
-
-@pytest.mark.parametrize("motion", range(3))
 @pytest.mark.parametrize(("end", "crosses"), [(1.1, False), (0.9, True), (0.0, True)])
 def test_a_strip_that_comes_back_through_itself_crosses_itself(end, crosses, motion):
     outline = [(0, 0), (2, 4), (4, 4), (4, 2), (end, 2)]
@@ -216,15 +204,19 @@ def test_a_strip_that_comes_back_through_itself_crosses_itself(end, crosses, mot
     assert (crossings(panels[::-1]) > 0) == crosses
 
 
-def test_neighbours_at_an_edge_do_not_cross():
-    for angle in (0.0, 0.5, 2.0, 3.1):
-        assert not crossings(folded_strip([(-1, 0), (0, 0), (-np.cos(angle), np.sin(angle))]))
+AT_A_CORNER = square((1.0, 1.0, 0), (1.0, 0, 1.0), (0, 1.0, 0), count=1)
+APART = {
+    **{f"zigzag {k}": turned(folded_strip(ZIGZAG), Rotation.random(rng=k)) for k in range(3)},
+    "tightly folded": folded_strip([(1e-3 * x, z) for x, z in ZIGZAG]),
+    **{
+        f"neighbours at {angle}": folded_strip([(-1, 0), (0, 0), (-np.cos(angle), np.sin(angle))])
+        for angle in (0.0, 0.5, 2.0, 3.1)
+    },
+    "neighbours at a corner": np.concatenate([square(count=1), AT_A_CORNER]),
+    "flat": square(count=5),
+}
 
 
-def test_neighbours_at_a_corner_do_not_cross():
-    beside = square((1.0, 1.0, 0), (1.0, 0, 1.0), (0, 1.0, 0), count=1)
-    assert not crossings(np.concatenate([square(count=1), beside]))
-
-
-def test_a_flat_sheet_does_not_cross_itself():
-    assert not crossings(square(count=5))
+@pytest.mark.parametrize("panels", APART.values(), ids=APART)
+def test_surfaces_that_at_most_touch_do_not_cross(panels):
+    assert not crossings(panels)

@@ -10,7 +10,6 @@ from knitlab.model.cell_grid import nodes_at
 from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.model.surfaces import self_intersections
-from knitlab.solvers.case import case_of
 
 PERIODIC = kl.Design(n_stripe=4, n_subunit=16, boundary="periodic")
 RATIO = 0.3467  # of lengths of the network to those of the cloth, for n_stripe 4
@@ -137,9 +136,3 @@ def test_walls_leave_half_a_thickness_to_the_middle_surface():
     gaps = [float(only(contact=contact).assemble()[1].z_max) for contact in ("none", "barrier")]
     assert gaps[0] - gaps[1] == pytest.approx(THICKNESS / 2, rel=1e-3)
     assert gaps[0] == pytest.approx(6.0 * RATIO, rel=1e-3)
-
-
-def test_a_case_with_contact_is_read_back_from_its_record():
-    for settings in ({}, {"contact": "barrier", "thickness": 0.08}):
-        case = only(**settings)
-        assert case_of(case.record).case_id == case.case_id
