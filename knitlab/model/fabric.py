@@ -60,10 +60,8 @@ class Fabric(eqx.Module):
 
     rest_length: Float[Array | np.ndarray, " spring"]  # [mm]
     stretch_stiffness: Float[Array | np.ndarray, " spring"]  # [N/mm]
-    # signed, 0 where flat, positive for a mountain [rad]
-    rest_fold: Float[Array | np.ndarray, " hinge"]
-    # 0 where the model options omit the hinge [N mm]
-    fold_stiffness: Float[Array | np.ndarray, " hinge"]
+    rest_fold: Float[Array | np.ndarray, " hinge"]  # positive for a mountain [rad]
+    fold_stiffness: Float[Array | np.ndarray, " hinge"]  # 0 where there is no hinge [N mm]
     z_max: Float[Array | np.ndarray, ""]  # half the gap between the walls [mm]
     k_wall: Float[Array | np.ndarray, ""]  # penalty stiffness of the walls [N/mm]
     cell_x: Float[Array | np.ndarray, " grid_x"]  # flat width of every column of grid cells [mm]

@@ -31,8 +31,7 @@ class FabricLayout:
     rib_cells: Bool[np.ndarray, "grid_y grid_x"]  # which are of rib
     garter_cells: Bool[np.ndarray, "grid_y grid_x"]  # which are of garter
     patch_fold: Float[np.ndarray, " hinge"]  # > 0 in a mountain, < 0 in a valley, 0 if flat at rest
-    # rest angle of the single fold that it is on, or NaN [rad]
-    single_fold: Float[np.ndarray, " hinge"]
+    single_fold: Float[np.ndarray, " hinge"]  # rest angle of its single fold, or NaN [rad]
     stiffness_factor: Float[np.ndarray, " hinge"]  # on k_t, 0 if the model options omit the hinge
 
     @property

@@ -134,8 +134,7 @@ class Network:
     warp: Bool[np.ndarray, " spring"]
     hinges: Elements  # a, b of the shared edge; c, d before it and e, f after it, c and e at a
     wale: Bool[np.ndarray, " hinge"]  # those about edges along y, as rib ridges are
-    # (y, x) on both sides; one cell twice for a diagonal or an edge
-    spring_cells: Int[np.ndarray, "spring 2 2"]
+    spring_cells: Int[np.ndarray, "spring 2 2"]  # (y, x) on both sides, or one cell twice
     hinge_cells: Int[np.ndarray, "hinge 2"]  # (y, x) after the edge
 
 

@@ -110,10 +110,8 @@ class SpringLaw(eqx.Module):
     e + e³/e_s², in compression as in tension, so that no cell softens when crushed.
     """
 
-    # 1/e_s², 0 if not stiffening; None if all are linear
-    rate: Float[Array | np.ndarray, "*spring"] | None = None
-    # 1 where a spring has that curve
-    shares: Float[Array | np.ndarray, "*spring curve"] | None = None
+    rate: Float[Array | np.ndarray, "*spring"] | None = None  # 1/e_s²; None if all are linear
+    shares: Float[Array | np.ndarray, "*spring curve"] | None = None  # 1 for its curve
     curves: tuple[SpringCurve, ...] = eqx.field(static=True, default=())  # measured
 
     def stored(self, length: Each, rest_length: Each) -> Each:

@@ -153,17 +153,12 @@ def chunk_size() -> int:
 class PairList(NamedTuple):
     """Pairs of one kind that may come within reach; spare places have a ``range_squared`` of −1."""
 
-    # Of the corners, numbered along the rows of the grid.
-    nodes: Int[Array, "*batch 4 pair"]
-    # Sides L_x, L_y between a node and its image.
-    turns: Int[Array, "*batch 2 4 pair"]
-    # Square of the distance that parts keep [mm²].
-    least_squared: Float[Array, "*batch pair"]
-    # Square of the distance at which the barrier begins, less that of the least [mm²].
-    range_squared: Float[Array, "*batch pair"]
+    nodes: Int[Array, "*batch 4 pair"]  # numbers of the corners on the grid
+    turns: Int[Array, "*batch 2 4 pair"]  # sides L_x, L_y between a node and its image
+    least_squared: Float[Array, "*batch pair"]  # square of the distance that parts keep [mm²]
+    range_squared: Float[Array, "*batch pair"]  # that at which the barrier begins, less this [mm²]
     strength: Float[Array, "*batch pair"]  # of the barrier [N/mm³]
-    # Squared cross product below which edges count as nearly parallel [mm⁴].
-    parallel: Float[Array, "*batch pair"]
+    parallel: Float[Array, "*batch pair"]  # squared cross product of nearly parallel edges [mm⁴]
 
     @property
     def begins(self) -> Component:
@@ -210,8 +205,7 @@ class Contact(eqx.Module):
     """All pairs that can come within reach before they are listed again."""
 
     lists: dict[Kind, PairList]
-    # number of chunks that hold pairs, in any fabric of a batch
-    chunks: dict[Kind, Int[Array, ""]]
+    chunks: dict[Kind, Int[Array, ""]]  # that hold pairs, in any fabric of a batch
     periodic: bool = eqx.field(static=True)
 
     def energy(self, positions: Vector, lengths: Float[Array, "2"]) -> Float[Array, ""]:

@@ -81,9 +81,8 @@ class CloseCells:
         self, shape: MeshShape, low: Boxes, high: Boxes, lengths: Lengths
     ) -> Float[np.ndarray, " pair"]:
         """Gaps between the boxes of pairs of cells, whose lowest and highest corners are given."""
-        (one, turns), (other, others) = (
-            _nodes_and_turns(shape, each) for each in (self.one, self.other)
-        )
+        one, turns = _nodes_and_turns(shape, self.one)
+        other, others = _nodes_and_turns(shape, self.other)
         squared = np.zeros(len(one))
         for axis in range(3):
             shift = 0.0

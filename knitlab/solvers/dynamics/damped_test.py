@@ -117,7 +117,11 @@ def relax_by_dynamics(
             folded = between_walls(aligned, float(fabrics.fabrics[case].z_max))
         first, left = float(first_force[case]), float(moving.seen.force[case])
         force_left = left / first if first else 0.0
-        history = _history(records[case], force_left, settings.snapshots > 0)
+        *numbers, shapes = zip(*records[case], strict=True)
+        time, kinetic, potential, dissipated = map(np.array, numbers)
+        kept = slice(None) if settings.snapshots else slice(-1, None)
+        snapshots = time[kept], Configuration.stacked(shapes[kept])
+        history = History(time, kinetic, potential, dissipated, *snapshots, force_left)
         outcome, steps = _outcome(moving, case, to_rest), int(moving.steps[case])
         relaxed.append(Relaxed(folded, history, float(rate[case]), steps, outcome))
     return relaxed
@@ -237,11 +241,3 @@ def _record(moving: Moving, case: int) -> Record:
     kinetic, potential, dissipated = map(float, energies)
     shape = configuration_of(moving.motion.shape, case)
     return float(moving.time[case]), kinetic, potential, dissipated, shape
-
-
-def _history(records: Sequence[Record], force_left: float, with_snapshots: bool) -> History:
-    *numbers, shapes = zip(*records, strict=True)
-    time, kinetic, potential, dissipated = map(np.array, numbers)
-    kept = slice(None) if with_snapshots else slice(-1, None)
-    snapshots = time[kept], Configuration.stacked(shapes[kept])
-    return History(time, kinetic, potential, dissipated, *snapshots, force_left)

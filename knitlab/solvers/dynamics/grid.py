@@ -79,8 +79,7 @@ class Springs(eqx.Module):
 class Hinges(eqx.Module):
     """Hinges about the edges of one direction, on every line of the grid across it."""
 
-    # k_t, 0 at an open edge and beyond it, where there is none [N mm]
-    stiffness: Float[Array, "row column"]
+    stiffness: Float[Array, "row column"]  # k_t, 0 at an open edge and beyond it [N mm]
     rest: Float[Array, "row column"]  # signed fold angle at rest [rad]
     of: FoldAngle = eqx.field(static=True)  # definition of the fold angle, a model option
 

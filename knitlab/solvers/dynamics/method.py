@@ -33,12 +33,11 @@ class DampedDynamics(Method):
         """Tests of the cases, all moved together."""
         from knitlab.solvers.dynamics.damped_test import stretch_by_dynamics
 
+        def report(number: int, states: float) -> None:
+            progress(cases[number].case_id, states)
+
         strains = [case.applied_strain for case in cases]
-        return stretch_by_dynamics(
-            moving_fabrics(cases),
-            strains,
-            lambda number, states: progress(cases[number].case_id, states),
-        )
+        return stretch_by_dynamics(moving_fabrics(cases), strains, report)
 
     def work(self, case: "Case", states: float) -> float:
         """Work of the first states, in time steps of a node."""
@@ -61,17 +60,14 @@ def moving_fabrics(cases: "Sequence[Case]") -> "MovingFabrics":
     from knitlab.solvers.dynamics.damped_test import MovingFabrics  # diffrax is slow to import
 
     shape = cases[0].mesh_shape
+    touching = [case for case in cases if case.options.contact != "none"]
     return MovingFabrics(
         shape,
         [case.assemble()[1] for case in cases],
         [case.inertia() for case in cases],
         cases[0].motion,
         [case.load for case in cases],
-        [
-            PairFinder(shape, case.contact_layers)
-            for case in cases
-            if case.options.contact != "none"
-        ],
+        [PairFinder(shape, case.contact_layers) for case in touching],
     )
 
 
@@ -81,11 +77,10 @@ def moved_sheets(
     """Sheets of cases, relaxed in time."""
     from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
 
-    return relax_by_dynamics(
-        moving_fabrics(cases),
-        lambda number, states: progress(cases[number].case_id, states),
-        sheets,
-    )
+    def report(number: int, states: float) -> None:
+        progress(cases[number].case_id, states)
+
+    return relax_by_dynamics(moving_fabrics(cases), report, sheets)
 
 
 def _time_steps(case: "Case", states: float) -> float:

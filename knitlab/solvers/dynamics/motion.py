@@ -36,8 +36,7 @@ class Body(eqx.Module):
     """A fabric with what makes it move."""
 
     fabric: GridFabric
-    # 1/m of every coordinate and length, 0 if held, which keeps its velocity [1/g]
-    inverse: Shape
+    inverse: Shape  # 1/m of every coordinate and length, 0 if held, which keeps its velocity [1/g]
     damping: Float[Array, "*batch"]  # c of a node [g/ms]
     nodes_of_lengths: Float[Array, "*batch 2"]  # that L_x and L_y move
     contact: Contact | None = None  # with itself; None if it may pass through itself
@@ -335,8 +334,7 @@ class Moving:
     kinetic_peak: OfCases  # largest since the last record [N mm]
     largest: OfCases  # mechanical energy seen [N mm]
     resting: Bool[np.ndarray, " case"]
-    # unstable at the smallest step; they stay as they last were
-    diverged: Bool[np.ndarray, " case"]
+    diverged: Bool[np.ndarray, " case"]  # unstable at the smallest step
     touching: ContactLists | None = None  # if the fabrics can touch themselves
     development: "Development | None" = None  # of the folds, if they are not there at once
 

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 Unknowns = Float[Array, " unknown"]  # A configuration, flattened [mm]
 Free = Float[np.ndarray, " free"]
+Whole = Float[np.ndarray, " unknown"]
 Rows = Float[Array, "quantity unknown"]
 Moved = Float[np.ndarray, "row unknown"]  # forces on all unknowns, or displacements
 Measure = Callable[[Configuration, Configuration, Fabric, Unknowns], Float[Array, "*quantity"]]
@@ -63,7 +64,7 @@ class LinearResponse:
     def at(
         self,
         fabric: Fabric,
-        unknowns: Float[np.ndarray, " unknown"],
+        unknowns: Whole,
         contact: "Barrier | None" = None,
     ) -> "LinearResponse":
         """The response at one equilibrium, in place of the last one; or :class:`NoDerivative`."""
@@ -193,9 +194,7 @@ class Adjoint:
         by_relaxed, by_strained, by_fabric = self._jacobian(measure, self._relaxed)
         return self._through_relaxed(by_relaxed + by_strained, by_fabric)
 
-    def _jacobian(
-        self, measure: Measure, unknowns: Float[np.ndarray, " unknown"]
-    ) -> tuple[Moved, Moved, Fabric]:
+    def _jacobian(self, measure: Measure, unknowns: Whole) -> tuple[Moved, Moved, Fabric]:
         pushed = self._pushed(unknowns)
         at = self._relaxed, unknowns, self._fabric, pushed
         by_relaxed, by_unknowns, by_fabric, by_pushed = _jacobian(measure, self._shape, *at)
@@ -208,23 +207,19 @@ class Adjoint:
             by_fabric = _by_cell_area(by_fabric, self._fabric, np.asarray(by_pushed) @ pushed)
         return np.array(by_relaxed), by_unknowns, by_fabric
 
-    def _pushed(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
+    def _pushed(self, unknowns: Whole) -> Whole:
         if self._contact is None:
             return np.zeros_like(unknowns)
         return self._contact.evaluate(unknowns)[1]
 
-    def _through_forces(
-        self, unknowns: Float[np.ndarray, " unknown"], multipliers: Moved, by_fabric: Fabric
-    ) -> Fabric:
+    def _through_forces(self, unknowns: Whole, multipliers: Moved, by_fabric: Fabric) -> Fabric:
         """Adds −λᵀ ∂g/∂(fabric) to the derivative by the fabric, contact included."""
         by_fabric = _through_forces(self._shape, self._fabric, unknowns, multipliers, by_fabric)
         if self._contact is None:
             return by_fabric
         return _by_cell_area(by_fabric, self._fabric, -multipliers @ self._pushed(unknowns))
 
-    def _through_relaxed(
-        self, by_relaxed: Float[np.ndarray, "quantity unknown"], by_fabric: Fabric
-    ) -> StripePair:
+    def _through_relaxed(self, by_relaxed: Moved, by_fabric: Fabric) -> StripePair:
         # Rigid motions, which cost no energy, are determined by the rigid alignment.
         rigid = self._at_rest.rigid_motion(by_relaxed)
         at = self._shape, self._fabric, self._relaxed

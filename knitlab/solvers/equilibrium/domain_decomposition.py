@@ -148,8 +148,8 @@ class SecondProcess:
             stdout=subprocess.PIPE,
             env=os.environ | ONE_THREAD,
         )
-        if process.stdin is None or process.stdout is None:
-            raise RuntimeError("the process has no pipes")
+        assert process.stdin is not None
+        assert process.stdout is not None
         self.pid = process.pid
         self._requests = process.stdin
         self._replies = process.stdout

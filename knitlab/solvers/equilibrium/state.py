@@ -77,7 +77,6 @@ class TensileTest:
     loading: Loading | None  # None if the fabric did not relax
     states: list[State]  # by applied strain; only the last may be unconverged
     history: History | None = None  # of a relaxation by dynamics
-    # at the same strains, back from the last but one, as far as reached
-    unloaded: tuple[State, ...] = ()
+    unloaded: tuple[State, ...] = ()  # at the same strains, back from the last but one
     relaxed: State | None = None  # before the first cycle, if the states are of a later one
     held: State | None = None  # at the largest strain, after rest angles have drifted

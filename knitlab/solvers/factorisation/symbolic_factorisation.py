@@ -203,8 +203,7 @@ class NestedDissection:
     """Symbolic factorisation of matrices of one sparsity; children are before parents."""
 
     order: OfUnknowns  # the unknowns as eliminated
-    # two independent halves, and the last front
-    parts: tuple[Sequence[Front], Sequence[Front], Sequence[Front]]
+    parts: tuple[Sequence[Front], Sequence[Front], Sequence[Front]]  # two halves, and the last
     positions: Nonzeros  # of lower non-zeros in the factor
     stored: int  # entries of the factor
     stack: int  # largest number of entries of pending updates
