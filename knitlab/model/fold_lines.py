@@ -89,9 +89,8 @@ def _shares(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
     half = fraction * refinement
     if refinement == 1 or half <= 0.5:
         return np.where(offsets == 0, 1.0, 0.0)
-    low = np.maximum(offsets - 0.5, -half)
-    high = np.minimum(offsets + 0.5, half)
-    return np.maximum(high - low, 0.0) / (2 * half)
+    within = np.minimum(offsets + 0.5, half) - np.maximum(offsets - 0.5, -half)
+    return np.maximum(within, 0.0) / (2 * half)
 
 
 PAPER_RIDGE = Ridge(CELLS_PER_PERIOD, 0.5)

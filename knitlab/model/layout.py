@@ -95,10 +95,8 @@ class FabricLayout:
 
     def _on_grid(self, weft: Any, warp: Any) -> tuple[Any, Any]:
         xp = array_library(weft, warp)
-        by_number = (xp.reshape(xp.asarray(values), -1) for values in (weft, warp))
-        numbers = self.column_stripe, self.row_stripe
-        columns, rows = (each[number] for each, number in zip(by_number, numbers, strict=True))
-        return columns, rows
+        columns = xp.reshape(xp.asarray(weft), -1)[self.column_stripe]
+        return columns, xp.reshape(xp.asarray(warp), -1)[self.row_stripe]
 
     def _in_cells(self, weft: Any, warp: Any) -> list[Any]:
         columns, rows = self._on_grid(weft, warp)

@@ -46,9 +46,8 @@ def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
     """The zigzag of a calibrated stripe: one row of its pure sheet, by default as calibrated."""
     cell = cell_length(stripe, replace(options, cells_per_period=4))
     k_t = stripe.k_t * (cell if options.hinge_stiffness == "per_length" else 1.0)
-    period = CELLS_PER_PERIOD * cell * stripe.contraction
     return Zigzag(
-        period=jnp.asarray(period, float),
+        period=jnp.asarray(CELLS_PER_PERIOD * cell * stripe.contraction, float),
         k_s=jnp.asarray(stripe.k_s, float),
         k_t=jnp.asarray(k_t, float),
         theta_0=jnp.asarray(stripe.theta_0, float),

@@ -101,8 +101,7 @@ class PlateSolver:
 
 def judged(stiffness: Float[np.ndarray, "6 6"]) -> PlateStatus:
     """Whether a stiffness is positive definite, in a unit of length in which A is like D."""
-    membrane = np.diag(stiffness)[:3].max()
-    bending = np.diag(stiffness)[3:].max()
+    membrane, bending = np.diag(stiffness).reshape(2, 3).max(axis=1)
     thickness = np.sqrt(bending / membrane) if min(bending, membrane) > 0 else 1.0
     scale = np.repeat([1, 1 / thickness], 3)
     lowest = np.linalg.eigvalsh(scale[:, None] * stiffness * scale)[0]

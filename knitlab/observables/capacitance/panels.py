@@ -66,8 +66,7 @@ def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> tuple[int, f
 
 def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
     """Lines from 0 to 1 that divide a cell into panels, denser where charge concentrates."""
-    count = level * 2 ** (low_free + high_free)
-    lines = np.linspace(0, 1, count + 1)
+    lines = np.linspace(0, 1, level * 2 ** (low_free + high_free) + 1)
     return (1 - np.cos(np.pi * lines)) / 2 if low_free or high_free else lines
 
 

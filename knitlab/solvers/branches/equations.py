@@ -62,9 +62,7 @@ class FabricEquations:
 
     def force_by_parameter(self, u: Vector, t: float) -> Vector:
         """∂²V/∂u∂ε by a central difference [N]."""
-        ahead = self.force(u, t + DIFFERENCE)
-        behind = self.force(u, t - DIFFERENCE)
-        return (ahead - behind) / (2 * DIFFERENCE)
+        return (self.force(u, t + DIFFERENCE) - self.force(u, t - DIFFERENCE)) / (2 * DIFFERENCE)
 
 
 def symmetric_stiffness(

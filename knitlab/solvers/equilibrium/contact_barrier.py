@@ -96,8 +96,7 @@ class ContactMesh:
         configuration = Configuration.of(unknowns, shape)
         vectors = lattice(shape) @ np.asarray(configuration.lengths)
         # Heights of the cell over its sides: images along one side do not change that over it.
-        area = np.linalg.det(vectors)
-        heights = area / np.linalg.norm(vectors[:, ::-1], axis=0)
+        heights = np.linalg.det(vectors) / np.linalg.norm(vectors[:, ::-1], axis=0)
         normals = np.linalg.inv(vectors) * heights[:, None]
         plane = np.asarray(configuration.positions)[..., :2]
         x, y = (plane @ normals.T).transpose(2, 0, 1)
@@ -186,8 +185,7 @@ class Pairs:
     def _searched(self, number: int) -> ipctk.Candidates:
         mesh, parts = self.meshes[number]
         found = ipctk.Candidates()
-        ends = mesh.chosen(self.start), mesh.chosen(self.end)
-        found.build(parts, *ends, self.within / 2)
+        found.build(parts, mesh.chosen(self.start), mesh.chosen(self.end), self.within / 2)
         return found
 
     def complete_within(self, *way: Vertices) -> float:

@@ -155,7 +155,7 @@ def minimise(search: Search, one_factorisation: bool = False) -> Outcome:
     """
     rules = search.rules
     system = search.system
-    smallest = search.rules.settings.smallest_shift
+    smallest = rules.settings.smallest_shift
     while (outcome := search.end()) is None:
         system.assemble(search.at, rules.free)
         drag = 0.0 if rules.drag is None else rules.drag.stiffness

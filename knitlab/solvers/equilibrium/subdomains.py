@@ -121,8 +121,7 @@ def independent_groups(
 
 def _spans(cells: int) -> list[tuple[int, int]]:
     """First and last node row (or column) of the free part of every subdomain along a side."""
-    count = max(1, round(cells / CELLS))
-    lines = np.linspace(0, cells, count + 1).round().astype(int)
+    lines = np.linspace(0, cells, max(1, round(cells / CELLS)) + 1).round().astype(int)
     return [
         (max(low - OVERLAP, 0), min(high + OVERLAP, cells))
         for low, high in pairwise(lines.tolist())

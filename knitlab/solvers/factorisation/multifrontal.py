@@ -70,8 +70,6 @@ class Multifrontal:
 
 @dataclass(frozen=True, eq=False)
 class _Elimination:
-    """Elimination of a front."""
-
     pivots: Matrix  # overwritten by their factor, or by its inverse
     update: Matrix  # for its parent
     added: Sequence[tuple[Matrix, Matrix]]  # target and source of each extend-add from its children

@@ -302,9 +302,8 @@ def _fronts(
         extend_adds = tuple(
             (child, _extend_adds(child, pivots, boundary)) for child in children[number]
         )
-        level = int(levels[number])
-        offset = int(stored[number])
-        front = Front(pivots, boundary, level, offset, update, extend_adds)
+        places = int(levels[number]), int(stored[number]), update
+        front = Front(pivots, boundary, *places, extend_adds)
         fronts.append(front)
         stack = max(stack, update + size)
         waiting = [other for other in waiting if other not in children[number]]
