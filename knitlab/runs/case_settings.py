@@ -120,7 +120,7 @@ class CaseSettings:
         load = self.combination.load
         for setting in load.settings:
             if getattr(self.workflow.protocol, setting.name) is None:
-                message = f"is {load.kind}, which needs {setting.name}: {setting.meaning}"
+                message = f"needs {setting.name} ({setting.meaning}); give it"
                 raise invalid(self.source("protocol.load"), message)
         for name, conflicts in RULES.items():
             for message in conflicts(self.combination):

@@ -67,4 +67,4 @@ def contact_conflicts(combination: "Combination") -> Iterator[str]:
     """Integrators that cannot follow contact."""
     moves = combination.method == "dynamics" and combination.dynamics.integrator == "tsit5"
     if moves and combination.options.contact != "none":
-        yield ("is integrated by leapfrog only; take integrator = leapfrog, or contact = none")
+        yield "needs the leapfrog; take integrator = leapfrog, or contact = none"

@@ -41,8 +41,8 @@ def drag_conflicts(combination: "Combination") -> Iterator[str]:
         return
     if "periodic" in combination.boundaries:
         yield (
-            "holds back a sample that moves between clamps; periodic fabric has no place to move"
-            " from: take boundary = clamped, or drag = 0"
+            "needs a sample between clamps, because periodic fabric has no fixed point; take"
+            " boundary = clamped, or drag = 0"
         )
     if combination.sensitivities:
-        yield "has no sensitivities, which are those of equilibria; take drag = 0"
+        yield "has no sensitivities; leave them out, or take drag = 0"

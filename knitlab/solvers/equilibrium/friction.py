@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 def friction_conflicts(combination: "Combination") -> Iterator[str]:
     """What friction, and cycles in which it acts, cannot be combined with."""
     if combination.method == "dynamics":
-        yield "is found by equilibria; take method = equilibrium"
+        yield "needs equilibria; take method = equilibrium"
     if combination.sensitivities:
-        yield "has no sensitivities, which are those of a fabric without; leave them out"
+        yield "has no sensitivities; leave them out, or the friction"
     if combination.solver.drag > 0:
         yield "is not combined with drag; take drag = 0"

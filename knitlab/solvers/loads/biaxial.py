@@ -75,7 +75,7 @@ class Biaxial(Load):
         across = self.ratio * combination.strain_max
         if not -1 < across <= MAX_STRAIN:
             yield (
-                f"is biaxial, and strain_max × load_ratio = {across:g} is the strain along the"
-                f" weft; keep it above -1 and at most {MAX_STRAIN:g}"
+                f"strains the weft by strain_max × load_ratio = {across:g}; keep that above -1 and"
+                f" at most {MAX_STRAIN:g}"
             )
         yield from super().conflicts(combination)

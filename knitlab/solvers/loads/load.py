@@ -106,7 +106,7 @@ class Load:
     def conflicts(self, combination: "Combination") -> Iterator[str]:
         """What the load cannot be combined with, each with a remedy."""
         if combination.sensitivities:
-            yield "is not warp, and has no sensitivities; leave them out"
+            yield "has no sensitivities; leave them out, or take load = warp"
 
 
 def stretch_along(

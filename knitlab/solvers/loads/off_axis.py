@@ -34,5 +34,5 @@ class OffAxis(ShearedLattice):
     def conflicts(self, combination: "Combination") -> Iterator[str]:
         """Clamps, besides what other loads of a sheared lattice refuse."""
         if "clamped" in combination.boundaries:
-            yield "is off_axis, which clamps cannot pull; take boundary = periodic"
+            yield "cannot act between clamps; take boundary = periodic"
         yield from super().conflicts(combination)

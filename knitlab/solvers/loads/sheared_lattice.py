@@ -56,10 +56,10 @@ class ShearedLattice(Load):
         """The dynamics and electrodes of periodic fabric, besides what other loads refuse."""
         periodic = "periodic" in combination.boundaries
         if periodic and combination.method == "dynamics":
-            yield "shears periodic fabric, which is found by equilibria; take method = equilibrium"
+            yield "needs equilibria on periodic fabric; take method = equilibrium"
         yield from super().conflicts(combination)
         if periodic and combination.electrodes:
             yield (
-                "shears periodic fabric, for which there are no electrodes; leave them out, or"
-                " shear a clamped sample"
+                "shears the lattice of periodic fabric, whose electrodes cannot be computed; leave"
+                " them out, or shear a clamped sample"
             )
