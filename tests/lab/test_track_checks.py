@@ -36,7 +36,7 @@ cases = st.fixed_dictionaries(
 
 def made(case):
     case = dict(case)
-    random = np.random.deconfusion_rng(case.pop("seed"))
+    random = np.random.default_rng(case.pop("seed"))
     return *fabric(**case, random=random), random
 
 
@@ -78,7 +78,7 @@ def test_what_a_tracker_confuses_is_left_out_from_that_frame_on(case, confusion)
 
 
 def test_a_marker_that_stands_still_while_its_neighbours_move_is_left_out():
-    relaxed, corners = fabric(6, 4, 30, 0.4, 0.5, 0.0, np.random.deconfusion_rng(0))
+    relaxed, corners = fabric(6, 4, 30, 0.4, 0.5, 0.0, np.random.default_rng(0))
     stuck = corners.copy()
     stuck[10:, 3, 2] = stuck[10, 3, 2]
     kept, dropped = without_implausible(relaxed, stuck)
@@ -90,7 +90,7 @@ def test_a_marker_that_stands_still_while_its_neighbours_move_is_left_out():
 
 
 def test_a_cell_that_turns_over_slowly_loses_the_marker_that_turns_it():
-    relaxed, corners = fabric(7, 6, 60, 0.2, 0.5, 0.0, np.random.deconfusion_rng(0))
+    relaxed, corners = fabric(7, 6, 60, 0.2, 0.5, 0.0, np.random.default_rng(0))
     astray = corners.copy()
     astray[:, 3, 3] -= np.linspace(0, 1, 60)[:, None] * [2.2 * STEP[0], 1.6 * STEP[1]]
     kept, dropped = without_implausible(relaxed, astray)
@@ -100,7 +100,7 @@ def test_a_cell_that_turns_over_slowly_loses_the_marker_that_turns_it():
 
 @given(st.integers(0, 2**32 - 1))
 def test_affine_deformation_has_no_departure(seed):
-    random = np.random.deconfusion_rng(seed)
+    random = np.random.default_rng(seed)
     y, x = np.mgrid[:5, :4].astype(float)
     moved = np.stack([x, y], axis=-1) @ random.normal(size=(2, 2)) + random.normal(size=2)
     expected = moved.copy()
@@ -109,7 +109,7 @@ def test_affine_deformation_has_no_departure(seed):
 
 
 def test_markers_that_come_together_slowly_are_both_left_out():
-    relaxed, corners = fabric(7, 6, 60, 0.2, 0.5, 0.0, np.random.deconfusion_rng(0))
+    relaxed, corners = fabric(7, 6, 60, 0.2, 0.5, 0.0, np.random.default_rng(0))
     together = corners.copy()
     together[:, 3, 3] += np.linspace(0, 1, 60)[:, None] * (together[:, 3, 4] - together[:, 3, 3])
     _, dropped = without_implausible(relaxed, together)
@@ -119,7 +119,7 @@ def test_markers_that_come_together_slowly_are_both_left_out():
 
 @pytest.mark.parametrize("shape", [(2, 2), (2, 3), (3, 2)])
 def test_few_markers_are_checked_as_far_as_they_determine_each_other(shape):
-    relaxed, corners = fabric(3, 3, 20, 0.3, 0.0, 0.0, np.random.deconfusion_rng(0))
+    relaxed, corners = fabric(3, 3, 20, 0.3, 0.0, 0.0, np.random.default_rng(0))
     rows, columns = shape
     relaxed, corners = relaxed[:rows, :columns], corners[:, :rows, :columns]
     assert not without_implausible(relaxed, corners)[1]
