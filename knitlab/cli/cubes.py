@@ -82,13 +82,15 @@ def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any
     """
     found = kl.find(*cubes, output=output, **wanted)
     is_table = style == "table"
+    heading = []
     if is_table:
         for number, reached in enumerate(found.reached, start=1):
-            click.echo(f"target {number}: {reached.target.text}")
+            heading.append(f"target {number}: {reached.target.text}")
     if found.uncertainty:
-        click.echo(f"probability: {found.uncertainty}", err=not is_table)
+        heading.append(f"probability: {found.uncertainty}")
     drawn = output if len(found.table) else None
-    options.show(found.marked_table if is_table else found.table, style, drawn)
+    table = found.marked_table if is_table else found.table
+    options.show(table, style, drawn, heading=heading)
     for reason, count in found.excluded.items():
         click.echo(f"{count} designs {reason}", err=True)
 

@@ -136,12 +136,20 @@ def echo_first(lines: Sequence[str], indent: str = "", more: str = "", err: bool
         click.echo(f"{indent}… and {len(lines) - MAX_LINES} more{more}", err=err)
 
 
-def show(table: "pd.DataFrame", style: str, output: Path | None = None, what: str = "") -> None:
-    """Print a table; on the error stream, its models, and the file that was written and what."""
+def show(
+    table: "pd.DataFrame",
+    style: str,
+    output: Path | None = None,
+    what: str = "",
+    heading: Sequence[str] = (),
+) -> None:
+    """Print a table below a heading; on the error stream, its models, and a written file."""
     from knitlab.api.cubes import formatted
 
     for line in table.attrs.get("models", ()):
         click.echo(one_line(line), err=True)
+    for line in heading:
+        click.echo(line, err=style != "table")
     click.echo(formatted(table, style))
     if output is not None:
         click.echo(f"{what or 'figure':6}  {output}", err=True)
