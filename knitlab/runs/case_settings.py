@@ -122,9 +122,10 @@ class CaseSettings:
             if getattr(self.workflow.protocol, setting.name) is None:
                 message = f"needs {setting.name} ({setting.meaning}); give it"
                 raise invalid(self.source("protocol.load"), message)
-        for name, conflicts in RULES.items():
-            for message in conflicts(self.combination):
-                raise invalid(self.source(name), message)
+        for rule in RULES:
+            if rule.is_used(self.combination):
+                for message in rule.conflicts(self.combination):
+                    raise invalid(self.source(rule.setting), message)
 
 
 def check_thickness(case: Case, source: Source) -> None:

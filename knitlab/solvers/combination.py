@@ -6,6 +6,7 @@ them by the setting that a message names.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions
@@ -34,32 +35,21 @@ class Combination:
     electrodes: bool
 
 
-def load_conflicts(combination: Combination) -> Iterator[str]:
-    """What the load cannot be combined with."""
-    return combination.load.conflicts(combination)
+class Rule(NamedTuple):
+    """What a feature refuses, with a remedy, if it is used; a message names its setting."""
+
+    setting: str
+    conflicts: Callable[[Combination], Iterator[str]]
+    is_used: Callable[[Combination], bool] = lambda combination: True
 
 
-def cycle_conflicts(combination: Combination) -> Iterator[str]:
-    """What a later cycle cannot be combined with: the same as friction."""
-    return friction_conflicts(combination) if combination.cycle > 1 else iter(())
-
-
-def fold_friction_conflicts(combination: Combination) -> Iterator[str]:
-    """What friction at the folds cannot be combined with."""
-    return friction_conflicts(combination) if combination.friction.fold_friction else iter(())
-
-
-def fold_drift_conflicts(combination: Combination) -> Iterator[str]:
-    """What drift of the rest angles cannot be combined with: the same."""
-    return friction_conflicts(combination) if combination.friction.fold_drift else iter(())
-
-
-RULES: dict[str, Callable[[Combination], Iterator[str]]] = {
-    "solver.drag": drag_conflicts,
-    "model.contact": contact_conflicts,
-    "protocol.load": load_conflicts,
-    "protocol.cycle": cycle_conflicts,
-    "friction.fold_friction": fold_friction_conflicts,
-    "friction.fold_drift": fold_drift_conflicts,
-}
-"""What each feature refuses, with a remedy, by the setting that a message names."""
+RULES = (
+    Rule("solver.drag", drag_conflicts),
+    Rule("model.contact", contact_conflicts),
+    Rule("protocol.load", lambda combination: combination.load.conflicts(combination)),
+    # The same for whatever makes loading and unloading differ.
+    Rule("protocol.cycle", friction_conflicts, lambda combination: combination.cycle > 1),
+    Rule("friction.fold_friction", friction_conflicts, lambda c: c.friction.fold_friction > 0),
+    Rule("friction.fold_drift", friction_conflicts, lambda c: c.friction.fold_drift > 0),
+)
+"""The rules, in the order in which they are checked."""

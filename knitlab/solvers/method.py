@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from knitlab.solvers.equilibrium.state import Outcome, TensileTest
@@ -41,12 +40,6 @@ class Method(ABC):
     @abstractmethod
     def stretch(self, cases: "Sequence[Case]", progress: Progress) -> list[TensileTest]:
         """Tests of the cases at their applied strains, relaxation included."""
-
-    def relax(
-        self, cases: "Sequence[Case]", progress: Progress = lambda case_id, states: None
-    ) -> list[TensileTest]:
-        """Tests of the relaxed state alone."""
-        return self.stretch([replace(case, applied_strain=(0.0,)) for case in cases], progress)
 
     @abstractmethod
     def work(self, case: "Case", states: float) -> float:
