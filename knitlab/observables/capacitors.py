@@ -3,17 +3,17 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float
 
 from knitlab.observables.capacitance import sensor
 from knitlab.observables.observable import Group, curve, number, observable
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
     from knitlab.model.fabric import Configuration
     from knitlab.observables.capacitance.capacitor import Capacitances
     from knitlab.observables.finished_test import FinishedTest
 
+Curve = Float[np.ndarray, " reached"]
 CAPACITORS = Group("capacitor", "Capacitors", lambda case: case.capacitor is not None)
 CAPACITORS_UNLOADING = Group(
     "unloading",
@@ -62,7 +62,7 @@ def capacitance(test: "FinishedTest") -> dict[str, Any]:
     """Capacitances in the states that were reached, with the capacitance of the leads."""
     found = test.capacitances
     return {
-        "capacitance": capacitance_curve(test),
+        "capacitance": with_leads(test, found.capacitance),
         "mutual_capacitance": length_factor(test) * found.mutual,
         "capacitance_error": found.error,
         "capacitor_status": found.status.astype(float),
@@ -70,18 +70,9 @@ def capacitance(test: "FinishedTest") -> dict[str, Any]:
     }
 
 
-def capacitance_curve(test: "FinishedTest") -> "Float[np.ndarray, ' reached']":
-    """The capacitance between the electrodes, leads included [pF]."""
-    leads = test.case.given_capacitor.lead_capacitance
-    return length_factor(test) * test.capacitances.capacitance + leads
-
-
-def modelled_length(test: "FinishedTest") -> float:
-    """Relaxed length of the modelled electrodes: one period on periodic fabric [mm]."""
-    from knitlab.observables.capacitance.capacitor import electrode_length
-
-    case = test.case
-    return electrode_length(case.electrodes, case.mesh_shape, test.configurations[0])
+def with_leads(test: "FinishedTest", modelled: Curve) -> Curve:
+    """Capacitance of the stated length and of the leads, from that of the modelled length [pF]."""
+    return length_factor(test) * modelled + test.case.given_capacitor.lead_capacitance
 
 
 def length_factor(test: "FinishedTest") -> float:
@@ -89,6 +80,13 @@ def length_factor(test: "FinishedTest") -> float:
     if not test.case.mesh_shape.periodic:
         return 1.0
     return test.case.given_capacitor.electrode_length / modelled_length(test)
+
+
+def modelled_length(test: "FinishedTest") -> float:
+    """Relaxed length of the modelled electrodes: one period on periodic fabric [mm]."""
+    from knitlab.observables.capacitance.capacitor import electrode_length
+
+    return electrode_length(test.electrodes, test.case.mesh_shape, test.configurations[0])
 
 
 @observable(
@@ -111,22 +109,15 @@ def length_factor(test: "FinishedTest") -> float:
 )
 def folds_at_electrodes(test: "FinishedTest") -> dict[str, Any]:
     """Length of the electrodes, the folds at them, and when these are unfolded."""
-    fold, unfolded = unfolding(test)
+    from knitlab.observables.capacitance.capacitor import mean_fold
+
+    fold = mean_fold(test.electrodes, *test.assembled, test.configurations)
+    left = test.case.given_capacitor.unfolded
     return {
         "electrode_length": modelled_length(test) * length_factor(test),
         "fold_between": fold,
-        "applied_strain_unfolded": unfolded,
+        "applied_strain_unfolded": sensor.strain_unfolded(test.applied_strain, fold, left),
     }
-
-
-def unfolding(test: "FinishedTest") -> "tuple[Float[np.ndarray, ' reached'], float]":
-    """Mean fold angle at and between the electrodes, and the strain at which it is gone."""
-    from knitlab.observables.capacitance.capacitor import mean_fold
-
-    case = test.case
-    fold = mean_fold(case.electrodes, *case.assemble(), test.configurations)
-    left = case.given_capacitor.unfolded
-    return fold, sensor.strain_unfolded(test.applied_strain, fold, left)
 
 
 @observable(
@@ -142,9 +133,9 @@ def wedge(test: "FinishedTest") -> dict[str, Any]:
     from knitlab.observables.capacitance.wedge import side_by_side, wedge_capacitance
 
     case, capacitor = test.case, test.case.given_capacitor
-    if not side_by_side(case.electrodes):
+    if not side_by_side(test.electrodes):
         return {}
-    values = np.asarray(wedge_capacitance(case.electrodes, case.mesh_shape, test.configurations))
+    values = np.asarray(wedge_capacitance(test.electrodes, case.mesh_shape, test.configurations))
     scaled = length_factor(test) * capacitor.permittivity * values
     return {"capacitance_wedge": scaled + capacitor.lead_capacitance}
 
@@ -181,9 +172,10 @@ def wedge(test: "FinishedTest") -> dict[str, Any]:
 )
 def merits(test: "FinishedTest") -> dict[str, Any]:
     """Figures of merit over the strains at which the capacitor senses."""
-    strain, values = test.applied_strain, capacitance_curve(test)
+    strain, values = test.applied_strain, capacitance(test)["capacitance"]
     capacitor = test.case.given_capacitor
-    senses = sensor.sensing_range(strain, values, unfolding(test)[1])
+    unfolded = folds_at_electrodes(test)["applied_strain_unfolded"]
+    senses = sensor.sensing_range(strain, values, unfolded)
     merits: dict[str, Any] = dict(
         sensor.sensor_values(
             strain[senses], values[senses], capacitor.linearity, capacitor.lead_capacitance
@@ -210,7 +202,7 @@ def unloading(test: "FinishedTest") -> dict[str, Any]:
     """Capacitance on the way back, from the last strain but one, and its hysteresis."""
     from knitlab.model.fabric import Configuration
 
-    loading, unloaded = capacitance_curve(test), test.test.unloaded
+    loading, unloaded = capacitance(test)["capacitance"], test.test.unloaded
     back = np.full(len(test.reached), np.nan)
     back[-1:] = loading[-1:]
     if unloaded:
@@ -218,12 +210,11 @@ def unloading(test: "FinishedTest") -> dict[str, Any]:
         same = slice(-2, -2 - len(unloaded), -1)
         moved = np.abs(states.flattened() - test.configurations[same].flattened()).max(axis=1)
         # Where the fabric returns to its state at the same strain, so does the capacitance.
-        different = moved > SAME_STATE * test.case.assemble()[1].cell_sides.min()
+        different = moved > SAME_STATE * test.assembled[1].cell_sides.min()
         values = test.capacitances.capacitance[same].copy()
         if different.any():
             values[different] = capacitances(test, states[different]).capacitance
-        leads = test.case.given_capacitor.lead_capacitance
-        back[same] = length_factor(test) * values + leads
+        back[same] = with_leads(test, values)
     return {"capacitance_unloading": back, "hysteresis": sensor.hysteresis(loading, back)}
 
 
@@ -234,8 +225,8 @@ def capacitances(test: "FinishedTest", states: "Configuration") -> "Capacitances
 
     case = test.case
     return computed(
-        case.electrodes,
-        *case.assemble(),
+        test.electrodes,
+        *test.assembled,
         states,
         capacitor=case.given_capacitor,
         refinement=case.options.cells_per_period // CELLS_PER_PERIOD,

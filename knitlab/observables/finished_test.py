@@ -1,14 +1,16 @@
 """A finished test of a case: what observables are computed from."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.model.fabric import Configuration
+from knitlab.model.electrodes import Electrodes
+from knitlab.model.fabric import Configuration, Fabric
+from knitlab.model.network import Network
 from knitlab.observables.unit_cells import (
     CellField,
     CellTensor,
@@ -40,6 +42,7 @@ class FinishedTest:
     case: Case
     test: TensileTest
     copies: Sequence[PerturbedTest] = ()
+    computed: dict[Callable[..., Any], Any] = field(default_factory=dict)  # by observable
 
     @property
     def relaxed_at_all(self) -> bool:
@@ -124,8 +127,18 @@ class FinishedTest:
         return self.case.load.reaction_force(self.test.loading, state.gradient)
 
     @cached_property
+    def assembled(self) -> tuple[Network, Fabric]:
+        """The network of the case, and its fabric."""
+        return self.case.assemble()
+
+    @cached_property
     def capacitances(self) -> "Capacitances":
         """The capacitor in every state, without leads, of the modelled length."""
         from knitlab.observables.capacitors import capacitances
 
         return capacitances(self, self.configurations)
+
+    @cached_property
+    def electrodes(self) -> Electrodes:
+        """What is plated on the fabric."""
+        return self.case.electrodes

@@ -72,7 +72,7 @@ def passed_through_itself(test: "FinishedTest") -> dict[str, Any]:
     from knitlab.observables.folds import hinges_past_pi
 
     intersections = self_intersections(test.case.mesh_shape, test.configurations)
-    past = hinges_past_pi(*test.case.assemble(), test.configurations)
+    past = hinges_past_pi(*test.assembled, test.configurations)
     return {
         "hinges_past_pi": past.astype(float),
         "self_intersections": np.array(intersections, float),
