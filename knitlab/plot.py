@@ -27,7 +27,7 @@ __all__ = [*FIGURE_NAMES]
 
 
 def __getattr__(name: str) -> "Callable[..., Figure]":
-    """The public function of a figure, of which only its own file is imported."""
+    """The public function of a figure; it imports the file of that figure alone."""
     if name not in FIGURE_NAMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from knitlab.api.cubes import as_cube

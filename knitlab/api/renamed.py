@@ -10,7 +10,7 @@ Result = TypeVar("Result")
 
 
 def renamed(**names: str) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
-    """Decorate a function of which keywords were renamed, given as ``old="new"``."""
+    """Decorate a function with renamed keywords, given as ``old="new"``."""
 
     def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
         @wraps(function)

@@ -162,7 +162,7 @@ def trials_table(
 
 
 class Conflict(NamedTuple):
-    """Two targets of which no trial meets both."""
+    """Two targets that no trial meets at once."""
 
     distances: Float[np.ndarray, "trial 2"]  # over the tolerance of each
     targets: tuple[str, str]

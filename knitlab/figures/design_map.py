@@ -74,7 +74,7 @@ def draw_map(
 
 
 def _notes(name: str, design: xr.Dataset) -> list[str]:
-    """Notes on a value of a design, each of which begins with its mark."""
+    """Notes on a value of a design; each begins with its mark."""
     last = float(design["applied_strain"].max())
     notes = [str(MARKS[mark]) for mark, where in marked(design, [name]).items() if where]
     if name == "poisson_ratio_min" and float(design["applied_strain_at_min"]) >= last > 0:

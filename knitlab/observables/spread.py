@@ -70,7 +70,7 @@ def extremes(own: Curve, others: Sequence[Shorter]) -> tuple[Curve, Curve, Curve
     relaxed_branches=number(
         "distinct relaxed energies",
         description=(
-            "of the unperturbed fabric, relaxed from its start and from the shapes of its siblings"
+            "of the unperturbed fabric, relaxed from its start and from the shapes of its copies"
         ),
         integer=True,
     ),

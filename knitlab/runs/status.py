@@ -121,7 +121,7 @@ def folder_status(
 def finished_plan(
     workflow: str, overrides: Overrides, results: Path
 ) -> tuple[dict[str, Any], xr.Dataset] | None:
-    """The record of a plan of which a run would change nothing, and the cube; None if not."""
+    """The record of a plan and its cube if a run would change nothing, or None."""
     with suppress(InputError, OSError):
         path = workflow_file(workflow)
         folder = results / path.stem

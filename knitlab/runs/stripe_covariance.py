@@ -67,7 +67,7 @@ def _tables(material: Material) -> dict[str, StripeCovariance]:
 
 
 def _without_scatter(material: Material) -> list[str]:
-    """Stripes of which nothing is known about a new swatch."""
+    """Stripes whose new swatches nothing is known about."""
     return [name for name, table in _tables(material).items() if table.repeats is None]
 
 

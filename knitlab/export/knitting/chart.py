@@ -72,7 +72,7 @@ class StitchChart:
 
     @property
     def is_whole_sample(self) -> bool:
-        """Whether it is a whole sample with edges, of which nothing repeats."""
+        """Whether it is a whole sample with edges, without repeats."""
         return self.repeats == (1, 1) and not self.periodic
 
     @property

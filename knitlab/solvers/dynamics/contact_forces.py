@@ -359,7 +359,7 @@ OfChunks = dict[Kind, Bool[Array, " chunk"]]
 
 
 class Near(NamedTuple):
-    """The pairs of a list, where they are in a chunk of which some may touch in the step."""
+    """The pairs of a list in chunks that hold pairs which may touch in the step."""
 
     chunks: Bool[Array, " chunk"]  # which these are
     touch: Bool[Array, " pair"]  # whether a pair may

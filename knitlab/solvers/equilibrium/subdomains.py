@@ -108,7 +108,7 @@ def couplings(
 def independent_groups(
     forces: Float[np.ndarray, " subdomain"], coupled: Bool[np.ndarray, "subdomain subdomain"]
 ) -> Iterator[list[int]]:
-    """Groups of subdomains of which no two are coupled, those with the largest forces first."""
+    """Groups of uncoupled subdomains, those with the largest forces first."""
     waiting = np.argsort(-forces).tolist()
     while waiting:
         group: list[int] = []
