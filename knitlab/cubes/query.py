@@ -159,7 +159,10 @@ def designs_table(
     rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
     chosen = select(cube, selections)
     if marked is not None:
-        chosen = chosen.assign({COLUMN: marks_of(chosen, marked, each_strain=STRAIN in rows)})
+        marks = marks_of(chosen, marked, each_strain=STRAIN in rows)
+        if STRAIN in rows:  # along which a measured cube may have no marks
+            marks = marks.broadcast_like(chosen[STRAIN])
+        chosen = chosen.assign({COLUMN: marks})
     shown = [name for name, each in chosen.data_vars.items() if set(each.dims) <= set(rows)]
     shown.sort(key=lambda name: name != "status")  # a file may have them in any order
     chosen = chosen[shown]

@@ -108,7 +108,7 @@ def marks_of_rows(cube: xr.Dataset, table: pd.DataFrame) -> list[str]:
 def with_marks_only(cube: xr.Dataset) -> xr.Dataset:
     """The variables of a cube that its marks need, and those by which it is selected."""
     names = [f"{PREFIX}{name}" for name in MARKS]
-    names += ["status", "applied_strain_at_min", *SENSING, *FORCES]
+    names += ["status", "applied_strain_at_min", *SENSING, *FORCES, STRAIN]
     cube = with_doubts(cube)
     return cube[[name for name in names if name in cube]]
 

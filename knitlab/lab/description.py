@@ -157,6 +157,7 @@ class MarkersTable(StrictModel):
     markers_per_cell: TwoCounts = (1, 1)  # along (y, x), if not every marker is a corner
     relaxed_frames: PositiveInt = 1  # first frames, whose mean is the relaxed shape
     frame_rate: Annotated[MeasuredQuantity, _in("Hz", positive=True)] | None = None
+    first_frame: NonNegativeInt | None = None  # its number; by default as the format counts
     strain_per_frame: PositiveFloat | None = None  # in place of the machine's strain at its time
 
     @model_validator(mode="after")

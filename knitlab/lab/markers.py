@@ -29,6 +29,7 @@ Vector = Float[np.ndarray, "2"]
 Strains = Float[np.ndarray, " frame"]  # applied, of every frame
 POSITIONS_EXAMPLE = "write it as in 'marker,row,column'"
 MAX_AT_REST = 0.25  # strain of the reference shape over the first applied strain
+MAX_AT_START = 0.02  # and if the first frames show no marker
 MIN_FOLLOWED = 0.02  # axial over applied strain, below which a sample counts as unloaded
 PULLED_MARGIN = 0.1  # frames within this fraction of the largest strain count as fully pulled
 AGREEING = np.radians(6)  # of drift and separation, up to which the drift is along the pull
@@ -47,6 +48,7 @@ class MarkedSample:
     grid: MarkerGrid
     relaxed_frames: int
     unit_cells: tuple[int, int]  # of the sample along (y, x)
+    frames: Float[np.ndarray, " frame"]  # their numbers, 0 that of the first of the video
     remarks: Sequence[str] = ()  # on how the tracks were read, and on what was dropped
     turn: float = 0.0  # of the fabric in the picture from the description, anticlockwise [rad]
 
@@ -77,9 +79,9 @@ def read_markers(folder: Path, description: Description) -> Imports:
     assert table is not None  # as read_description checks
     path = folder / table.file
     marked = read_marked(folder, table, description.sample)
-    frames, summary = np.arange(len(marked.corners)), []
+    frames, summary = marked.frames, list[str]()
     if table.strain_per_frame is not None:
-        strain, spans = frames * table.strain_per_frame, [frames]
+        strain, spans = frames * table.strain_per_frame, [np.arange(len(frames))]
         if strain[-1] < requested[-1] * (1 - 1e-9):
             message = f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
             raise invalid(str(path), f"{message} {requested[-1]:g}; reduce strain_max")
@@ -97,6 +99,10 @@ def read_markers(folder: Path, description: Description) -> Imports:
             raise invalid(str(path), f"{message} not cover {pull}; correct starts or frame_rate")
         summary.append(pulls.summary)
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
+    if frames[0] > 0 and pulled > MAX_AT_START * requested[1]:
+        message = f"shows its first markers in frame {frames[0]:g}, at a strain of {pulled:.3g}"
+        hint = "track a frame before the pull, or correct starts or first_frame"
+        raise invalid(str(path), f"{message}, so that their relaxed places are unknown; {hint}")
     if pulled > MAX_AT_REST * requested[1]:
         message = f"already reach a strain of {pulled:.3g}"
         hint = "give fewer, or correct starts or strain_per_frame"
@@ -121,7 +127,10 @@ def read_markers(folder: Path, description: Description) -> Imports:
 def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
     """The markers of a description that lies in a folder."""
     path = folder / table.file
-    read = read_tracks(path, table.y_axis, table.least_confidence, table.pixel.to("mm"))
+    pixel = table.pixel.to("mm")
+    rate = table.frame_rate.to("Hz") if table.frame_rate else None
+    confidence, first_frame = table.least_confidence, table.first_frame
+    read = read_tracks(path, table.y_axis, confidence, pixel, first_frame, rate)
     tracks = in_fabric_axes(read.positions, table)
     if table.relaxed_frames > len(tracks):
         message = f"exceeds the number of frames, {len(tracks)}; give fewer"
@@ -133,15 +142,16 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     every_y, every_x = table.markers_per_cell
     relaxed = grid.corners(first[None])[0, ::every_y, ::every_x]
     corners = grid.corners(tracks)[:, ::every_y, ::every_x]
-    marked = MarkedSample(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
+    cells = sample.unit_cells
+    marked = MarkedSample(relaxed, corners, grid, table.relaxed_frames, cells, read.frames)
     _check_fits(path, marked, sample)
     corners, dropped = without_implausible(relaxed, corners)
     markers = grid.marker[::every_y, ::every_x]
-    remarks = [
-        f"marker {markers[row, column]} {reason}: it is left out from frame {frame} on"
-        for row, column, frame, reason in dropped
-    ]
-    return replace(marked, corners=corners, remarks=(*read.summary, *remarks))
+    remarks = list(read.summary)
+    for row, column, frame, reason in dropped:
+        name, since = markers[row, column], read.frames[frame]
+        remarks.append(f"marker {name} {reason}: it is left out from frame {since:g} on")
+    return replace(marked, corners=corners, remarks=remarks)
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
@@ -241,12 +251,15 @@ def marker_values(
     error = np.hypot(values["mean_strain_xx_error"], ratio * values["mean_strain_yy_error"])
     cell_x, cell_y = mean_cell_size(marked.relaxed)
     lost = np.isnan(corners).any(axis=-1).sum(axis=(1, 2)).astype(float)
+    mean_lost = resampled(strains, strain, lost).values
+    # Where frames are too far apart to resample across, no marker is seen.
+    unseen = np.isnan(mean_lost) & (strains > strain.min()) & (strains < strain.max())
     values |= {
         "poisson_ratio": ratio,
         "poisson_ratio_error": np.where(np.isnan(ratio), np.nan, error / np.abs(along)),
         "relaxed_cell_x": float(cell_x),
         "relaxed_cell_y": float(cell_y),
-        "markers_lost": np.round(resampled(strains, strain, lost).values),
+        "markers_lost": np.where(unseen, marked.relaxed[..., 0].size, np.round(mean_lost)),
         "cells_lost": np.isnan(values["strain_xx"]).sum(axis=(1, 2)).astype(float),
     }
     return values | lowest_poisson_ratio(strains, ratio)

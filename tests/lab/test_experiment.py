@@ -154,6 +154,36 @@ def test_markers_alone_need_no_machine(tmp_path):
     np.testing.assert_allclose(imported["mean_strain_yy"], imported["applied_strain"], atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_frames_without_markers_change_no_strain(tmp_path, seed):
+    laboratory = Laboratory(tmp_path)
+    path = laboratory.write()
+    tracks = laboratory.tracks()
+    peak = tracks[170].copy()
+    lost = np.random.default_rng(seed).choice(np.arange(21, len(tracks)), 100, replace=False)
+    tracks[lost] = np.nan
+    tracks[170] = peak
+    # From strain 0.07 to 0.23, too far to resample across.
+    tracks[20 + 35 : 20 + 115] = np.nan
+    np.save(tmp_path / "markers.npy", tracks)
+    imported = import_records("markers", path, tmp_path)
+    gone = np.isnan(tracks).all(axis=(1, 2)).sum()
+    assert f"{gone} of {len(tracks)} frames show no marker" in imported.summary
+    cube = imported.cube.squeeze()
+    found, seen = cube["mean_strain_yy"].values, [0, 1, 5, 6]
+    np.testing.assert_allclose(found[seen], cube["applied_strain"].values[seen], atol=1e-9)
+    assert np.isnan(found[3])
+    assert cube["markers_lost"].values[3] == 20
+
+
+def test_an_experiment_of_markers_alone_is_queried_at_strains(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    path = import_records("markers", laboratory.write(), tmp_path).path
+    words = ["query", str(path), "--select", "applied_strain=0.1,0.2", "--format", "json"]
+    rows = json.loads(CliRunner().invoke(main, words).stdout)
+    assert [row["mean_strain_yy"] for row in rows] == pytest.approx([0.1, 0.2])
+
+
 @pytest.fixture(scope="module")
 def both(tmp_path_factory, cube):
     folder = tmp_path_factory.mktemp("both")

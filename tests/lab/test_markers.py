@@ -61,7 +61,7 @@ def test_turned_and_missing_markers_give_the_same_strains(turn, pixel, seed, mis
     tracks = camera.sees(corners.reshape(31, -1, 2), random)[:, order]
     fabric = in_fabric_axes(tracks * [1, -1], table(pixel={"value": pixel, "unit": "mm"}))
     grid = find_grid(fabric[0])
-    marked = MarkedSample(grid.corners(fabric[:1])[0], grid.corners(fabric), grid, 1, CELLS)
+    marked = MarkedSample(grid.corners(fabric[:1])[0], grid.corners(fabric), grid, 1, CELLS, strain)
     marked = along_pull(PATH, marked, strain)
     assert np.degrees(marked.turn) == pytest.approx(turn, abs=1e-6)
     values = marker_values(marked, strain[::5], strain, np.arange(31))
@@ -98,7 +98,7 @@ def test_a_lost_marker_removes_only_its_own_quadrilaterals_and_is_counted():
     lost[20:41, 2, 1] = np.nan
     grid = find_grid(corners[0].reshape(-1, 2))
     at = np.linspace(0, 0.3, 13)
-    marked = MarkedSample(corners[0], lost, grid, 1, CELLS)
+    marked = MarkedSample(corners[0], lost, grid, 1, CELLS, np.arange(61.0))
     values = marker_values(marked, at, strain, np.arange(61))
     gone = (at > 0.12) & (at < 0.18)
     np.testing.assert_array_equal(values["cells_lost"][gone], 4)

@@ -151,7 +151,7 @@ def test_deeplabcut_may_track_several_individuals(tmp_path):
 
 def test_unsure_positions_are_left_out_and_counted(tmp_path):
     path = write(tmp_path / "tracks.csv", deeplabcut(LOST, confidence=0.3))
-    with refused("6 frames"):
+    with refused("6 frames", "least_confidence"):
         read_tracks(path)
     np.testing.assert_array_equal(read_tracks(path, least_confidence=0.2).positions, LOST)
     rows = deeplabcut(TRACKS)
@@ -187,6 +187,65 @@ def test_zeros_are_lost_markers(tmp_path):
     assert "3 positions at (0, 0) are left out" in read.summary
 
 
+def test_positions_without_two_numbers_are_lost_markers(tmp_path):
+    tracks = TRACKS.copy()
+    tracks[2, 0, 1], tracks[3, 4, 0] = NAN, np.inf
+    np.save(tmp_path / "tracks.npy", tracks)
+    read = read_tracks(tmp_path / "tracks.npy", "down")
+    assert np.argwhere(np.isnan(read.positions[..., 0])).tolist() == [[2, 0], [3, 4]]
+    assert "2 positions without a number are left out" in read.summary
+
+
+def timed(tracks):
+    """A wide table with the times of a camera of 4 Hz."""
+    header, *rows = wide(tracks, time="time [ms]")
+    return [header, *([str(250 * number), *row[1:]] for number, row in enumerate(rows))]
+
+
+@given(
+    program=st.sampled_from([*FORMATS, "times"]),
+    lost=st.sets(st.integers(1, 11), min_size=1, max_size=10),
+    empty=st.booleans(),
+)
+def test_a_frame_that_shows_nothing_is_lost_at_its_own_number(
+    tmp_path_factory, program, lost, empty
+):
+    """Whether it has no row, or a row without positions."""
+    tracks = np.round(np.random.default_rng(4).uniform(50, 900, (13, 4, 2)), 2)
+    kept = np.setdiff1d(np.arange(13), [*lost])
+    if empty:
+        tracks[[*lost]] = NAN
+    rows = timed(tracks) if program == "times" else FORMATS[program](tracks)
+    if not empty:
+        column = {"trackpy": -2, "TrackMate": -1, "SLEAP": 1}.get(program, 0)
+        names = [str(250 * each if program == "times" else each) for each in lost]
+        begin = next(number for number, row in enumerate(rows) if row[column] == "0")
+        below = [row for row in rows[begin:] if row[column] not in names]
+        rows = [row for row in rows[:begin] if row[column] not in names] + below
+    path = write(tmp_path_factory.mktemp("tracks") / "tracks.csv", rows)
+    read = read_tracks(path, frame_rate=4.0)
+    np.testing.assert_array_equal(read.frames, kept)
+    np.testing.assert_array_equal(read.positions, tracks[kept])
+    assert f"{len(lost)} of 13 frames show no marker" in read.summary
+
+
+def test_frames_may_be_counted_from_1_or_any_number(tmp_path):
+    rows = positions(TRACKS)
+    for first in (1, 30):
+        moved = [rows[0], *([str(int(row[0]) + first), *row[1:]] for row in rows[1:])]
+        path = write(tmp_path / "tracks.csv", moved)
+        np.testing.assert_array_equal(read_tracks(path, first_frame=first).frames, range(6))
+        np.testing.assert_array_equal(read_tracks(path, first_frame=0).frames, first + np.arange(6))
+    with refused("frame 30", "first_frame"):
+        read_tracks(path)
+
+
+def test_times_that_contradict_the_frame_rate_are_refused(tmp_path):
+    with refused("250 s", "frame_rate"):
+        rows = swapped(timed(TRACKS), 0, 0, "time")
+        read_tracks(write(tmp_path / "tracks.csv", rows), frame_rate=4.0)
+
+
 def test_lengths_of_trackmate_need_the_unit_as_the_pixel(tmp_path):
     path = write(tmp_path / "tracks.csv", trackmate(TRACKS, "mm"))
     np.testing.assert_array_equal(read_tracks(path, pixel=1.0).positions, TRACKS)
@@ -207,9 +266,8 @@ POSITIONS, POINTS = trackpy(TRACKS), deeplabcut(TRACKS)
     ("rows", "part"),
     [
         (swapped(POSITIONS, 3, -1, "u"), "'u'"),
-        ([*POSITIONS[:4], *POSITIONS[3:]], "twice in one frame"),
-        ([*sleap(TRACKS), sleap(TRACKS)[-1]], "twice in one frame"),
-        ([POSITIONS[0], *(row for row in POSITIONS[1:] if row[-2] != "3")], "skips 3"),
+        ([*POSITIONS[:4], *POSITIONS[3:]], "twice in frame"),
+        ([*sleap(TRACKS), sleap(TRACKS)[-1]], "twice in frame"),
         (swapped(POSITIONS, 0, -1, "id"), "columns of markers"),
         ([*POINTS[:2], *POINTS[3:]], "coords"),
         (swapped(POINTS, 3, 2, "left"), "export it again"),

@@ -5,7 +5,7 @@ from io import StringIO
 import pandas as pd
 
 from knitlab.io.errors import invalid
-from knitlab.lab.tracks.track_file import TrackFile, TrackFormat, Tracks
+from knitlab.lab.tracks.track_file import TrackFile, TrackFormat, Tracks, whole_numbers
 
 
 def _read(file: TrackFile) -> Tracks | None:
@@ -28,7 +28,9 @@ def _read(file: TrackFile) -> Tracks | None:
         message = "begins as a table of DeepLabCut, but its columns are not x, y, likelihood"
         raise invalid(where, f"{message}; export it again")
     markers = columns.reshape(len(columns), -1, 3)
-    return Tracks(markers[..., :2], confidence=markers[..., 2])
+    number = pd.to_numeric(pd.Series(table.index), errors="coerce").to_numpy(float)
+    frames = whole_numbers(file.path, "scorer", number).astype(float)
+    return Tracks(markers[..., :2], frames, markers[..., 2])
 
 
 DEEPLABCUT = TrackFormat("DeepLabCut", _read)

@@ -98,7 +98,7 @@ def _steps_of_grid(points: Points) -> Steps:
     between = points[near[:, 1:]] - points[:, None]
     length = np.linalg.norm(between, axis=-1)
     if not length.all():
-        raise NoGrid("two markers are at one point; remove one of them")
+        raise NoGrid("two markers are at one point; give a table of places that names one of them")
     if not np.isfinite(length).all():
         raise NoGrid("the markers are too far apart to be on a fabric; correct the pixel size")
     # Multiplying angles by four makes the four directions of the grid equal.

@@ -14,10 +14,10 @@ def _read(file: TrackFile) -> Tracks | None:
     nodes = [name[: -len(".x")] for name in table.headers if name.endswith(".x")]
     names = [f"{node}.{each}" for node in nodes for each in ("x", "y", "score")]
     track = table.rows[table.headers.index("track")].to_numpy()
-    tracks = file.by_frame(table, "frame_idx", track, names)
+    frames, tracks = file.by_frame(table, "frame_idx", track, names)
     markers = tracks.reshape(len(tracks), -1, 3)
     seen = markers[:, ~np.isnan(markers[..., :2]).all(axis=(0, 2))]
-    return Tracks(seen[..., :2], confidence=np.nan_to_num(seen[..., 2], nan=1.0))
+    return Tracks(seen[..., :2], frames, np.nan_to_num(seen[..., 2], nan=1.0))
 
 
 SLEAP = TrackFormat("SLEAP", _read)

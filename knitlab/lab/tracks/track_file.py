@@ -23,8 +23,10 @@ class Tracks(NamedTuple):
     """What a tracker has written, in pixels of its own axes."""
 
     positions: Trajectories  # NaN where a marker is lost
+    frames: Float[np.ndarray, " frame"] | None = None  # their numbers, if the file has them
     confidence: Float[np.ndarray, "frame marker"] | None = None  # from 0 to 1, where stated
     unit: str = ""  # of the positions, if it is not the pixel
+    time: Float[np.ndarray, " frame"] | None = None  # in place of numbers [s]
 
 
 @dataclass(frozen=True)
@@ -70,28 +72,27 @@ class TrackFile:
 
     def by_frame(
         self, table: Table, frame: str, marker: np.ndarray, names: list[str]
-    ) -> Float[np.ndarray, "frame marker value"]:
-        """Columns of rows in any order; NaN where a marker has no row, or the table no column."""
+    ) -> tuple[Float[np.ndarray, " frame"], Float[np.ndarray, "frame marker value"]]:
+        """Numbers of frames, and columns; NaN where a marker has no row, or the table no column."""
         known = {name: self.column(table, name) for name in names if name in table.headers}
         rows = pd.DataFrame(dict.fromkeys(names, np.nan) | known, index=range(len(marker)))
         index = whole_numbers(self.path, frame, self.column(table, frame))
-        frames, where = np.unique(index), f"{self.path}: column frame"
-        if frames[0] > 1:
-            message = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in"
-            raise invalid(where, f"{message} time")
-        if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
-            raise invalid(where, f"skips {gap[0]}; number the frames consecutively")
         rows.index = pd.MultiIndex.from_arrays([index, marker])
         if rows.index.has_duplicates:
-            raise invalid(str(self.path), "has a marker twice in one frame; keep one row")
-        return rows.unstack().to_numpy().reshape(len(frames), len(names), -1).swapaxes(1, 2)
+            twice = index[rows.index.duplicated()][0]
+            message = f"has a marker twice in frame {twice}; export one track for each marker"
+            raise invalid(str(self.path), message)
+        frames = np.unique(index)
+        values = rows.unstack().to_numpy().reshape(len(frames), len(names), -1).swapaxes(1, 2)
+        return frames.astype(float), values
 
     def rows_of_positions(
-        self, table: Table, frame: str, marker: str, x: str, y: str
-    ) -> Trajectories:
-        """Positions of a table with a row for each; a marker without a row is lost there."""
+        self, table: Table, frame: str, marker: str, x: str, y: str, unit: str = ""
+    ) -> Tracks:
+        """Tracks of a table with a row for each position; a marker without one is lost there."""
         markers = whole_numbers(self.path, marker, self.column(table, marker))
-        return self.by_frame(table, frame, markers, [x, y])
+        frames, positions = self.by_frame(table, frame, markers, [x, y])
+        return Tracks(positions, frames, unit=unit)
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ class TrackFormat:
     program: str
     read: Callable[[TrackFile], Tracks | None]  # None if it does not recognise the file
     y_axis: YAxis = "down"  # direction in which y increases in the picture
+    counts_from_0: bool = True  # whether frame 0 is surely the first of the video
 
 
 def whole_numbers(

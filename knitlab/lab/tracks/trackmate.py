@@ -19,7 +19,7 @@ def _read(file: TrackFile) -> Tracks | None:
     # Spots without a track are not markers.
     track = pd.to_numeric(table.rows[table.headers.index("track_id")], errors="coerce")
     table = table._replace(rows=table.rows[track.notna()].reset_index(drop=True))
-    return Tracks(file.rows_of_positions(table, *COLUMNS), unit="" if unit in PIXELS else unit)
+    return file.rows_of_positions(table, *COLUMNS, unit="" if unit in PIXELS else unit)
 
 
 TRACKMATE = TrackFormat("TrackMate", _read)
