@@ -9,8 +9,10 @@ import xarray as xr
 
 from knitlab.cubes.comparison import compared
 from knitlab.cubes.cube_file import open_cube
+from knitlab.cubes.derived import with_derived
 from knitlab.cubes.find import Found, find_designs
 from knitlab.cubes.model_line import model_lines
+from knitlab.cubes.normalised import naming_missing, normalised
 from knitlab.cubes.query import formatted as formatted
 from knitlab.cubes.query import query_cubes, variables_table
 from knitlab.cubes.selection import refuse_others, select, selections_along
@@ -27,8 +29,10 @@ Wanted = str | Mapping[str, Any] | Target  # as text, as the table of a curve, o
 
 
 def as_cube(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
-    """A cube, opened as by :func:`knitlab.open_cube` unless it is."""
-    return open_cube(cube, lazily=lazily) if isinstance(cube, str | Path) else cube
+    """A cube, opened as by :func:`knitlab.open_cube`, or one in memory in the same form."""
+    if isinstance(cube, str | Path):
+        return open_cube(cube, lazily=lazily)
+    return with_derived(normalised(cube))
 
 
 def models(*cubes: Cube) -> list[str]:
@@ -181,7 +185,8 @@ def compare(
     hint = f"select along {', '.join(sorted(known))}"
     refuse_others(selections, known, f"is not a coordinate of these cubes; {hint}")
     chosen = [select(each, selections_along(selections, each.dims)) for each in cubes]
-    return compared(chosen[0], chosen[1:])
+    with naming_missing("comparisons", cubes):
+        return compared(chosen[0], chosen[1:])
 
 
 def claims(

@@ -12,25 +12,11 @@ from knitlab.api.cubes import Cube, as_cube
 from knitlab.api.renamed import renamed
 from knitlab.cubes.case_file import length_unit
 from knitlab.cubes.chosen_case import reached_strains, selected_case
-from knitlab.cubes.cube_file import is_case
 from knitlab.export.meshes import formats
 from knitlab.export.meshes.fabric import fabric_meshes
 from knitlab.export.meshes.surface import SurfaceMesh, solid_of
-from knitlab.io.errors import invalid
 from knitlab.io.names import check_suffix
 from knitlab.observables.schema import STRAIN
-
-
-def cube_with_shapes(cube: Cube) -> xr.Dataset:
-    """A cube with case files beside its file, or a test with shapes."""
-    cube = as_cube(cube)
-    if "status" not in cube:
-        raise invalid("cube", "is not a cube or a test; give one of knitlab.run or simulate")
-    if is_case(cube) and "position" not in cube:
-        raise invalid("cube", "has no node positions; give a dataset of knitlab.simulate")
-    if not is_case(cube) and "source" not in cube.encoding:
-        raise invalid("cube", "was not opened from a file, so it has no shapes; give its path")
-    return cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +88,7 @@ def export(
     selections = {**selections, **named}
     check_suffix(output, formats.FORMATS, "a mesh")
     chosen = formats.FORMATS[output.suffix.lower()]
-    case_file = selected_case(cube_with_shapes(cube), selections)
+    case_file = selected_case(as_cube(cube), selections)
     rows = reached_strains(case_file, selections, several=chosen.is_series)
     meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
@@ -165,7 +151,7 @@ def plate_stiffness(
     selections = {**selections, **named}
     if output is not None:
         check_suffix(output := Path(output), CARDS, "a card or table")
-    plates = design_plates(cube_with_shapes(cube), selections, where)
+    plates = design_plates(as_cube(cube), selections, where)
     if output is not None:
         CARDS[output.suffix.lower()](plates, output)
     return plates

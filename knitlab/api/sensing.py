@@ -10,7 +10,6 @@ import pandas as pd
 import xarray as xr
 
 from knitlab.api.cubes import Cube, as_cube
-from knitlab.api.export import cube_with_shapes
 from knitlab.api.renamed import renamed
 from knitlab.cubes.case_file import network_configurations
 from knitlab.cubes.chosen_case import for_each_design, reached_strains, selected_case
@@ -223,7 +222,7 @@ def selectivity(
     check_figure_suffix(output)
     if along not in DIRECTIONS:
         raise invalid("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
-    opened = cube_with_shapes(cube)
+    opened = as_cube(cube)
     compute = partial(case_selectivity, along=along)
     found = for_each_design(compute, opened, selections, where)
     found[STATUS] = found[STATUS].fillna("")
@@ -254,7 +253,7 @@ def _states(
     cube: Cube, selections: Mapping[str, Any]
 ) -> tuple[Case, Capacitor, Configuration, list[float], Configuration]:
     """One design with electrodes, its states and strains, and relaxed, in mm of the network."""
-    case_file = selected_case(cube_with_shapes(cube), selections)
+    case_file = selected_case(as_cube(cube), selections)
     along = selections_along(selections, [STRAIN])
     chosen = reached_strains(case_file, along, several=STRAIN in along)
     case, capacitor = sensor_case(case_file)

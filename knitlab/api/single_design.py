@@ -10,7 +10,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cubes.cube_file import CUBE, cube_path, is_case, open_cube
+from knitlab.api.cubes import as_cube
+from knitlab.cubes.cube_file import CUBE, cube_path, is_case
+from knitlab.cubes.normalised import require
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import only_design
 from knitlab.export.knitting.specification import Prediction
@@ -47,8 +49,7 @@ def single_design(
         ids = pd.Series([*plan.cases], designs, name="case_id").to_xarray().fillna("").to_dataset()
         case_id = only_design(ids, selections, plan.workflow)["case_id"].item()
         return SingleDesign(plan.cases[case_id], plan.gauge, None, plan.material, plan.yarn)
-    cube = source if isinstance(source, xr.Dataset) else open_cube(source)
-    single = _of_cube(cube, selections)
+    single = _of_cube(as_cube(source), selections)
     given, mistakes = read_overrides(settings)
     values = {override.name: override.value for override in given}
     known = declared(Gauge)
@@ -73,6 +74,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     if is_case(cube):
         case = recorded_case(cube)
         return SingleDesign(case, gauge, _prediction(cube, case, "test"), material, yarn)
+    require(cube, ["case_id"], "designs to make")
     design = only_design(cube, selections)
     source = cube.encoding.get("source")
     folder = None if source is None else cube_path(source).parent

@@ -1,10 +1,12 @@
 """Uncertainty: what that of calibrated stripes makes of the results of designs."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import xarray as xr
 
 from knitlab.api.cubes import Cube, as_cube
+from knitlab.cubes.normalised import naming_missing
 from knitlab.cubes.sampled import sampled_uncertainty
 from knitlab.cubes.uncertainty import first_order
 from knitlab.io.errors import invalid, shortened
@@ -63,7 +65,14 @@ def uncertainty(
     if not cubes:
         raise invalid("cubes", "none is given; name a cube or its results folder")
     read = [as_cube(cube) for cube in cubes]
-    cube = joined_cubes(read) if len(read) > 1 else read[0]
+    with naming_missing("uncertainties", read):
+        return _uncertainty(read, material, uncertainty_of)
+
+
+def _uncertainty(
+    cubes: Sequence[xr.Dataset], material: str | Path | Material | None, uncertainty_of: str | None
+) -> xr.Dataset:
+    cube = joined_cubes(cubes) if len(cubes) > 1 else cubes[0]
     if SAMPLE in cube.dims:
         if uncertainty_of is not None:
             message = "is that of the samples, as they were drawn; leave it out"

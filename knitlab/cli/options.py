@@ -16,7 +16,7 @@ import click
 
 from knitlab.cli.output import droppable_output
 from knitlab.io.compilation_cache import VARIABLE, cache_problem
-from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
+from knitlab.io.errors import InputError, Mistake, failed_import, invalid, raise_if_any
 from knitlab.io.interruption import end_at_once
 from knitlab.io.names import one_line
 
@@ -112,6 +112,10 @@ class CommandGroup(click.Group):
             else:
                 place = error.filename or "the current folder"
                 echo_error(f"{place}: cannot be used ({error.strerror}); check the path")
+        except Exception as error:
+            if not (library := failed_import(error)):
+                raise
+            echo_error(f"{library}: cannot be imported ({error}); install it again")
         sys.exit(BAD_INPUT)
 
 

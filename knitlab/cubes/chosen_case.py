@@ -10,6 +10,7 @@ from jaxtyping import Bool
 
 from knitlab.cubes.case_file import case_path, in_cloth, read_case
 from knitlab.cubes.cube_file import design_dims, is_case, is_measured, source_of
+from knitlab.cubes.normalised import require
 from knitlab.cubes.query import query_cubes
 from knitlab.cubes.selection import (
     chosen_indices,
@@ -26,12 +27,14 @@ from knitlab.observables.status import Status
 def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """The case file of the one design of a cube that selections leave, or the test itself."""
     if is_case(cube):
+        if "position" not in cube:
+            raise invalid("cube", "has no node positions; give a dataset of knitlab.simulate")
         refuse_others(selections, [STRAIN], f"is not a coordinate of a test; select {STRAIN}")
         return in_cloth(cube, cube)
-    dims = _dims_of_shapes(cube, selections)
+    dims, folder = _dims_of_shapes(cube, selections), shapes_folder(cube)
     design = only_design(cube, selections_along(selections, dims))
     name = ", ".join(f"{dim} = {design[dim].item()}" for dim in dims)
-    case_id, folder = str(design["case_id"].item()), Path(cube.encoding["source"]).parent
+    case_id = str(design["case_id"].item())
     if not case_path(folder, case_id).exists():
         status = Status(design["status"].item())
         if status is Status.failed:
@@ -40,6 +43,14 @@ def selected_case(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset
             raise invalid(name, "is planned but has not run; run it first")
         raise invalid(name, f"has no case file in {folder}/cases; run the design into this folder")
     return in_cloth(read_case(folder, case_id), design)
+
+
+def shapes_folder(cube: xr.Dataset) -> Path:
+    """The results folder with the shapes of a cube; InputError if it is not known."""
+    require(cube, ["case_id"], "shapes")
+    if "source" not in cube.encoding:
+        raise invalid("cube", "was not opened from a file, so it has no shapes; give its path")
+    return Path(cube.encoding["source"]).parent
 
 
 def _dims_of_shapes(cube: xr.Dataset, selections: Mapping[str, Any]) -> tuple[str, ...]:
@@ -67,7 +78,7 @@ def for_each_design(
         if where is not None:
             raise invalid("where", "chooses designs, but a test is a single one; leave it out")
         return compute(selected_case(cube, selections), strains)
-    dims = _dims_of_shapes(cube, selections)
+    dims, folder = _dims_of_shapes(cube, selections), shapes_folder(cube)
     chosen_indices({STRAIN: cube[STRAIN].values}, strains)
     left = select(cube, selections_along(selections, dims))
     rows = query_cubes([left], where=where)[list(dims)].drop_duplicates()
@@ -83,7 +94,7 @@ def for_each_design(
         raise_if_any(mistakes.all)
     if not case_files:
         message = f"none of these {len(rows)} designs has a shape; run one into this folder"
-        raise invalid(str(Path(cube.encoding["source"]).parent / "cases"), message)
+        raise invalid(str(folder / "cases"), message)
     for case_file, design in case_files:
         part = compute(case_file, strains)
         parts.append(part.expand_dims({dim: [label] for dim, label in design.items()}))

@@ -13,18 +13,17 @@ from pydantic import BaseModel
 
 from knitlab.cubes.case_file import UNREADABLE
 from knitlab.cubes.derived import with_derived
+from knitlab.cubes.normalised import ATTRIBUTE, NoCube, normalised
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import append_checksum, has_checksum
-from knitlab.io.errors import InputError, Mistake, invalid
+from knitlab.io.errors import InputError, Mistake, failed_import, invalid, shown
 from knitlab.io.lock import is_locked
 from knitlab.io.toml import json_table
 from knitlab.observables import schema
 from knitlab.observables.of_cubes import DERIVED, LABORATORY
-from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, STRAIN, VARIABLES
+from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES
 
 CUBE = "cube.nc"
-ATTRIBUTE = "parameters"  # of a cube, with the settings that all its designs share
-TEXTS = ("case_id", "code")  # variables that are strings
 OF_DESIGNS = ("design", "weft", "warp", "periods", "lengths_ratio")
 """Entries of a record that depend on the design."""
 GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
@@ -67,12 +66,15 @@ def cube_name(cube: xr.Dataset) -> str:
 def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """Read a knitlab cube into memory, with the variables that follow from its own.
 
+    Other programs may have written it: see :func:`knitlab.cubes.normalised.normalised`.
+
     Args:
         path: a ``cube.nc``, or the results folder that holds one.
         lazily: whether each variable is read only when it is used.
 
     Raises:
-        InputError: if there is no such file, or it is not a cube.
+        InputError: if there is no such file, it is damaged, or it lacks what tables need.
+        ImportError: if a library that reads it cannot be imported.
     """
     return with_derived(read_cube(path, lazily=lazily))
 
@@ -83,9 +85,9 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     try:
         try:
             complete = has_checksum(path)
-        except ValueError:
+        except ValueError as error:
             _check_unlocked(path)
-            raise
+            raise _damaged(path, error) from error
         cube = _opened(path)
         # One without a checksum may be damaged anywhere.
         if not (lazily and complete):
@@ -94,62 +96,40 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     except FileNotFoundError as error:
         message = "does not exist; run a workflow or import an experiment first"
         raise invalid(str(path), message) from error
-    except UNREADABLE as error:
+    except InputError:
+        raise
+    except (ImportError, *UNREADABLE) as error:
+        if library := failed_import(error):
+            message = f"{library} cannot be imported ({error}); install it again"
+            raise ImportError(message) from error
         from_system = isinstance(error, OSError) and (error.errno or 0) > 0  # not from netCDF
         if from_system or isinstance(error, UnicodeError):
             why = getattr(error, "strerror", error)
             raise invalid(str(path), f"cannot be read ({why}); check the path") from error
-        message = f"is not a netCDF file, or a damaged one ({error}); run its workflow again, or"
-        raise Damaged([Mistake(str(path), f"{message} give another cube.nc")]) from error
-    if "status" in cube:
-        cube = _in_order(cube)
-    if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
-        message = f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)}"
-        raise invalid(str(path), f"{message}; give a cube.nc or a results folder")
-    if message := _mismatch(cube):
-        raise Damaged([Mistake(str(path), f"{message}; run its workflow again")])
-    if unknown := set(np.unique(cube["status"]).tolist()) - set(map(int, schema.Status)):
-        message = f"has designs of the unknown status {', '.join(map(str, sorted(unknown)))}"
-        raise Damaged([Mistake(str(path), f"{message}; run its workflow again")])
+        if isinstance(error, OSError | RuntimeError):
+            raise _damaged(path, error) from error
+        message = f"cannot be read as a cube ({error}); give another cube.nc"
+        raise NoCube([Mistake(str(path), message)]) from error
+    cube = normalised(cube, str(path))
+    if is_case(cube):
+        raise invalid(str(path), "is a single case; give a cube.nc or a results folder")
+    _check_gauge(cube, path)
     parameters_of(cube)
     return cube
 
 
-def _mismatch(cube: xr.Dataset) -> str:
-    """How a cube departs from the schema, as another program may write it; empty if nowhere."""
-    dims = (*design_dims(cube), STRAIN)
-    for dim in dims:
-        index = cube.indexes.get(dim)
-        if index is None or index.hasnans or not index.is_unique:
-            return f"has no coordinate {dim} with a value and a different one for each design"
-        if dim == STRAIN and index.dtype.kind not in "fiu":
-            return f"has a coordinate {dim} that is not a number"
-    own = {name for name in cube.variables if name in VARIABLES or name in cube.dims}
-    for name in own:
-        variable = cube.variables[name]
-        if name in VARIABLES and (variable.dtype.kind in "fiub") == (name in TEXTS):
-            return f"has a variable {name} of the wrong type {variable.dtype}"
-        if name in VARIABLES and not {*variable.dims} <= {*dims, *VARIABLES[name].dims}:
-            return f"has a variable {name} along {', '.join(map(str, variable.dims))}"
-        if any(not isinstance(variable.attrs.get(key, ""), str) for key in ("units", "long_name")):
-            return f"has a variable {name} whose unit or long name is not a string"
+def _damaged(path: Path, error: Exception) -> Damaged:
+    message = f"is damaged, or no netCDF file ({error}); give another cube.nc, or run its workflow"
+    hint = "again, which reads the designs whose case files are beside it"
+    return Damaged([Mistake(str(path), f"{message} {hint}")])
+
+
+def _check_gauge(cube: xr.Dataset, path: Path) -> None:
     for name, value in cube.attrs.items():
-        if str(name).startswith(GAUGE) and not (
-            isinstance(value, float | np.integer) and 0 < value < np.inf
-        ):
-            return f"has an attribute {name} that is not a length"
-    return ""
-
-
-def _in_order(cube: xr.Dataset) -> xr.Dataset:
-    """The cube with its dimensions in the order of the schema, and their numbers ascending."""
-    dims = design_dims(cube)
-    base = next((base for base in (DESIGN_DIMS, schema.STRIPE_DIMS) if {*base} <= {*dims}), ())
-    order = dict.fromkeys((*base, *dims, *schema.COORDINATES))
-    numbers = [dim for dim in schema.COORDINATES if dim in cube.indexes]
-    numbers = [dim for dim in numbers if cube.indexes[dim].dtype.kind in "fiu"]
-    unsorted = [dim for dim in numbers if not cube.indexes[dim].is_monotonic_increasing]
-    return cube.sortby(unsorted).transpose(*order, ..., missing_dims="ignore")
+        is_length = isinstance(value, float | np.integer) and 0 < value < np.inf
+        if str(name).startswith(GAUGE) and not is_length:
+            message = f"has an attribute {name} that is not a length, {shown(value)}"
+            raise NoCube([Mistake(str(path), f"{message}; remove it, or give another cube")])
 
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:
@@ -157,7 +137,7 @@ def write_cube(cube: xr.Dataset, path: Path) -> None:
     cube, encoding = schema.described(cube), schema.encoding(cube)
     with atomic_write(path) as temporary:
         try:
-            cube.to_netcdf(temporary, encoding=encoding)
+            cube.to_netcdf(temporary, engine="netcdf4", encoding=encoding)
         except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
             # HDF5 locks a file that it writes, but not one in memory, where it sorts the variables.
             temporary.write_bytes(cube.to_netcdf(engine="netcdf4", encoding=encoding))
@@ -232,14 +212,6 @@ def model_options(cube: xr.Dataset) -> dict[str, Any]:
 def is_case(dataset: xr.Dataset) -> bool:
     """Whether a dataset holds a single case, without design dimensions."""
     return not dataset["status"].dims
-
-
-def case_as_cube(case: xr.Dataset) -> xr.Dataset:
-    """A single case as a cube of one design, without the variables that only case files have."""
-    dims = [str(name) for name, each in case.coords.items() if not each.dims]
-    known = [name for name in case.data_vars if name in VARIABLES]
-    names = [name for name in known if VARIABLES[str(name)].in_cube]
-    return case[names].expand_dims(dims)
 
 
 class SettingDifference(NamedTuple):

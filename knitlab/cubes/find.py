@@ -252,10 +252,10 @@ def _curves(
     read = []
     for cube in cubes:
         ok = cube["status"].values == Status.ok
-        strains = np.asarray(cube[STRAIN].values, float)
+        strains = cube[STRAIN].values
         values = np.full((int(ok.sum()), len(strains)), np.nan)
         if name in cube:
-            values = np.asarray(cube[name].values, float)[ok]
+            values = cube[name].values[ok]
         read.append(window.read(strains, values))
     at = np.unique(np.concatenate([strains for strains, _ in read]))
     # Curves are linear between the strains at which they were read, so interpolation is exact.

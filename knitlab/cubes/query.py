@@ -15,6 +15,7 @@ from knitlab.cubes.condition import computed, holds, no_column
 from knitlab.cubes.cube_file import cube_name, design_dims, model_options, source_path
 from knitlab.cubes.derived import with_derived
 from knitlab.cubes.model_line import model_line, model_lines
+from knitlab.cubes.normalised import normalised
 from knitlab.cubes.selection import refuse_others, select, selectable, selections_along
 from knitlab.cubes.strain_window import with_columns
 from knitlab.cubes.trust import COLUMN, legend, marks_of, with_marks_only
@@ -39,11 +40,11 @@ class KnitlabAccessor:
     """Queries of an open cube, available as ``cube.knitlab``.
 
     Args:
-        cube: a cube of results, see :func:`knitlab.open_cube`.
+        cube: a cube of results, see :func:`knitlab.open_cube`; xarray may have changed it.
     """
 
     def __init__(self, cube: xr.Dataset) -> None:
-        self._cube = with_derived(cube)
+        self._cube = with_derived(normalised(cube))
 
     @property
     def model(self) -> str:
@@ -165,8 +166,8 @@ def designs_table(
         chosen = chosen.assign({COLUMN: marks})
     shown = [name for name, each in chosen.data_vars.items() if set(each.dims) <= set(rows)]
     shown.sort(key=lambda name: name != "status")  # a file may have them in any order
-    chosen = chosen[shown]
-    table = chosen.to_dataframe([name for name in rows if name in chosen.dims]).reset_index()
+    labels = {name: chosen[name] for name in rows if name in chosen.dims}  # of every row
+    table = chosen[shown].assign_coords(labels).to_dataframe([*labels]).reset_index()
     table = table[table["status"] != Status.excluded].reset_index(drop=True)
     table.attrs["dims"] = {str(name): each.dims for name, each in cube.data_vars.items()}
     table.attrs["units"] = {

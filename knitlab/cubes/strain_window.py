@@ -195,9 +195,9 @@ def with_columns(cubes: Sequence[xr.Dataset], texts: Iterable[str]) -> list[xr.D
         strains.check_within(cubes, name, column)
         for number, cube in enumerate(extended):
             if name in cube:
-                curve = cube[name].astype(float).transpose(*design_dims(cube), STRAIN)
+                curve = cube[name]
                 curves = curve.values.reshape(-1, curve.sizes[STRAIN])
-                at, curves = strains.read(cube[STRAIN].values.astype(float), curves)
+                at, curves = strains.read(cube[STRAIN].values, curves)
                 values = REDUCTIONS[reduction](at, curves).reshape(curve.shape[:-1])
                 unit = "1" if reduction == "linearity" else curve.attrs.get("units", "1")
                 about = {"units": unit, "long_name": column}

@@ -110,7 +110,7 @@ def with_marks_only(cube: xr.Dataset) -> xr.Dataset:
     names = [f"{PREFIX}{name}" for name in MARKS]
     names += ["status", "applied_strain_at_min", *SENSING, *FORCES, STRAIN]
     cube = with_doubts(cube)
-    return cube[[name for name in names if name in cube]]
+    return cube.drop_vars([name for name in cube.data_vars if name not in names])
 
 
 def legend(marks: Iterable[str]) -> list[str]:

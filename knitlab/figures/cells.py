@@ -41,16 +41,18 @@ MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zo
 
 def planned_designs(cube: xr.Dataset) -> list[xr.Dataset]:
     """The designs of a cube of checkerboards that are not excluded."""
-    status = cube["status"].transpose("n_stripe", "n_subunit").values
-    return [
-        cube.isel(n_stripe=row, n_subunit=column)
-        for row, column in np.argwhere(status != Status.excluded).tolist()
-    ]
+    planned = np.argwhere(cube["status"].values != Status.excluded).tolist()
+    return [cube.isel(n_stripe=row, n_subunit=column) for row, column in planned]
 
 
 def design_name(design: xr.Dataset) -> str:
     """A design as text: ``(4, 16)``."""
     return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
+
+
+def periods_of(design: xr.Dataset) -> float:
+    """P of a design."""
+    return float(design["n_subunit"]) / (2 * int(design["n_stripe"]))
 
 
 def cell(

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from knitlab.cubes.cube_file import is_measured, source_of
-from knitlab.figures.cells import planned_designs
+from knitlab.figures.cells import periods_of, planned_designs
 from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import STRAIN
@@ -39,14 +39,14 @@ def draw_curves(
     if not designs:
         raise invalid("designs", "none of this selection has been simulated; run it first")
     stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})
-    periods = np.unique([float(design["periods"]) for design in designs])
+    periods = np.unique([periods_of(design) for design in designs])
     colours = dict(zip(periods, shades(len(periods)), strict=True))
     figure, grid = subplots(4.9, len(rows), len(stripes), sharex=True, sharey="row", squeeze=False)
     variable, corner = legend
     for column, n_stripe in zip(grid.T, stripes, strict=True):
         for design in designs:
             if int(design["n_stripe"]) == n_stripe:
-                _draw_design(column, rows, design, colours[float(design["periods"])])
+                _draw_design(column, rows, design, colours[periods_of(design)])
         column[0].set_title(f"n_stripe = {n_stripe}")
         beside = column[list(rows).index(variable)]
         if beside.lines:
@@ -85,7 +85,7 @@ def _draw_design(
     column: Iterable[Axes], rows: Mapping[str, Row], design: xr.Dataset, colour: Any
 ) -> None:
     measured = is_measured(design)
-    label = f"{int(design['n_subunit'])} (P = {int(design['periods'])})"
+    label = f"{int(design['n_subunit'])} (P = {int(periods_of(design))})"
     label += f", {source_of(design)}" if measured else ""
     look: Look = {"color": colour, "ls": "--" if measured else "-", "label": label}
     for axes, (name, row) in zip(column, rows.items(), strict=True):

@@ -33,8 +33,7 @@ def draw_map(
     colours = style.value_colours(np.concatenate([np.empty(0), *values]), signed)
     cell_designs = defaultdict[tuple[int, float], list[xr.Dataset]](list)
     for design in chain.from_iterable(map(cells.planned_designs, sorted(cubes, key=is_measured))):
-        n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
-        cell_designs[n_stripe, n_subunit / (2 * n_stripe)].append(design)
+        cell_designs[int(design["n_stripe"]), cells.periods_of(design)].append(design)
     if any(sum(map(is_measured, designs)) > 1 for designs in cell_designs.values()):
         raise invalid("experiments", "there are several on one design; show one of them")
     stripes, periods = (sorted({each[k] for each in cell_designs}) for k in (0, 1))

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from knitlab.cubes import cube_file
 from knitlab.cubes.case_file import case_path, in_cloth, read_case
-from knitlab.cubes.chosen_case import has_shape
+from knitlab.cubes.chosen_case import has_shape, shapes_folder
 from knitlab.cubes.cube_file import base_dims, is_measured, swept_dims
 from knitlab.cubes.derived import with_derived
+from knitlab.cubes.normalised import as_cube_of_one, naming_missing, normalised
 from knitlab.cubes.selection import (
     as_given,
     choices,
@@ -82,16 +83,16 @@ def draw(
             able = [other for other, each in figure_kinds().items() if option in each.options]
             only = f", only of {', '.join(able)}" if able else ""
             raise invalid(option, f"is not an option of {name}{only}; leave it out")
-    cubes = [with_doubts(with_derived(cube)) for cube in cubes]
+    cubes = [with_doubts(with_derived(normalised(cube))) for cube in cubes]
     if all(map(cube_file.is_case, cubes)):
         if kind.needs is not None:
             _refuse_others(selections, kind.coordinates, name)
             return _draw_cases(kind, [in_cloth(case, case) for case in cubes], selections)
-        cubes = [cube_file.case_as_cube(case) for case in cubes]
+        cubes = [as_cube_of_one(case) for case in cubes]
     _check_cubes(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in cube_file.design_dims(cube)}
     _refuse_others(selections, (*dims, *kind.coordinates), name)
-    folder = Path(cubes[0].encoding.get("source", "")).parent
+    folder = Path() if kind.needs is None else shapes_folder(cubes[0])
     cubes = [select(cube, selections_along(selections, selectable(cube))) for cube in cubes]
     stated = dict[str, None]()
     if not kind.compares:
@@ -101,11 +102,12 @@ def draw(
                 raise invalid(name, message)
             stated[", ".join(f"{dim} = {cube[dim].item()}" for dim in swept_dims(cube))] = None
         cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
-    if kind.needs is not None:
-        cases = _cases(kind, cubes[0], folder)
-        figure = _draw_cases(kind, cases, selections_along(selections, kind.coordinates))
-    else:
-        figure = kind.draw(cubes if kind.several else cubes[0], **options)
+    with naming_missing(f"figures like {name}", cubes):
+        if kind.needs is not None:
+            cases = _cases(kind, cubes[0], folder)
+            figure = _draw_cases(kind, cases, selections_along(selections, kind.coordinates))
+        else:
+            figure = kind.draw(cubes if kind.several else cubes[0], **options)
     if shown := ", ".join(filter(None, stated)):
         title = figure.get_suptitle()
         figure.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")

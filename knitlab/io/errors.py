@@ -119,6 +119,19 @@ def _message(entry: ErrorDetails, known: Mapping[str, str]) -> str:
     return text[:1].lower() + text[1:]
 
 
+def failed_import(error: BaseException) -> str:
+    """The library whose import raised an error, of whatever type; empty if none did."""
+    library, trace = "", error.__traceback__
+    while trace is not None:
+        frame = trace.tb_frame
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            library = library or str(frame.f_locals.get("name", "")).partition(".")[0]
+        trace = trace.tb_next
+    if isinstance(error, ImportError):
+        return library or error.name or "a library"
+    return library
+
+
 def shown(value: object) -> str:
     """A value as it is written in Python, without the rest of a long one."""
     try:

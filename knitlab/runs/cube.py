@@ -15,7 +15,6 @@ from knitlab.cubes.cube_file import (
     ATTRIBUTE,
     GAUGE,
     OPTION,
-    TEXTS,
     Damaged,
     design_dims,
     differences,
@@ -24,6 +23,7 @@ from knitlab.cubes.cube_file import (
     read_cube,
     shared,
 )
+from knitlab.cubes.normalised import TEXTS, NoCube
 from knitlab.io.errors import invalid
 from knitlab.io.provenance import provenance
 from knitlab.model.stitches import Gauge
@@ -55,13 +55,13 @@ class Entry(NamedTuple):
 def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     """The existing cube, if there is one; InputError if the plan's designs cannot be added to it.
 
-    A damaged cube is renamed.
+    A damaged cube, or one that another program made unreadable, is renamed.
     """
     if not path.exists():
         return None
     try:
         cube = validated_cube(read_cube(path), path)
-    except Damaged:
+    except (Damaged, NoCube):
         path.replace(path.with_name(DAMAGED_CUBE))
         return None
     dims = design_dims(cube)
@@ -107,13 +107,15 @@ def build_cube(
             entry.values.update(at_gauge(sizes, gauge, plan.gauge))
     # A swept setting, such as contact, may give some cases variables that others lack.
     names = set() if old is None else set(map(str, old.data_vars))
+    strains = set() if old is None else set(old["applied_strain"].values.tolist())
     for case_id, case in plan.cases.items():
         variables = {name for name, each in variables_of(case).items() if each.in_cube}
         names |= variables
         design = tuple(case.design.values())
         cell, state = known.get(design), states.get(case_id)
         has_results = cell is not None and cell.has_results
-        if cell and has_results and state is CaseState.done and cell.case_id == case_id:
+        whole = {*case.applied_strain} <= strains  # of which another program may leave some out
+        if cell and has_results and whole and state is CaseState.done and cell.case_id == case_id:
             continue
         values, path = input_values(case), case_path(results, case_id)
         if state is not CaseState.damaged and path.is_file():

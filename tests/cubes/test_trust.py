@@ -16,6 +16,7 @@ from knitlab.cubes.cube_file import write_cube
 from knitlab.cubes.query import query_cubes
 from knitlab.cubes.trust import MARKS, legend, marked, marks_of, marks_of_rows
 from knitlab.figures.kinds.sensor import sensor
+from tests.cubes.artificial_cubes import synthetic_cube
 
 DIMS, ALONG = ("n_stripe", "n_subunit"), ("n_stripe", "n_subunit", "applied_strain")
 STRAIN = [0.0, 0.1, 0.2, 0.3]
@@ -180,6 +181,16 @@ def test_a_table_has_marks_and_their_reasons_where_there_are_any(folder):
     assert lines[5:] == legend([both])
     where = ("--where", "n_stripe == 4 and n_subunit == 32")
     assert "marks" not in said("query", folder, *shown, *where)
+
+
+def test_a_measured_capacitance_is_shown_at_several_strains(tmp_path):
+    cube = synthetic_cube()[["status", "case_id", "periods", "poisson_ratio"]]
+    cube = cube.rename(poisson_ratio="capacitance").assign_coords(source="measured")
+    write_cube(cube, tmp_path / "cube.nc")
+    shown = ("--columns", "applied_strain,capacitance", "--select", "applied_strain=0.1,0.2")
+    one = ("--select", "n_stripe=4", "--select", "n_subunit=16")
+    lines = said("query", tmp_path, *shown, *one).splitlines()
+    assert [line.split() for line in lines[1:]] == [["0.1", "-0.8"], ["0.2", "-0.4"]]
 
 
 def test_programs_get_marks_only_if_they_ask(folder):

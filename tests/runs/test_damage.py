@@ -201,7 +201,6 @@ def with_numeric_unit(cube):
         (with_unknown_status, "status 99"),
         (with_numeric_unit, "poisson_ratio"),
         (lambda cube: cube.drop_vars("applied_strain"), "applied_strain"),
-        (lambda cube: cube.isel(applied_strain=1), "applied_strain"),
         (lambda cube: cube.assign(poisson_ratio=("odd", [1.0])), "poisson_ratio along odd"),
         (lambda cube: cube.assign_coords(n_subunit=[16.0, math.nan]), "n_subunit"),
         (lambda cube: cube.assign_coords(n_subunit=[16, 16]), "n_subunit"),
@@ -220,6 +219,12 @@ def test_a_cube_that_does_not_match_the_schema_is_named_and_built_again(
     xr.testing.assert_identical(numbers(run.cube), numbers(undamaged[1]))
     (remark,) = run.remarks(run.cube["status"].dims, folder)
     assert "cube-damaged.nc" in remark
+
+
+def test_a_cube_that_lost_strains_is_read_and_completed(folder, undamaged):
+    xr.load_dataset(folder / "cube.nc").isel(applied_strain=1).to_netcdf(folder / "cube.nc")
+    assert open_cube(folder)["poisson_ratio"].sizes["applied_strain"] == 1
+    xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
 
 
 def test_a_cube_without_unit_cells_is_of_another_version(folder, tmp_path):

@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 
+from knitlab.cubes.normalised import naming_missing
 from knitlab.figures.explorer.cube_content import cube_content
 from knitlab.figures.style import SEQUENCE_COLOURS
 from knitlab.io.atomic_write import atomic_write
@@ -44,7 +45,8 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
     check_suffix(output, (".html",), "a page")
     if not cubes:
         raise invalid("cubes", "are missing; give one or several")
-    described = [cube_content(cube) for cube in cubes]
+    with naming_missing("pages", cubes):
+        described = [cube_content(cube) for cube in cubes]
     names = ", ".join(dict.fromkeys(cube["name"] for cube in described))
     # Links name a cube: those of the same name are numbered.
     seen: Counter[str] = Counter()

@@ -28,7 +28,7 @@ def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
         raise invalid("auxetic", "shows Poisson's ratio, and there is none; import markers")
-    strains = np.unique(np.concatenate([cube["applied_strain"].values for cube in cubes]))
+    strains = np.unique(np.concatenate([cube[STRAIN].values for cube in cubes]))
     lowest = len(strains) > 1 or strains[0] == 0
     if not lowest:
         cubes = [cube.isel(applied_strain=0) for cube in cubes]

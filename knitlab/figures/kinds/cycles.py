@@ -31,7 +31,7 @@ def cycles(cube: xr.Dataset) -> Figure:
         hint = "run it with unloading = true, cycle = 1,2,3 and fold_friction"
         raise invalid("cycles", f"needs the force of unloading; {hint}")
     if CYCLE not in cube.dims:
-        cube = cube.expand_dims(CYCLE if CYCLE in cube.coords else {CYCLE: [1]})
+        cube = cube.expand_dims({CYCLE: [1]})
     others = [dim for dim in cube[BACK].dims if dim not in (CYCLE, STRAIN)]
     stacked = cube.stack(design=others) if others else cube.expand_dims("design")
     stacked = stacked.isel(design=stacked[BACK].notnull().any([CYCLE, STRAIN]).values)

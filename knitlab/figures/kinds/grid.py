@@ -118,7 +118,10 @@ def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, st
         if dim is not None and dim not in dims:
             raise invalid(option, unknown(dim, dims, f"dimension of {variable.name}"))
     free = [dim for dim in dims if variable.sizes[dim] > 1 and dim not in (x, y)]
-    if len(free) == (x is None) + (y is None):
+    if len(free) < (count := (x is None) + (y is None)):  # others show their single value
+        single = [dim for dim in dims if dim not in (x, y, *free)][: count - len(free)]
+        free = [dim for dim in dims if dim in (*free, *single)]
+    if len(free) == count:
         # n_stripe, the first, goes up.
         y = free.pop(0) if y is None else y
         x = free.pop(0) if x is None else x
