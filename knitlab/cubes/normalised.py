@@ -138,7 +138,8 @@ def _unstacked(cube: xr.Dataset, where: str) -> xr.Dataset:
             message = f"would have {count:.0e} designs along {', '.join(labels)}"
             raise _no_cube(where, f"{message}; give fewer at a time")
         try:
-            cube = (cube if indexed else cube.set_index({dim: labels})).unstack(dim)
+            index: dict[Any, Any] = {dim: labels}
+            cube = (cube if indexed else cube.set_index(index)).unstack(dim)
         except ValueError as error:
             message = f"has a design twice along {dim}; keep one of each"
             raise _no_cube(where, message) from error
